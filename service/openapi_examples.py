@@ -94,6 +94,7 @@ EXAMPLES: dict[str, tuple[Json, ...]] = {
     "KeysIn": ({"shot": "main", "count": 8},),
     "FlickerIn": (_SHOT | {"frame": 24}, {"shot": "main", "frames": [0, 48], "count": 24}),
     "ClustersIn": ({"shot": "main", "layer": "l1"},),
+    "CutsIn": ({"shot": "main", "layer": "l1"},),
     "SpreadIn": (_SHOT | {"around": 6},),
     "PropagateIn": ({"shot": "main", "key": 12, "around": 3},),
     "StylesIn": (_SHOT | {"cards": [{"id": "soft", "set": {"params": {"lines": "off"}}}]},),

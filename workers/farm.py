@@ -55,7 +55,7 @@ class Farm:
         pool: runs attempts; None: this process accepts and shows jobs only.
         live_workers: render live sessions; None: threads of this process.
         probe: examines uploaded files; by default in a child process, because they are untrusted.
-        preview_runner: makes previews of projects; None: threads of this process.
+        preview_runner: makes previews; None: threads of this process.
 
     Attributes:
         store: the database: jobs, tasks and their states. Use the nouns below where there is one.
@@ -89,15 +89,15 @@ class Farm:
         )
         self._dispatcher = None if pool is None else self._make_dispatcher(pool)
         self.assets = FarmAssets(self.store, self.blobs, probe, settings.limits, images)
-        self.jobs = FarmJobs(self.store, self.blobs, self._collector, self._wake, images)
+        runner = preview_runner or LocalRunner(self.blobs, settings.preview_bytes)
+        self.previews = PreviewService(runner, settings.preview_threads)
+        self.jobs = FarmJobs(self.store, self.blobs, self._collector, self._wake, images, self.previews)
         self.tasks = FarmTasks(self.store, self._wake)
         self.files = FarmFiles(self.store, self.blobs, settings.s3_direct)
         self.exports = FarmExports(self.jobs, self.assets, self.files)
         self.projects = Projects(
             self.store.projects, self.assets, self.jobs, self.files, self.store.reuse, settings.reuse_s
         )  # fmt: skip
-        runner = preview_runner or LocalRunner(self.blobs, settings.preview_bytes)
-        self.previews = PreviewService(runner, settings.preview_threads)
         self.keys, self.webhooks, self.workers = self.store.keys, self.store.webhooks, self.store.workers
         self.live = LiveSessions(live_workers or LocalLiveWorkers(lambda: LiveRenderer(self.blobs)), settings)
         self._health = HealthChecks(self._parts())
@@ -154,7 +154,6 @@ class Farm:
         if self._dispatcher is not None:
             self._dispatcher.stop()
         self._collector.stop()
-        self.jobs.close()
         self.assets.close()
         self.files.close()
         self.store.close()

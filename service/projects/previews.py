@@ -109,6 +109,10 @@ class KeysIn(QueryIn):
     count: int = Field(default=8, ge=1, le=100)
 
 
+class CutsIn(QueryIn):
+    pass
+
+
 class FlickerIn(QueryIn):
     frame: FrameNumber = 0
     frames: FrameRange | None = Field(
@@ -165,6 +169,12 @@ async def preview_directions(
 async def preview_keys(project_id: ProjectId, body: KeysIn, context: Context, caller: Submitter) -> StreamingResponse:
     """Frames that are worth a painted key, and the scores of every frame."""
     return await _answer(context, caller, project_id, "keys", body, {"frames": body.frames, "count": body.count})
+
+
+@router.post("/cuts", response_class=StreamingResponse, responses=STREAM)
+async def preview_cuts(project_id: ProjectId, body: CutsIn, context: Context, caller: Submitter) -> StreamingResponse:
+    """Hard cuts of the layer's video, as a job finds them."""
+    return await _answer(context, caller, project_id, "cuts", body, {})
 
 
 @router.post("/flicker", response_class=StreamingResponse, responses=STREAM)

@@ -20,6 +20,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.synthesis.images import NOWHERE
 from service.app import create_app
 from service.settings import Settings
+from tests.e2e.pages import make_two_shots
 from tests.service.records import picture, records, types
 from workers.farm import Farm, open_farm
 from workers.previews.model import PreviewQuery
@@ -255,6 +256,20 @@ def test_suggested_keyframes_begin_with_the_first_frame(client: TestClient, at: 
     scores, keys = found[-3][0], found[-2][0]
     assert scores["frames"] == [0, 24] and len(scores["occlusion"]) == 24
     assert keys["frames"][0] == 0 and len(keys["frames"]) == 3
+
+
+def test_cuts_are_those_of_a_job(client: TestClient, at: str, tmp_path: Path) -> None:
+    data = make_two_shots(tmp_path / "two.mp4", 60).read_bytes()
+    video = client.post("/v1/assets", files={"file": ("two.mp4", data)}).json()["id"]
+    document = _document(video, _layer("abstraction"))
+    found = _ask(client, f"{at}/cuts", document=document)
+    assert types(found) == ["begin", "progress", "progress", "cuts", "end"]
+    assert [header["cuts"] for header, _ in found[1:-1]] == [[], [30], [30]]
+    assert [header["done"] for header, _ in found[1:-2]] == [0.4, 0.8]
+    again = _ask(client, f"{at}/cuts", document=document)
+    assert types(again) == ["begin", "cuts", "end"] and again[1][0]["cuts"] == [30]
+    blind = _document(video, _layer("abstraction", params={"cut_sensitivity": 0}))
+    assert _ask(client, f"{at}/cuts", document=blind)[-2][0]["cuts"] == []
 
 
 def test_layer_problems_are_refused_with_their_path(client: TestClient, at: str, clip: str) -> None:

@@ -17,7 +17,9 @@ import pytest
 from pipeline.errors import BadParameter
 from tests.waiting import until
 from workers.blobs.disk import DiskBlobs
+from workers.execution.preview import PreviewAsk, Previews
 from workers.farm import open_farm
+from workers.model import Asset, JobRequest, asset_key
 from workers.previews.engine import PreviewEngine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.memory import Check
@@ -187,6 +189,19 @@ def test_an_idle_actor_ends_and_the_next_preview_answers(made: Made, tmp_path: P
     assert _comparable(list(runner.run(FILM, never))) == wanted
     assert (tmp_path / "p").read_text() != pid
     assert runner.state()["restarts"] == 0
+
+
+def test_a_frame_of_a_job_is_the_same_in_an_actor(made: Made, blobs: DiskBlobs, tmp_path: Path) -> None:
+    blobs.put(asset_key("clip"), blobs.get(VIDEO))
+    request = JobRequest("abstraction", {"video": "clip"})
+    assets = {"video": Asset("clip", "0" * 64, 1, "clip.mp4", "video/mp4", "video", {}, 0.0)}
+    options = {"request": request, "assets": assets, "ask": PreviewAsk(3, 64)}
+    made_here = Previews(blobs)
+    wanted = made_here.png(**options)
+    made_here.close()
+    previews = PreviewService(made(1), slots=1)
+    assert [previews.frame("clip", 64, options) for _ in range(2)] == [wanted, wanted]
+    assert (tmp_path / "clip").read_text() != str(os.getpid())
 
 
 def test_a_farm_on_ray_makes_its_previews_there(tmp_path: Path) -> None:

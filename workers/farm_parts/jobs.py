@@ -11,10 +11,11 @@ from pipeline.methods import method
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
-from workers.execution.preview import PreviewAsk, Previews
+from workers.execution.preview import PreviewAsk
 from workers.jobs import state_machine as machine
 from workers.log_context import log_extra
 from workers.model import Asset, Event, Job, JobRequest, Json, Page, Submitted
+from workers.previews.service import PreviewService
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
 from workers.store import Store
@@ -28,6 +29,7 @@ class FarmJobs:
         collector: deletes the blobs of deleted jobs.
         wake: called after every change that may let a task start.
         images: cache of encoded previews.
+        previews: makes those that are not in it.
     """
 
     def __init__(
@@ -37,14 +39,12 @@ class FarmJobs:
         collector: GarbageCollector,
         wake: Callable[[], None],
         images: LruCache[bytes],
+        previews: PreviewService,
     ) -> None:
         self._store, self._blobs = store, blobs
         self._collector, self._wake = collector, wake
         self._images = images
-        self._previews = Previews(blobs)
-
-    def close(self) -> None:
-        self._previews.close()
+        self._previews = previews
 
     def submit(
         self,
@@ -182,8 +182,8 @@ class FarmJobs:
             sort_keys=True,
         )
         documents = {} if design is None else {"design": design}
-        ask = PreviewAsk(frame, max_side_px, documents, artefacts)
-        return self._images.get(wanted, lambda: self._previews.png(request, assets, ask))
+        options = {"request": request, "assets": assets, "ask": PreviewAsk(frame, max_side_px, documents, artefacts)}
+        return self._images.get(wanted, lambda: self._previews.frame(assets["video"].id, max_side_px, options))
 
     def _artefact_keys(self, job_id: str, chosen: str) -> dict[str, str]:
         """Blob keys of the artefacts that a job has made, by name."""

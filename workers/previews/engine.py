@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Generator, Iterator
 
 from workers.blobs.base import Blobs
+from workers.execution.preview import Previews
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import warm_up_process
 from workers.previews.byte_cache import ByteCache
 from workers.previews.context import PreviewContext
-from workers.previews.kinds import clusters, directions, flicker, paint, propagate, regions, suggest
+from workers.previews.kinds import clusters, cuts, directions, flicker, paint, propagate, regions, suggest
 from workers.previews.memory import Check
-from workers.previews.model import Overtaken, PreviewQuery, Record
+from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 from workers.previews.warm import WarmFrames
 
 Kind = Callable[[PreviewContext], Iterator[Record]]
@@ -23,7 +24,7 @@ def kinds() -> dict[str, Kind]:
     return {
         "paint": paint.paint, "source": paint.source, "styles": paint.styles, "propagate": propagate.propagate,
         "regions": regions.regions, "directions": directions.directions, "keys": suggest.suggest,
-        "flicker": flicker.flicker, "clusters": clusters.clusters, "spread": clusters.spread,
+        "flicker": flicker.flicker, "clusters": clusters.clusters, "spread": clusters.spread, "cuts": cuts.cuts,
     }  # fmt: skip
 
 
@@ -38,6 +39,7 @@ class PreviewEngine:
         prepare_process()
         self.cache = ByteCache(limit_bytes)
         self._frames = WarmFrames(blobs, self.cache)
+        self._single = Previews(blobs)
 
     def warm_up(self) -> None:
         """Load the kernels of every method, compiling new ones. Never raises."""
@@ -45,6 +47,7 @@ class PreviewEngine:
 
     def close(self) -> None:
         self._frames.close()
+        self._single.close()
 
     def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
         """The answer, piece by piece: "begin", what the kind gives, then "end" (or "overtaken").
@@ -56,10 +59,14 @@ class PreviewEngine:
         yield Record({"type": "begin", "seq": query.seq})
         try:
             check()
-            for record in kinds()[query.what](context):
+            for record in self._frame(query) if query.what == SINGLE else kinds()[query.what](context):
                 yield record
                 check()
         except Overtaken as error:
             yield Record({"type": "overtaken", "by": error.by})
             return
         yield Record({"type": "end", "ms": context.ms})
+
+    def _frame(self, query: PreviewQuery) -> Iterator[Record]:
+        """One frame of a job that is not submitted; the options are the arguments of `Previews.png`."""
+        yield Record({"type": "frame", "media_type": "image/png"}, self._single.png(**query.options))

@@ -15,6 +15,8 @@ from pipeline.compositing import Blend
 from pipeline.errors import ImpastoError
 from workers.model import Json
 
+SINGLE = "single"
+"""Kind of a preview of one frame of a job that is not submitted: without a project and layers."""
 MEDIA_TYPE = "application/vnd.impasto.records"
 
 
@@ -57,9 +59,9 @@ class PreviewQuery:
     """One request.
 
     Attributes:
-        what: kind of the preview: a key of `workers.previews.engine.KINDS`.
+        what: kind of the preview: a key of `workers.previews.engine.kinds()`, or SINGLE.
         project: id; client, channel, seq: a request overtakes earlier ones of the same client and channel.
-        layers: from back to front; at least one.
+        layers: from back to front; at least one, except of a single frame.
         side_px: longest side of the answer's pictures.
         options: what else the kind takes, checked by the service.
     """

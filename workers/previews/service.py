@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ from typing import Protocol
 from pipeline.errors import Cancelled
 from workers.model import Json
 from workers.previews.memory import Check
-from workers.previews.model import Overtaken, PreviewQuery, Record
+from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 
 _FORGET = 10_000
 """Clients and channels that are remembered: beyond that, the longest silent are forgotten."""
@@ -78,6 +79,7 @@ class PreviewService:
         self._slots = threading.BoundedSemaphore(slots)
         self._lock = threading.Lock()
         self._latest: dict[tuple[str, str, str], _Ticket] = {}
+        self._singles = itertools.count(1)
 
     def start_runner(self) -> None:
         """Get ready for the first query. With Ray: once it is connected."""
@@ -98,6 +100,17 @@ class PreviewService:
             while len(self._latest) > _FORGET:
                 self._latest.pop(next(iter(self._latest)))
         return PreviewRun(self, ticket)
+
+    def frame(self, subject: str, side_px: int, options: Json) -> bytes:
+        """One frame of a job that is not submitted, PNG; nothing overtakes it.
+
+        Args:
+            subject: what the warm state belongs to: with Ray, previews of one subject are made in one actor.
+            options: arguments of `workers.execution.preview.Previews.png`.
+        """
+        query = PreviewQuery(SINGLE, subject, f"{SINGLE}-{next(self._singles)}", SINGLE, 0, (), side_px, options)
+        (found,) = [record.payload for record in self.start(query) if record.header["type"] == "frame"]
+        return found
 
     def answer(self, ticket: _Ticket) -> Iterator[Record]:
         """The records of a query. Raises what is wrong with it."""
