@@ -118,7 +118,7 @@ def library(page: Page) -> None:
 def film(page: Page) -> None:
     """The finished film of the first project, and the heat map of its flicker."""
     page.get_by_role("button", name="Paint the film").click()
-    page.wait_for_url("**/#/jobs/*", timeout=SLOW_MS)
+    page.get_by_role("link", name="Page of the film").click()
     expect(page.get_by_role("button", name="Download")).to_be_visible(timeout=SLOW_MS)
     page.wait_for_timeout(2000)
     shoot(page, "film")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 import zipfile
@@ -105,8 +106,14 @@ def render(page: Page, format_: str = "PNG frames", button: str = "Paint the fil
         page.locator("summary", has_text="Film").click()
     page.get_by_label(format_).check()
     page.get_by_role("button", name=button).click()
+    return finished(page)
+
+
+def finished(page: Page) -> str:
+    """Go from the studio to the page of the film that was just submitted, wait for its end; the job's id."""
+    page.get_by_role("link", name="Page of the film").click()
     page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
-    expect(page.get_by_role("button", name="Download")).to_be_visible(timeout=FILM_MS)
+    expect(page.get_by_role("button", name=re.compile("^Download"))).to_be_visible(timeout=FILM_MS)
     return page.url.rpartition("/")[2]
 
 

@@ -120,7 +120,7 @@ def tab_to(page: Page, name: str) -> None:
     for _ in range(150):
         page.keyboard.press("Tab")
         text = page.evaluate(
-            "(() => { const it = document.activeElement;"
+            "(() => { const it = document.activeElement; if (it === document.body) return '';"
             " return it.getAttribute('aria-label') || it.innerText || it.labels?.[0]?.innerText || ''; })()"
         )
         if name in str(text):
@@ -143,6 +143,13 @@ def test_a_film_is_made_from_a_file_by_keyboard_alone(watched: Watched, service:
     page.keyboard.press("End")
     expect(page.locator(".stage-canvas")).to_have_attribute("data-frame", "11", timeout=SOON_MS)
     tab_to(page, "Paint the film")
+    page.keyboard.press("Enter")
+    film_state = page.get_by_role("region", name="The film")
+    expect(film_state).to_contain_text("Finished", timeout=FILM_MS)
+    tab_to(page, "Show it on the stage")
+    page.keyboard.press("Enter")
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-film", "11", timeout=SOON_MS)
+    tab_to(page, "Page of the film")
     page.keyboard.press("Enter")
     page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
     expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=FILM_MS)

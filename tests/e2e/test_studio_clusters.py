@@ -20,6 +20,7 @@ from tests.e2e.studio import (
     Document,
     asset,
     draw,
+    finished,
     layer_of,
     on_stage,
     open_project,
@@ -97,9 +98,7 @@ def test_a_corrected_clustering_is_solved_again_for_its_interval_only(
     saved(page)
     assert layer_of(stored(service, project))["labels"][0]["solve"] == [8, 12]
     page.get_by_role("button", name="Solve 4 frames again").click()
-    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
-    expect(page.get_by_role("button", name="Download")).to_be_visible(timeout=FILM_MS)
-    second = page.url.rpartition("/")[2]
+    second = finished(page)
     reused, ran = taken_over(service, second)
     clustering = {f"cluster/{kind}-{start:07d}" for kind in ("flow", "run", "faces") for start in (0, 12, 24)}
     assert {"scan/video", *clustering} <= reused
@@ -144,6 +143,25 @@ def test_scribbles_and_corrections_are_made_before_any_film(watched: Watched, se
     job = httpx.post(f"{service}/v1/projects/{project}/jobs", json={}).json()["items"][0]["job"]
     assert {"masks", "labels", "label_intervals"} <= job["request"]["inputs"].keys()
     httpx.post(f"{service}/v1/jobs/{job['id']}/cancel")
+
+
+def test_a_correction_has_the_size_of_a_video_that_is_clustered_at_a_smaller_one(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    path = make_clip(tmp_path / "large.mp4", size=(480, 320), frames=6)
+    large = httpx.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"]
+    project = open_project(page, service, large, "patches", frame=2)
+    page.get_by_role("button", name="Find the clusters").click()
+    chips = page.get_by_role("group", name="Paint with the label")
+    chips.get_by_role("button", name="New object").click(timeout=FILM_MS)
+    draw(page, (0.1, 0.2), (0.3, 0.2))
+    saved(page)
+    until(page, lambda: "labels" in layer_of(stored(service, project)))
+    document = stored(service, project)
+    drawn = labels(asset(service, document, layer_of(document)["labels"][0]["image"]))
+    assert drawn.shape == (320, 480) and drawn[64, 96] == drawn.max() > drawn[250, 96]
+    assert httpx.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []
 
 
 def test_labels_are_merged_and_corrections_undone(watched: Watched, service: str, video: str) -> None:

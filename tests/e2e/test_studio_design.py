@@ -64,6 +64,7 @@ def test_one_object_in_fine_strokes_and_the_rest_in_rings_that_turn(
     draw(page, right, (CENTRE[0], CENTRE[1] + REACH))
     page.get_by_role("button", name="region", exact=True).click()
     page.get_by_label("Stroke width", exact=True).fill("8")
+    expect(page.get_by_role("img", name="Stroke width of region: 4 at frame 5, 8 at frame 12")).to_be_visible()
     saved(page)
 
     document = stored(service, project)

@@ -20,6 +20,7 @@ from tests.e2e.studio import (
     decoded,
     draw,
     draw_with_pen,
+    finished,
     layer_of,
     on_stage,
     open_project,
@@ -56,9 +57,7 @@ def test_a_keyframe_painted_with_pressure_is_in_the_film_exactly(watched: Watche
     page.locator("summary", has_text="Film").click()
     page.get_by_label("PNG frames").check()
     page.get_by_role("button", name="Paint the film").click()
-    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
-    expect(page.get_by_role("button", name="Download ZIP")).to_be_visible(timeout=120_000)
-    result = httpx.get(f"{service}/v1/jobs/{page.url.rpartition('/')[2]}/result").content
+    result = httpx.get(f"{service}/v1/jobs/{finished(page)}/result").content
     with zipfile.ZipFile(io.BytesIO(result)) as frames:
         names = sorted(frames.namelist())
         assert len(names) == FRAMES
@@ -122,7 +121,10 @@ def test_regions_styles_and_directions_match_the_drawing(watched: Watched, servi
     choose_style(page, "Watercolor")
     page.get_by_label("Change to the next key").select_option("smooth")
     page.get_by_role("group", name="Pattern").get_by_role("button", name="Circles").click()
-    draw(page, (0.3, 0.5), (0.45, 0.5))
+    draw(page, (0.3, 0.5), (0.4, 0.6))
+    page.get_by_role("group", name="Pattern").get_by_role("button", name="Spiral").click()
+    page.get_by_label("Angle", exact=True).fill("30")
+    page.get_by_label("Reach", exact=True).fill("0.25")
     saved(page)
     layer = layer_of(stored(service, project))
     (polygon,) = layer["regions"]["region"]["polygons"]
@@ -135,12 +137,11 @@ def test_regions_styles_and_directions_match_the_drawing(watched: Watched, servi
     assert layer["style_keys"][1]["ease"] == "smooth"
     (direction,) = layer["directions"]
     (element,) = direction["elements"]
-    assert (element["pattern"], element["angle"]) == ("center", 0)
+    assert (element["pattern"], element["angle"]) == ("spiral", 30)
     assert element["at"] == pytest.approx([0.3, 0.5], abs=0.01)
-    assert element["reach"] == pytest.approx(0.15 * WIDTH / HEIGHT, abs=0.02)
+    assert element["reach"] == 0.25
     page.get_by_role("button", name="Paint the film").click()
-    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
-    expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=120_000)
+    finished(page)
 
 
 def test_scribbles_define_the_foreground_of_patches(watched: Watched, service: str, video: str) -> None:
@@ -180,8 +181,7 @@ def test_layers_are_shown_hidden_and_rendered(watched: Watched, service: str, vi
     assert first.get("visible", True)
     assert (second["blend"], second["opacity"], second["visible"]) == ("multiply", 0.5, False)
     page.get_by_role("button", name="Paint the film").click()
-    page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
-    expect(page.get_by_role("button", name="Download MP4")).to_be_visible(timeout=120_000)
+    finished(page)
 
 
 def test_two_tabs_never_overwrite_each_other_silently(

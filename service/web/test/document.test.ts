@@ -46,6 +46,14 @@ test("merged regions have the tubes of both, and the second one's keys are gone"
   expect(merged.style_keys).toEqual([]);
 });
 
+test("further parts follow the first one out of a region, but for the last", () => {
+  const one: doc.Layer = { id: "l1", method: "multistyle", regions: { swan: { tubes: [7, 9] }, part: { tubes: [8] } } };
+  const moved = doc.moveTube(one, "swan", 7, "part");
+  expect(moved.regions).toEqual({ swan: { tubes: [9] }, part: { tubes: [7, 8] } });
+  expect(doc.moveTube(moved, "swan", 9, "part")).toBe(moved);
+  expect(doc.moveTube(one, "swan", 8, "part")).toBe(one);
+});
+
 test("a part that is split from a region keeps its styles", () => {
   const one: doc.Layer = {
     ...layer(),

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { areas, joined, solvedAround, solvedFrames, stamped } from "../src/designer/label-edits";
+import { areas, enlarged, joined, solvedAround, solvedFrames, stamped } from "../src/designer/label-edits";
 import { decodeLabels, encodeLabels } from "../src/designer/label-png";
 
 const map = (width: number, height: number, label = 0) => ({
@@ -12,6 +12,22 @@ test("a label map survives encoding as a PNG of 16 bit", async () => {
   const labels = Uint16Array.from({ length: 35 }, (_, i) => (i * 7919) % 65536);
   const png = new Uint8Array(await (await encodeLabels({ width: 7, height: 5, labels })).arrayBuffer());
   expect(await decodeLabels(png)).toEqual({ width: 7, height: 5, labels });
+});
+
+test.each([
+  [854, 480],
+  [343, 193],
+  [1000, 777],
+])("an enlarged map of %i x %i px is the same when its nearest pixels are taken", (width, height) => {
+  const small = { width: 342, height: 192, labels: Uint16Array.from({ length: 342 * 192 }, (_, i) => i % 977) };
+  const large = enlarged(small, { width, height });
+  expect(large.labels.length).toBe(width * height);
+  const back = Uint16Array.from(small.labels, (_, i) => {
+    const [x, y] = [Math.floor(((i % 342) * width) / 342), Math.floor((Math.floor(i / 342) * height) / 192)];
+    return large.labels[y * width + x] ?? 0;
+  });
+  expect(back).toEqual(small.labels);
+  expect(enlarged(small, small)).toBe(small);
 });
 
 test("rows with each filter are decoded", async () => {

@@ -8,14 +8,31 @@ test("time codes count frames within the second", () => {
 });
 
 test("every frame of the strip can be hit", () => {
-  const hit = new Set(Array.from({ length: 100 }, (_, x) => t.frameAt(x, 100, 7)));
-  expect([...hit]).toEqual([0, 1, 2, 3, 4, 5, 6]);
-  expect(t.frameAt(500, 100, 7)).toBe(6);
+  const hit = new Set(Array.from({ length: 100 }, (_, x) => t.frameAt(x, 100, [20, 27])));
+  expect([...hit]).toEqual([20, 21, 22, 23, 24, 25, 26]);
+  expect(t.frameAt(120, 100, [0, 10])).toBe(12);
+  expect(t.shareOf(22, [20, 24])).toBe(0.5);
 });
 
 test("thumbnails are spread evenly, never more than frames", () => {
-  expect(t.thumbnailFrames(4, 100)).toEqual([12, 37, 62, 87]);
-  expect(t.thumbnailFrames(10, 3)).toEqual([0, 1, 2]);
+  expect(t.thumbnailFrames(4, [0, 100])).toEqual([12, 37, 62, 87]);
+  expect(t.thumbnailFrames(10, [40, 43])).toEqual([40, 41, 42]);
+});
+
+test("a zoomed strip keeps the frame under the pointer, and stays within the video", () => {
+  const half = t.zoomSpan([0, 1000], 1000, 0.5, 400);
+  expect(half).toEqual([200, 700]);
+  expect(t.shareOf(400, half)).toBe(0.4);
+  expect(t.zoomSpan(half, 1000, 4, 400)).toEqual([0, 1000]);
+  expect(t.zoomSpan([0, 1000], 1000, 1e-9, 999)).toEqual([988, 1000]);
+  expect(t.zoomSpan([0, 5], 5, 0.1, 2)).toEqual([0, 5]);
+});
+
+test("the strip follows the playhead", () => {
+  expect(t.spanWith([200, 300], 1000, 250)).toEqual([200, 300]);
+  expect(t.spanWith([200, 300], 1000, 310)).toEqual([211, 311]);
+  expect(t.spanWith([200, 300], 1000, 20)).toEqual([20, 120]);
+  expect(t.shiftSpan([200, 300], 1000, 900)).toEqual([900, 1000]);
 });
 
 test("curves are constant outside, and eased between keys", () => {

@@ -139,6 +139,7 @@ export interface PreviewOptions {
     | "regions"
     | "directions"
     | "keys"
+    | "cuts"
     | "spread"
     | "styles"
     | "propagate"

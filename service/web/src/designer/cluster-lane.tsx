@@ -2,11 +2,12 @@
 
 import { type Clusters, worst } from "./clusters";
 import type { Store } from "./store";
-import { shareOf } from "./timeline";
+import { isShown, shareOf } from "./timeline";
 
 export function ClusterLane({ store, clusters }: { store: Store; clusters: Clusters }) {
   if (store.layer.value.method !== "patches" || !clusters.available.value) return null;
   const { frames } = store;
+  const span = store.span.value;
   const uncertainty = clusters.uncertainty.value;
   const here = worst(uncertainty.get(store.frame.value));
   const bars = [...uncertainty].map(([frame, labels]) => {
@@ -16,7 +17,7 @@ export function ClusterLane({ store, clusters }: { store: Store; clusters: Clust
   return (
     <div class="cluster-lane">
       <svg
-        viewBox={`0 0 ${frames} 100`}
+        viewBox={`${span[0]} 0 ${span[1] - span[0]} 100`}
         preserveAspectRatio="none"
         role="img"
         aria-label={`Uncertainty of the clusters: ${Math.round(100 * here)} % in frame ${store.frame.value + 1}`}
@@ -34,17 +35,19 @@ export function ClusterLane({ store, clusters }: { store: Store; clusters: Clust
         <path class="doubt" d={bars.join("")} />
         <path class="now" d={`M${store.frame.value} 0h1v100h-1z`} />
       </svg>
-      {(store.layer.value.labels ?? []).map(({ frame }) => (
-        <button
-          key={frame}
-          type="button"
-          class="key-mark"
-          aria-label={`Corrected clusters at frame ${frame + 1}`}
-          title={`Corrected clusters at frame ${frame + 1}`}
-          style={{ left: `${100 * shareOf(frame + 0.5, frames)}%` }}
-          onClick={() => store.goTo(frame)}
-        />
-      ))}
+      {(store.layer.value.labels ?? [])
+        .filter(({ frame }) => isShown(frame, span))
+        .map(({ frame }) => (
+          <button
+            key={frame}
+            type="button"
+            class="key-mark"
+            aria-label={`Corrected clusters at frame ${frame + 1}`}
+            title={`Corrected clusters at frame ${frame + 1}`}
+            style={{ left: `${100 * shareOf(frame + 0.5, span)}%` }}
+            onClick={() => store.goTo(frame)}
+          />
+        ))}
     </div>
   );
 }

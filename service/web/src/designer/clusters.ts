@@ -9,7 +9,7 @@ import type { Job, Page } from "../shared/types";
 import { upload } from "../shared/upload";
 import { type ProjectJob, preview, projectJobs } from "./api";
 import { addAsset, changeLayer, type LabelCorrection, type Layer, putAtFrame, removeAtFrame } from "./document";
-import { colourOf, solvedAround } from "./label-edits";
+import { colourOf, enlarged, solvedAround } from "./label-edits";
 import { decodeLabels, encodeLabels, type LabelMap } from "./label-png";
 import { createCanvas } from "./raster";
 import type { Store } from "./store";
@@ -134,7 +134,7 @@ export class Clusters {
     const map = asset
       ? await this.read(asset, api.paths.content(asset))
       : found
-        ? await decodeLabels(found)
+        ? enlarged(await decodeLabels(found), this.store.size)
         : await this.fromFilm(frame);
     if (this.store.frame.peek() !== frame || this.waiting) return;
     this.map.value = map && { ...map, frame };

@@ -10,9 +10,10 @@ import { type Project, readProject, saveProject } from "./api";
 import { createSaver, type Saver } from "./autosave";
 import { ClusterLane } from "./cluster-lane";
 import { Clusters } from "./clusters";
+import { type Cuts, followCuts } from "./cuts";
 import { createDirectionTool } from "./direction-tool";
 import { type ProjectDocument, pruneAssets, shownAlone } from "./document";
-import { type FilmFrame, filmFrame, findFilm } from "./films";
+import { type FilmFrame, Films, filmFrame } from "./films";
 import { Filmstrip } from "./filmstrip";
 import { Flicker } from "./flicker";
 import { FlickerLane } from "./flicker-lane";
@@ -33,6 +34,7 @@ import { type ScrubFrames, startScrubbing } from "./scrub";
 import { installShortcuts } from "./shortcuts";
 import { mountStage, type Stage, type StageParts } from "./stage";
 import { PAINT_TOOLS, type State, Store, type Tool } from "./store";
+import { StyleLane } from "./style-lane";
 import { StageBar, Toolbar, toolsOf } from "./toolbar";
 import { dropUnsaved, readUnsaved, type Unsaved, versionFollowed, writeUnsaved } from "./unsaved";
 
@@ -43,6 +45,7 @@ class Designer {
   readonly store: Store;
   readonly frames: FrameSource;
   readonly scrub: ScrubFrames;
+  readonly films: Films;
   readonly keys: PaintedKeys;
   readonly paint: PaintTool;
   readonly regions: RegionTool;
@@ -51,6 +54,7 @@ class Designer {
   readonly foreground: Foreground;
   readonly parts: StageParts;
   readonly playback: Playback;
+  readonly cuts: Cuts;
   readonly saver: Saver;
   stage: Stage | null = null;
   private readonly previews: Previews;
@@ -69,6 +73,7 @@ class Designer {
     this.store = store;
     this.frames = openFrames(asset, redraw);
     this.scrub = startScrubbing(store, redraw);
+    this.films = new Films(store, redraw);
     this.keys = new PaintedKeys(store, this.frames, notify);
     this.paint = createPaintTool(store, this.keys, redraw, () => this.keepUnsaved());
     this.regions = createRegionTool(store, redraw);
@@ -85,13 +90,15 @@ class Designer {
     const overlays = [this.flicker, this.foreground, this.clusters].map(
       (part) => (context: CanvasRenderingContext2D) => part.draw(context),
     );
-    this.parts = { store, frames: this.frames, scrub: this.scrub, keys: this.keys, paint: this.paint, tools, overlays };
-    this.playback = createPlayback(store);
+    const { frames, scrub, films, keys, paint } = this;
+    this.parts = { store, frames, scrub, films, keys, paint, tools, overlays };
+    this.playback = createPlayback(store, films);
+    this.cuts = followCuts(store);
     this.restored = readUnsaved(project.id);
     this.saver = this.startSaving(project);
     this.previews = startPreviews(store);
     this.neighbours = startNeighbours(store, this.keys);
-    findFilm(store).catch(notify);
+    films.find().catch(notify);
     this.closers.push(this.followFrame(), this.followDocument());
     const shortcuts = {
       store,
@@ -241,7 +248,9 @@ class Designer {
     this.previews.close();
     this.neighbours.close();
     this.keys.close();
+    this.films.close();
     this.saver.close();
+    this.cuts.close();
     this.clusters.close();
     this.flicker.close();
     this.foreground.close();
@@ -310,9 +319,11 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
         <Filmstrip
           store={store}
           playback={designer.playback}
+          cuts={designer.cuts}
           lane={
             <>
               <ClusterLane store={store} clusters={designer.clusters} />
+              <StyleLane store={store} />
               <FlickerLane store={store} flicker={designer.flicker} />
             </>
           }
@@ -320,6 +331,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
       </div>
       <Panel
         store={store}
+        films={designer.films}
         keys={designer.keys}
         clusters={designer.clusters}
         foreground={designer.foreground}

@@ -10,7 +10,7 @@ import {
   putOnTrack,
   trackOf,
 } from "./document";
-import { angleOf, directionAt, distance } from "./geometry";
+import { angleOf, directionAt, distance, isSymmetric } from "./geometry";
 import type { Store } from "./store";
 import type { PointerSample, StageTool } from "./tool";
 
@@ -44,7 +44,8 @@ export function editElements(
   store.editLayer(label, (layer) => ({ ...layer, directions: putOnTrack(layer.directions, key) }), group);
 }
 
-type Drag = "move" | "turn";
+/** "size": a new element, of which the pointer sets the reach, and the angle where that turns the whole pattern. */
+type Drag = "move" | "turn" | "size";
 
 export function createDirectionTool(store: Store, redraw: () => void): StageTool {
   let drag: Drag | null = null;
@@ -71,7 +72,7 @@ export function createDirectionTool(store: Store, redraw: () => void): StageTool
       const hit = elements.findIndex((element) => distance(toPixels(element.at), at) < near);
       if (hit < 0) place(at);
       else selectedElement.value = hit;
-      drag = hit < 0 ? "turn" : "move";
+      drag = hit < 0 ? "size" : "move";
     }
     redraw();
     return true;
@@ -110,7 +111,8 @@ export function createDirectionTool(store: Store, redraw: () => void): StageTool
     const centre = toPixels(element.at);
     const reach = distance(centre, at) / store.size.height;
     if (reach < 0.01) return element;
-    return { ...element, angle: Math.round(angleOf(centre, at)), reach: Math.round(reach * 100) / 100 };
+    const angle = drag === "size" && isSymmetric(element.pattern) ? 0 : Math.round(angleOf(centre, at));
+    return { ...element, angle, reach: Math.round(reach * 100) / 100 };
   }
 
   function draw(context: CanvasRenderingContext2D, px: number): void {

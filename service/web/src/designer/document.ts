@@ -55,8 +55,11 @@ export interface StyleKey {
   ease?: Ease;
 }
 
-/** Patterns of the method multistyle: regular = parallel strokes at an angle. */
-export type Pattern = "regular" | "center" | "node" | "saddle" | "wedge" | "trisector";
+/**
+ * Patterns of the method multistyle: regular = parallel strokes at an angle. The angle of a center, spiral or node turns each
+ * stroke relative to the ray from the centre.
+ */
+export type Pattern = "regular" | "center" | "spiral" | "node" | "saddle" | "wedge" | "trisector";
 
 export interface DirectionElement {
   pattern: Pattern;
@@ -280,6 +283,15 @@ export const tubesOf = (
   { objects = [], tubes = [] }: Region,
   partsOf: (object: number) => readonly number[],
 ): number[] => [...new Set([...tubes, ...objects.flatMap(partsOf)])].sort((a, b) => a - b);
+
+/** Take a tube out of a region and add it to the region `name`, which `splitRegion` has made of another part of it. */
+export function moveTube(layer: Layer, owner: string, tube: number, name: string): Layer {
+  const { [owner]: whole, [name]: part } = layer.regions ?? {};
+  const left = whole?.tubes?.filter((other) => other !== tube) ?? [];
+  if (!left.length || left.length === whole?.tubes?.length) return layer;
+  const tubes = [...(part?.tubes ?? []), tube].sort((a, b) => a - b);
+  return { ...layer, regions: { ...layer.regions, [owner]: { ...whole, tubes: left }, [name]: { ...part, tubes } } };
+}
 
 /** Take a tube out of a region: it becomes the region `name`, with the keys of the one that it came from. */
 export function splitRegion(

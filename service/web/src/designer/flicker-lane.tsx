@@ -2,6 +2,7 @@
 
 import { type Flicker, worstFrames } from "./flicker";
 import type { Store } from "./store";
+import { frameAt } from "./timeline";
 
 export function FlickerLane({ store, flicker }: { store: Store; flicker: Flicker }) {
   if (store.stageView.value !== "flicker") return null;
@@ -56,6 +57,7 @@ function sentence(store: Store, flicker: Flicker): string {
 
 function FlickerBars({ store, flicker }: { store: Store; flicker: Flicker }) {
   const measured = flicker.measured.value;
+  const span = store.span.value;
   const worst = new Set(worstFrames(measured));
   const most = Math.max(1e-6, ...[...measured.values()].map(({ error }) => error ?? 0));
   const bars = (wanted: boolean) =>
@@ -65,11 +67,11 @@ function FlickerBars({ store, flicker }: { store: Store; flicker: Flicker }) {
       .join("");
   const choose = (event: MouseEvent) => {
     const box = (event.currentTarget as Element).getBoundingClientRect();
-    store.goTo(Math.floor(((event.clientX - box.left) / box.width) * store.frames));
+    store.goTo(frameAt(event.clientX - box.left, box.width, span));
   };
   return (
     <svg
-      viewBox={`0 0 ${store.frames} 100`}
+      viewBox={`${span[0]} 0 ${span[1] - span[0]} 100`}
       preserveAspectRatio="none"
       role="img"
       aria-label={`Flicker of ${measured.size} frames`}

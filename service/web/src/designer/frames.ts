@@ -1,8 +1,8 @@
-/** Frames of the video for the stage: decoded by the browser where it can, by the service where it cannot. */
+/** Frames of a video or a film for the stage: decoded by the browser where it can, by the service where it cannot. */
 
 import * as api from "../shared/api";
 import { mayPlay } from "../shared/stills";
-import type { Asset } from "../shared/types";
+import type { Asset, Job } from "../shared/types";
 import type { Size } from "./geometry";
 import { seekTime } from "./timeline";
 
@@ -21,10 +21,51 @@ export interface FrameSource {
   close(): void;
 }
 
+/** Frames that the browser can also play at their own speed. */
+export interface FilmSource extends FrameSource {
+  /** Play from a frame on; false if that is not possible. Wishes of frames count again after `pause`. */
+  play(from: number): boolean;
+  pause(): void;
+  /** The frame that is played now. */
+  readonly now: number;
+}
+
+/** Where frames come from. */
+interface Media {
+  /** Of the video, px. */
+  size: Size;
+  fps: number;
+  /** Address of the whole video; empty: the browser cannot play it. */
+  video: string;
+  /** Address of one frame as a picture. */
+  still(frame: number): string;
+}
+
 /** `onshown` is called whenever another frame can be drawn. */
 export function openFrames(asset: Asset, onshown: () => void): FrameSource {
-  return mayPlay(asset) ? browserFrames(asset, onshown) : serviceFrames(asset, onshown);
+  const media = {
+    size: sizeOf(asset),
+    fps: asset.info.fps || 25,
+    video: mayPlay(asset) ? api.paths.content(asset.id) : "",
+    still: (frame: number) => api.paths.frame(asset.id, frame, SERVICE_SIDE_PX),
+  };
+  return open(media, onshown);
 }
+
+/** Frames of a finished film, from 0; `of`: its video. */
+export function openFilm(job: Job, of: Asset, onshown: () => void): FilmSource {
+  const plays = ["mp4", "webm"].includes(job.request.output?.format ?? "mp4");
+  const media = {
+    size: sizeOf(of),
+    fps: of.info.fps || 25,
+    video: plays ? api.paths.result(job.id) : "",
+    still: (frame: number) => api.url`/v1/jobs/${job.id}/frames/${frame}`,
+  };
+  return open(media, onshown);
+}
+
+const open = (media: Media, onshown: () => void): FilmSource =>
+  media.video ? browserFrames(media, onshown) : serviceFrames(media, onshown);
 
 const COPY_TIMEOUT_MS = 20_000;
 
@@ -62,42 +103,44 @@ function decodeFrame(asset: Asset, frame: number): Promise<ImageBitmap> {
 
 const sizeOf = (asset: Asset): Size => ({ width: asset.info.width ?? 16, height: asset.info.height ?? 9 });
 
-function browserFrames(asset: Asset, onshown: () => void): FrameSource {
+function browserFrames(media: Media, onshown: () => void): FilmSource {
   const video = document.createElement("video");
   Object.assign(video, { muted: true, playsInline: true, preload: "auto" });
-  const fps = asset.info.fps || 25;
+  const { fps } = media;
   let wanted = 0;
+  let playing = false;
   let seeking = -1;
   let shown = -1;
-  let fallback: FrameSource | null = null;
+  let fallback: FilmSource | null = null;
 
   function next(): void {
-    if (seeking >= 0 || wanted === shown || video.readyState < 1) return;
+    if (playing || seeking >= 0 || wanted === shown || video.readyState < 1) return;
     seeking = wanted;
     video.currentTime = seekTime(wanted, fps);
   }
 
   video.addEventListener("loadedmetadata", () => (video.videoWidth ? next() : useService()));
   video.addEventListener("seeked", () => {
-    shown = seeking;
+    if (seeking >= 0) shown = seeking;
     seeking = -1;
     onshown();
     next();
   });
   video.addEventListener("error", () => video.hasAttribute("src") && useService());
-  api.mediaUrl(api.paths.content(asset.id)).then((url) => {
+  api.mediaUrl(media.video).then((url) => {
     video.src = url;
   }, useService);
 
   function useService(): void {
     if (fallback) return;
-    fallback = serviceFrames(asset, onshown);
+    fallback = serviceFrames(media, onshown);
     fallback.seek(wanted);
   }
 
   return {
-    size: sizeOf(asset),
+    size: media.size,
     get shown() {
+      if (playing) return this.now;
       return fallback ? fallback.shown : shown;
     },
     get picture() {
@@ -110,6 +153,25 @@ function browserFrames(asset: Asset, onshown: () => void): FrameSource {
       else next();
     },
     copy: () => (fallback ? fallback.copy() : createImageBitmap(video)),
+    play(from) {
+      if (fallback || shown < 0) return false;
+      playing = true;
+      video.currentTime = seekTime(from, fps);
+      video.play().catch(() => {
+        playing = false;
+      });
+      return true;
+    },
+    pause() {
+      if (!playing) return;
+      shown = this.now;
+      playing = false;
+      video.pause();
+      next();
+    },
+    get now() {
+      return Math.floor(video.currentTime * fps + 0.01);
+    },
     close() {
       fallback?.close();
       if (video.src.startsWith("blob:")) URL.revokeObjectURL(video.src);
@@ -119,7 +181,7 @@ function browserFrames(asset: Asset, onshown: () => void): FrameSource {
   };
 }
 
-function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
+function serviceFrames(media: Media, onshown: () => void): FilmSource {
   const controller = new AbortController();
   let wanted = -1;
   let shown = -1;
@@ -131,10 +193,10 @@ function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
     busy = true;
     const frame = wanted;
     try {
-      const answer = await api.request(api.paths.frame(asset.id, frame, SERVICE_SIDE_PX), {
-        signal: controller.signal,
-      });
-      picture = await createImageBitmap(await answer.blob());
+      const answer = await api.request(media.still(frame), { signal: controller.signal });
+      const decoded = await createImageBitmap(await answer.blob());
+      picture?.close();
+      picture = decoded;
       shown = frame;
       onshown();
     } catch (error) {
@@ -145,8 +207,13 @@ function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
   }
 
   return {
-    size: sizeOf(asset),
+    size: media.size,
     get shown() {
+      return shown;
+    },
+    play: () => false,
+    pause() {},
+    get now() {
       return shown;
     },
     get picture() {
@@ -160,6 +227,10 @@ function serviceFrames(asset: Asset, onshown: () => void): FrameSource {
       if (!picture) throw new api.Problem({ detail: "The frame is not loaded yet.", remedy: "Wait a moment." });
       return createImageBitmap(picture);
     },
-    close: () => controller.abort(),
+    close() {
+      controller.abort();
+      picture?.close();
+      picture = null;
+    },
   };
 }

@@ -96,14 +96,26 @@ export const angleOf = (from: Point, to: Point): number =>
   (Math.atan2(to[1] - from[1], to[0] - from[0]) / DEGREE + 360) % 360;
 
 /** Half turns of the stroke direction on the way round the centre. */
-const WINDINGS: Record<Pattern, number> = { regular: 0, wedge: 1, trisector: -1, node: 2, center: 2, saddle: -2 };
+const WINDINGS: Record<Pattern, number> = {
+  regular: 0,
+  wedge: 1,
+  trisector: -1,
+  node: 2,
+  center: 2,
+  spiral: 2,
+  saddle: -2,
+};
+/** Angle between strokes and rays, degrees, for the patterns that look the same from all sides: these do not rotate. */
+const TILTS: Partial<Record<Pattern, number>> = { node: 0, center: 90, spiral: 45 };
+
+/** Whether rotating the pattern changes nothing, so that its angle turns each stroke instead. */
+export const isSymmetric = (pattern: Pattern): boolean => pattern in TILTS;
 
 /** Double angle of the strokes of one element at an offset from its centre, radians. */
 function doubleAngle({ pattern, angle = 0 }: DirectionElement, dx: number, dy: number): number {
-  const winding = WINDINGS[pattern];
-  const turn = angle * DEGREE;
-  const around = winding * (Math.atan2(dy, dx) - (winding ? turn : 0));
-  return around + 2 * turn + (pattern === "center" ? Math.PI : 0);
+  const rotation = isSymmetric(pattern) ? 0 : angle;
+  const around = WINDINGS[pattern] * (Math.atan2(dy, dx) - rotation * DEGREE);
+  return around + 2 * DEGREE * (angle + (TILTS[pattern] ?? 0));
 }
 
 /**

@@ -1,6 +1,7 @@
 /** Changes to label maps, the frames that a correction solves again, and the colours of clusters. Pure functions. */
 
 import type { LabelCorrection } from "./document";
+import type { Size } from "./geometry";
 import type { LabelMap } from "./label-png";
 
 /** As many frames before and after a corrected map are solved again unless the user says otherwise. */
@@ -38,6 +39,20 @@ function disc(
   for (let y = Math.max(0, Math.floor(cy - radius)); y <= Math.min(height - 1, Math.ceil(cy + radius)); y++)
     for (let x = Math.max(0, Math.floor(cx - radius)); x <= Math.min(width - 1, Math.ceil(cx + radius)); x++)
       if ((x + 0.5 - cx) ** 2 + (y + 0.5 - cy) ** 2 <= radius * radius) labels[y * width + x] = label;
+}
+
+/**
+ * A map of a smaller size at that of the video, which corrections have. Taking the nearest pixels back down gives the same map.
+ */
+export function enlarged(map: LabelMap, { width, height }: Size): LabelMap {
+  if (map.width === width && map.height === height) return map;
+  const sourceOf = (at: number, length: number, source: number) => Math.ceil(((at + 1) * source) / length) - 1;
+  const labels = new Uint16Array(width * height);
+  for (let y = 0; y < height; y++) {
+    const row = map.width * sourceOf(y, height, map.height);
+    for (let x = 0; x < width; x++) labels[y * width + x] = map.labels[row + sourceOf(x, width, map.width)] ?? 0;
+  }
+  return { width, height, labels };
 }
 
 /** A copy in which pixels of one label have another. */

@@ -1,4 +1,4 @@
-/** Brush, eraser, fill and colour picker on the layers of a painted key. */
+/** Brush, eraser, smudge, fill and colour picker on the layers of a painted key. */
 
 import { isAbort } from "../shared/http";
 import { notify } from "../shared/notices";
@@ -7,14 +7,14 @@ import { createCanvas, type LiveStroke } from "./raster";
 import { pictureKey, type Store } from "./store";
 import {
   addStroke,
-  type BrushStroke,
+  type DrawnStroke,
   floodRuns,
+  isNear,
   type KeyPicture,
   type PictureLayer,
   rounded,
   type Sample,
   type Stroke,
-  thin,
 } from "./strokes";
 import { type PointerSample, type StageTool, sampleOf } from "./tool";
 
@@ -22,6 +22,12 @@ const FILL_TOLERANCE = 24;
 const LEAST_DISTANCE_PX = 0.5;
 /** How often a stroke under the pen is kept in this browser. */
 const KEEP_MS = 500;
+const LABELS: Record<Stroke["kind"], string> = {
+  brush: "Brush stroke",
+  eraser: "Erase",
+  smudge: "Smudge",
+  fill: "Fill",
+};
 
 export interface PaintTool extends StageTool {
   /** The key's picture and the stroke under the pen, for the stage to draw; null while the frame is not open. */
@@ -39,7 +45,10 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   let keeping = 0;
   let open: { frame: number; layer: string; picture: KeyPicture } | null = null;
   let live: LiveStroke | undefined;
+  /** Of the stroke under the pen, as they are stored: what is drawn while the pen moves is what is drawn later. */
   let samples: Sample[] = [];
+  /** The newest sample, if it is too near to the one before; the last one of a stroke is always kept. */
+  let skipped: Sample | null = null;
 
   async function prepare(frame: number): Promise<void> {
     const layer = store.layerId.value;
@@ -87,14 +96,17 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const tool = store.tool.value;
     if (tool === "picker" || sample.alt) whenOpen((picture) => pick(picture, sample));
     else if (tool === "fill") whenOpen((picture, layer) => fill(picture, layer, sample));
-    else begin(sample, tool === "eraser" ? "eraser" : "brush");
+    else begin(sample, tool === "eraser" || tool === "smudge" ? tool : "brush");
     return true;
   }
 
-  function begin(sample: PointerSample, kind: BrushStroke["kind"]): void {
+  function begin(sample: PointerSample, kind: DrawnStroke["kind"]): void {
     const picture = present();
-    samples = [sampleOf(sample)];
-    live = { layer: (picture && target(picture)?.id) ?? "", stroke: { kind, ...store.brush.value, samples } };
+    samples = [rounded(sampleOf(sample))];
+    skipped = null;
+    const { color, ...brush } = store.brush.value;
+    const stroke: DrawnStroke = kind === "smudge" ? { kind, ...brush, samples } : { kind, color, ...brush, samples };
+    live = { layer: (picture && target(picture)?.id) ?? "", stroke };
     clearInterval(keeping);
     keeping = window.setInterval(keep, KEEP_MS);
     redraw();
@@ -102,7 +114,11 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
 
   function move(more: readonly PointerSample[]): void {
     if (!live) return;
-    samples.push(...more.map(sampleOf));
+    for (const sample of more.map(sampleOf).map(rounded)) {
+      const last = samples.at(-1);
+      skipped = last && isNear(last, sample, LEAST_DISTANCE_PX) ? sample : null;
+      if (!skipped) samples.push(sample);
+    }
     redraw();
   }
 
@@ -111,17 +127,12 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const drawn = live;
     live = undefined;
     if (drawn) {
-      const stroke = finished(drawn.stroke);
-      const label = drawn.stroke.kind === "eraser" ? "Erase" : "Brush stroke";
-      whenOpen((picture, layer) => commit(label, picture, drawn.layer || layer.id, stroke));
+      const { stroke } = drawn;
+      if (skipped) samples.push(skipped);
+      whenOpen((picture, layer) => commit(LABELS[stroke.kind], picture, drawn.layer || layer.id, stroke));
     }
     redraw();
   }
-
-  const finished = (stroke: BrushStroke): Stroke => ({
-    ...stroke,
-    samples: thin(samples, LEAST_DISTANCE_PX).map(rounded),
-  });
 
   function commit(label: string, picture: KeyPicture, layer: string, stroke: Stroke): void {
     keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
@@ -136,7 +147,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): void {
     const runs = floodRuns(composite(picture).data, store.size, at, FILL_TOLERANCE);
     const { color, opacity } = store.brush.value;
-    if (runs.length) commit("Fill", picture, layer.id, { kind: "fill", color, opacity, runs });
+    if (runs.length) commit(LABELS.fill, picture, layer.id, { kind: "fill", color, opacity, runs });
   }
 
   function pick(picture: KeyPicture, { at }: PointerSample): void {
@@ -159,7 +170,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
       const layer = picture && (live?.layer || target(picture)?.id);
       if (!live || !picture || !layer) return {};
       const key = pictureKey(store.layerId.value, store.frame.value);
-      return { [key]: addStroke(picture, layer, finished(live.stroke)) };
+      return { [key]: addStroke(picture, layer, { ...live.stroke, samples: [...samples] }) };
     },
     prepare: (frame) => void prepare(frame),
     shown() {

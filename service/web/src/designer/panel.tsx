@@ -11,7 +11,7 @@ import type { Clusters } from "./clusters";
 import { ClustersSection } from "./clusters-section";
 import { addAsset, changeLayer, type Layer } from "./document";
 import { Embedded, type Part } from "./embedded";
-import type { FilmFrame } from "./films";
+import type { FilmFrame, Films } from "./films";
 import type { Foreground } from "./foreground";
 import type { PaintedKeys } from "./keys";
 import { KeysSection } from "./keys-section";
@@ -22,11 +22,12 @@ import { RegionsSection } from "./regions-section";
 import { ScribblesSection } from "./scribbles-section";
 import type { Store } from "./store";
 import { SaveStyle, StyleLibrary } from "./style-library";
-import { SubmitBar, submitFilm } from "./submit-bar";
+import { SubmitBar } from "./submit-bar";
 import { Variants } from "./variants";
 
 export interface PanelProps {
   store: Store;
+  films: Films;
   keys: PaintedKeys;
   clusters: Clusters;
   foreground: Foreground;
@@ -40,7 +41,7 @@ export interface PanelProps {
   suggest(): Promise<void>;
 }
 
-export function Panel({ store, keys, clusters, foreground, saveAll, correct, take, suggest }: PanelProps) {
+export function Panel({ store, films, keys, clusters, foreground, saveAll, correct, take, suggest }: PanelProps) {
   const method = store.method.value;
   return (
     <aside class="panel designer-panel" aria-label="Settings">
@@ -56,10 +57,11 @@ export function Panel({ store, keys, clusters, foreground, saveAll, correct, tak
           <MethodParts
             key={`${store.layer.value.id}-${method.name}`}
             store={store}
+            films={films}
             keys={keys}
             clusters={clusters}
             foreground={foreground}
-            solve={() => submitFilm(store, saveAll).catch(notify)}
+            solve={() => films.submit(saveAll).catch(notify)}
             method={method}
             saveAll={saveAll}
             correct={correct}
@@ -68,7 +70,7 @@ export function Panel({ store, keys, clusters, foreground, saveAll, correct, tak
           />
         )}
       </div>
-      <SubmitBar store={store} saveAll={saveAll} />
+      <SubmitBar store={store} films={films} saveAll={saveAll} />
     </aside>
   );
 }

@@ -1,6 +1,7 @@
 /** Playing the frames at a speed: J, K and L, and the play button. */
 
 import { type ReadonlySignal, signal } from "@preact/signals";
+import type { Films, PlayedFilm } from "./films";
 import type { Store } from "./store";
 import { shuttle } from "./timeline";
 
@@ -12,13 +13,17 @@ export interface Playback {
   stop(): void;
 }
 
-export function createPlayback(store: Store): Playback {
+/** `films`: where the stage shows the film, the browser plays it, and the playhead follows. */
+export function createPlayback(store: Store, films: Films): Playback {
   const speed = signal(0);
+  let film: PlayedFilm | null = null;
   let pending = 0;
   let began = 0;
   let from = 0;
 
   function run(next: number): void {
+    film?.stop();
+    film = next === 1 ? films.play() : null;
     speed.value = next;
     cancelAnimationFrame(pending);
     began = performance.now();
@@ -27,9 +32,10 @@ export function createPlayback(store: Store): Playback {
   }
 
   function tick(now: number): void {
-    const frame = from + Math.trunc(((now - began) / 1000) * store.fps * speed.value);
+    const frame = film?.frame() ?? from + Math.trunc(((now - began) / 1000) * store.fps * speed.value);
     store.goTo(frame);
-    const ended = speed.value > 0 ? frame >= store.frames - 1 : frame <= 0;
+    const last = film?.last ?? store.frames - 1;
+    const ended = speed.value > 0 ? frame >= last : frame <= 0;
     if (ended) run(0);
     else pending = requestAnimationFrame(tick);
   }

@@ -16,6 +16,7 @@ export function followPresets(store: Store, presets: Presets): () => void {
   let painted = "";
 
   const dispose = effect(() => {
+    if (store.previews.value) presets.expectPictures(store.size.width / store.size.height);
     const frame = store.frame.value;
     const key = `${store.layer.value.id} ${frame}`;
     const ready = store.previews.value && store.results.value.get(frame)?.final;

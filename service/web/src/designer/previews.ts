@@ -12,6 +12,9 @@ const REST_MS = 100;
 const SOON_MS = 300;
 const SIDE_PX = 960;
 const BUSY_MS = 1200;
+/** A frame near a painted key that has been looked at for so long is painted at full size. */
+const FULL_REST_MS = 800;
+const NEAR_FRAMES = 3;
 const PAINTING = "Painting this frame…";
 
 export interface Previews {
@@ -61,7 +64,9 @@ export function startPreviews(store: Store): Previews {
     try {
       if (store.previews.value) await stream(document, frame, layer, signal);
       else await single(document, frame, signal);
-      if (!signal.aborted) store.problem.value = "";
+      if (signal.aborted) return;
+      store.problem.value = "";
+      if (nearKey(frame)) timer = window.setTimeout(() => enlarge(document, frame, layer), FULL_REST_MS);
     } catch (error) {
       if (isAbort(error) || signal.aborted) return;
       const problem = asProblem(error);
@@ -70,6 +75,24 @@ export function startPreviews(store: Store): Previews {
       } else store.problem.value = [problem.message, problem.remedy].filter(Boolean).join(" ");
     } finally {
       if (!signal.aborted) store.busy.value = "";
+    }
+  }
+
+  /** Whether the frame follows a key that somebody paints. */
+  function nearKey(frame: number): boolean {
+    const { method, keys = [] } = store.layer.peek();
+    const large = (store.results.peek().get(frame)?.scale ?? 1) < 0.999;
+    return large && method === "analogy" && keys.some((key) => Math.abs(key.frame - frame) <= NEAR_FRAMES);
+  }
+
+  async function enlarge(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
+    running = new AbortController();
+    const { signal } = running;
+    try {
+      const picture = await createImageBitmap(await full(frame, signal));
+      if (!signal.aborted) store.showResult({ frame, picture, scale: 1, final: true, document, layer });
+    } catch (error) {
+      if (!isAbort(error) && !signal.aborted) console.info("Impasto: no picture at full size.", error);
     }
   }
 
@@ -107,7 +130,7 @@ export function startPreviews(store: Store): Previews {
     if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document, layer: layer.id });
   }
 
-  async function full(frame: number): Promise<Blob> {
+  async function full(frame: number, signal = life.signal): Promise<Blob> {
     const { width, height } = store.size;
     const layer = shownAlone(store.shot.value, store.layerId.value);
     const place = { document: store.document.value, shot: store.shot.value.id, layer };
@@ -118,7 +141,7 @@ export function startPreviews(store: Store): Previews {
       what: "paint",
       channel: "full",
       body: { ...place, frame, coarse: false, max_side_px: Math.max(width, height) },
-      signal: life.signal,
+      signal,
       onrecord({ header, payload }) {
         if (header.type === "frame" && header.final) found = new Blob([payload], { type: header.media_type });
       },
@@ -147,7 +170,7 @@ export function startPreviews(store: Store): Previews {
   }
 
   return {
-    full,
+    full: (frame) => full(frame),
     suggest,
     close() {
       dispose();

@@ -2,12 +2,15 @@
 
 import type { Size } from "./geometry";
 import { pngOf } from "./png";
+import { Smudger } from "./smudge";
 import {
   type BrushStroke,
+  type DrawnStroke,
   type FillStroke,
   type KeyPicture,
   type PictureLayer,
   type Sample,
+  type SmudgeStroke,
   type Stroke,
   widthAt,
 } from "./strokes";
@@ -47,7 +50,10 @@ function drawSegment(context: Context, size: number, a: Sample, b: Sample): void
 export function drawStroke(context: Context, stroke: Stroke, size: Size): void {
   context.save();
   if (stroke.kind === "fill") drawFill(context, stroke, size);
-  else if (stroke.opacity >= 1) {
+  else if (stroke.kind === "smudge") {
+    const smudger = new Smudger(context, stroke);
+    for (const sample of stroke.samples) smudger.to(sample);
+  } else if (stroke.opacity >= 1) {
     context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
     drawSegments(context, stroke, 0, stroke.samples.length);
   } else {
@@ -79,7 +85,7 @@ interface Drawn {
 /** The stroke under the pen; its samples grow in place. */
 export interface LiveStroke {
   layer: string;
-  stroke: BrushStroke;
+  stroke: DrawnStroke;
 }
 
 interface Composed {
@@ -91,13 +97,42 @@ interface Composed {
 }
 
 interface LiveDrawing {
-  stroke: BrushStroke;
-  scratch: HTMLCanvasElement;
-  own: Context;
-  whole: HTMLCanvasElement;
-  context: Context;
-  /** Samples drawn so far. */
-  drawn: number;
+  stroke: DrawnStroke;
+  /** The strokes of the layer below it. */
+  on: readonly Stroke[];
+  /** The layer with the stroke, up to its newest sample. */
+  whole(layer: HTMLCanvasElement): HTMLCanvasElement;
+}
+
+/** A growing brush stroke: on a canvas of its own, which is laid over the layer. */
+function liveBrush(stroke: BrushStroke, size: Size): LiveDrawing["whole"] {
+  const [scratch, own] = createCanvas(size);
+  const [whole, context] = createCanvas(size);
+  let drawn = 0;
+  return (layer) => {
+    drawSegments(own, stroke, drawn, stroke.samples.length);
+    drawn = stroke.samples.length;
+    context.globalCompositeOperation = "copy";
+    context.drawImage(layer, 0, 0);
+    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
+    context.globalAlpha = stroke.opacity;
+    context.drawImage(scratch, 0, 0);
+    context.globalAlpha = 1;
+    return whole;
+  };
+}
+
+/** A growing smudge, on a copy of the layer. */
+function liveSmudge(stroke: SmudgeStroke, size: Size): LiveDrawing["whole"] {
+  const [whole, context] = createCanvas(size);
+  const smudger = new Smudger(context, stroke);
+  let drawn = 0;
+  return (layer) => {
+    if (!drawn) context.drawImage(layer, 0, 0);
+    for (const sample of stroke.samples.slice(drawn)) smudger.to(sample);
+    drawn = stroke.samples.length;
+    return whole;
+  };
 }
 
 /**
@@ -147,10 +182,24 @@ export class PictureRaster {
       known.strokes.length <= layer.strokes.length &&
       known.strokes.every((stroke, i) => stroke === layer.strokes[i]);
     const drawn = known && extends_ ? known : this.begin(layer);
-    for (const stroke of layer.strokes.slice(drawn.strokes.length)) drawStroke(drawn.context, stroke, this.size);
+    for (const stroke of layer.strokes.slice(drawn.strokes.length)) this.add(drawn, stroke);
     drawn.strokes = layer.strokes;
     touch(this.drawn, key, drawn);
     return drawn.canvas;
+  }
+
+  /** Draw one more stroke; a smudge that was drawn under the pen is not drawn again, for that takes long. */
+  private add({ canvas, context, strokes }: Drawn, stroke: Stroke): void {
+    const live = this.live;
+    if (stroke.kind !== "smudge" || live?.stroke.samples !== stroke.samples || live.on !== strokes) {
+      drawStroke(context, stroke, this.size);
+      return;
+    }
+    const whole = live.whole(canvas);
+    context.globalCompositeOperation = "copy";
+    context.drawImage(whole, 0, 0);
+    context.globalCompositeOperation = "source-over";
+    this.live = null;
   }
 
   private begin(layer: PictureLayer): Drawn {
@@ -200,7 +249,7 @@ export class PictureRaster {
       if (!layer.visible) continue;
       context.globalAlpha = layer.opacity;
       const canvas = this.layer(`${key}/${layer.id}`, layer);
-      context.drawImage(live?.layer === layer.id ? this.withLive(canvas, live.stroke) : canvas, 0, 0);
+      context.drawImage(live?.layer === layer.id ? this.withLive(canvas, layer.strokes, live.stroke) : canvas, 0, 0);
     }
     context.globalAlpha = 1;
   }
@@ -222,22 +271,12 @@ export class PictureRaster {
   }
 
   /** The layer with the stroke under the pen. Only samples that are new since the last call are drawn. */
-  private withLive(canvas: HTMLCanvasElement, stroke: BrushStroke): HTMLCanvasElement {
+  private withLive(canvas: HTMLCanvasElement, on: readonly Stroke[], stroke: DrawnStroke): HTMLCanvasElement {
     if (this.live?.stroke !== stroke) {
-      const [scratch, own] = createCanvas(this.size);
-      const [whole, context] = createCanvas(this.size);
-      this.live = { stroke, scratch, own, whole, context, drawn: 0 };
+      const whole = stroke.kind === "smudge" ? liveSmudge(stroke, this.size) : liveBrush(stroke, this.size);
+      this.live = { stroke, on, whole };
     }
-    const { scratch, own, whole, context } = this.live;
-    drawSegments(own, stroke, this.live.drawn, stroke.samples.length);
-    this.live.drawn = stroke.samples.length;
-    context.globalCompositeOperation = "copy";
-    context.drawImage(canvas, 0, 0);
-    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
-    context.globalAlpha = stroke.opacity;
-    context.drawImage(scratch, 0, 0);
-    context.globalAlpha = 1;
-    return whole;
+    return this.live.whole(canvas);
   }
 
   /** The finished picture as PNG, its longest side at most `side` px. */

@@ -49,6 +49,12 @@ export interface KeysHeader extends RecordHeader {
   frames: number[];
 }
 
+export interface CutsHeader extends RecordHeader {
+  type: "cuts";
+  /** First frames of all shots but the first. */
+  cuts: number[];
+}
+
 export interface MaskHeader extends RecordHeader {
   type: "mask";
   frame: number;
@@ -76,11 +82,12 @@ export type PreviewHeader =
   | RegionsHeader
   | FieldHeader
   | KeysHeader
+  | CutsHeader
   | MaskHeader
   | FlickerHeader
   | ClustersHeader
   | (RecordHeader & { type: "begin"; seq: number })
-  | (RecordHeader & { type: "progress"; done: number; note: string })
+  | (RecordHeader & { type: "progress"; done: number; note: string; cuts?: number[] })
   | (RecordHeader & { type: "error"; problem: ProblemFields })
   | (RecordHeader & { type: "overtaken" })
   | (RecordHeader & { type: "end"; ms: number });

@@ -3,8 +3,8 @@
 import { signal } from "@preact/signals";
 import { asProblem, isAbort } from "../shared/api";
 import { pictureOf, preview } from "./api";
-import { freeName, type Layer, type Point, type Region, splitRegion, tubesOf } from "./document";
-import { simplify } from "./geometry";
+import { freeName, type Layer, moveTube, type Point, type Region, splitRegion, tubesOf } from "./document";
+import { distance, simplify } from "./geometry";
 import { createCanvas } from "./raster";
 import type { RegionsHeader } from "./records";
 import type { Store } from "./store";
@@ -41,6 +41,8 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
   let map: TubeMap | null = null;
   let running = new AbortController();
   let hovered = -1;
+  /** While Alt is held and the pointer is down: the region that is split, the part that becomes one of its own, the last point. */
+  let splitting: { owner: string; name: string; last: Point } | null = null;
   let overlay: { key: string; canvas: HTMLCanvasElement } | null = null;
 
   async function load(frame: number): Promise<void> {
@@ -113,7 +115,7 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     const owner = ownerOf(layer, tube, object);
     const selected = store.layer.value.regions?.[store.region.value];
     if (shift && selected && !selected.polygons) extend(store.region.value, tube, object, alt);
-    else if (owner && alt) split(owner, tube);
+    else if (owner && alt) split(owner, tube, at);
     else if (owner) store.region.value = owner;
     else create(alt || object < 0 ? { tubes: [tube] } : { objects: [object] });
     redraw();
@@ -123,10 +125,29 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
   const newName = (): string => freeName("region", (candidate) => candidate in (store.layer.value.regions ?? {}));
 
   /** Make a part of a region a region of its own, with the same styles and directions at first. */
-  function split(owner: string, tube: number): void {
+  function split(owner: string, tube: number, at: Point): void {
     const name = newName();
-    store.editLayer("Split a region", (layer) => splitRegion(layer, owner, tube, name, partsOf));
-    if (name in (store.layer.value.regions ?? {})) store.region.value = name;
+    store.editLayer("Split a region", (layer) => splitRegion(layer, owner, tube, name, partsOf), `split-${name}`);
+    if (!(name in (store.layer.value.regions ?? {}))) return;
+    store.region.value = name;
+    splitting = { owner, name, last: at };
+  }
+
+  /** All parts of the region under the stroke follow the first one. */
+  function move(samples: readonly PointerSample[]): void {
+    if (!splitting || !map) return;
+    const { owner, name } = splitting;
+    const step = store.size.width / map.width;
+    for (const { at } of samples) {
+      const { last } = splitting;
+      const steps = Math.ceil(distance(last, at) / step);
+      for (let i = 1; i <= steps; i++) {
+        const tube = tubeAt([last[0] + ((at[0] - last[0]) * i) / steps, last[1] + ((at[1] - last[1]) * i) / steps]);
+        store.editLayer("Split a region", (layer) => moveTube(layer, owner, tube, name), `split-${name}`);
+      }
+      splitting.last = at;
+    }
+    redraw();
   }
 
   const partsOf = (object: number): readonly number[] => map?.parts.get(object) ?? [];
@@ -170,8 +191,10 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     cursor: "pointer",
     load: (frame) => void load(frame),
     down,
-    move() {},
-    up() {},
+    move,
+    up() {
+      splitting = null;
+    },
     hover(sample) {
       const tube = sample ? tubeAt(sample.at) : -1;
       const next = tube < 0 ? -1 : sample?.alt ? tube : (map?.objects.get(tube) ?? -1) + 1_000_000;

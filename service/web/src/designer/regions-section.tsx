@@ -18,6 +18,7 @@ import { Icon, IconButton } from "./icon";
 import { objectCount, type RegionsState, regionsState } from "./region-tool";
 import type { Store } from "./store";
 import { StyleCards } from "./style-cards";
+import { shownParameter } from "./style-lane";
 
 export function RegionsSection({ store }: { store: Store }) {
   return (
@@ -87,7 +88,7 @@ function regionsHint(state: RegionsState, previews: boolean): string {
     return "Draw a region on the stage with the lasso; draw it again in other frames.";
   const count = objectCount.value;
   const one = state === "ready" && count > 0 ? `one of the ${count} objects of this frame` : "an object on the stage";
-  return `Pick ${one}: click it. Shift adds to the region, Alt makes a part of it a region of its own. Or draw with the lasso.`;
+  return `Pick ${one}: click it. Shift adds to the region, Alt makes the part of it under a click or a stroke a region of its own. Or draw with the lasso.`;
 }
 
 function kindOf(layer: Layer, name: string): string {
@@ -180,9 +181,10 @@ function StyleKeys({ store }: { store: Store }) {
               max={max}
               step={step}
               value={key.set?.[name]}
-              onChange={(value) =>
-                edit(`Change ${title.toLowerCase()}`, { set: changed(key, name, value) }, `style-${name}`)
-              }
+              onChange={(value) => {
+                shownParameter.value = name;
+                edit(`Change ${title.toLowerCase()}`, { set: changed(key, name, value) }, `style-${name}`);
+              }}
             />
           ))}
           <label class="inline-field">
@@ -205,6 +207,9 @@ function StyleKeys({ store }: { store: Store }) {
           ? `${track.length > 1 ? "Keys at frames" : "Key at frame"} ${track.map((one) => one.frame + 1).join(", ")}. `
           : ""}
         {key && !exact ? "A change here makes a key at this frame." : ""}
+        {!key && store.layer.value.style_keys?.length
+          ? "Without a style of its own, it takes those of the others."
+          : ""}
       </p>
       {exact && (
         <button type="button" class="button small" onClick={drop}>
@@ -257,6 +262,7 @@ function StyleSlider({ title, min, max, step, value, onChange }: StyleSliderProp
 const PATTERNS: [Pattern, string][] = [
   ["regular", "Parallel"],
   ["center", "Circles"],
+  ["spiral", "Spiral"],
   ["node", "Rays"],
   ["saddle", "Crossing"],
   ["wedge", "Round one end"],
@@ -266,6 +272,7 @@ function Directions({ store }: { store: Store }) {
   const key = presentKey(store);
   const elements = key?.elements ?? [];
   const selected = elements[selectedElement.value];
+  const angle = (((selected?.angle ?? 0) + 180) % 360) - 180;
   const pick = (value: Pattern) => {
     pattern.value = value;
     store.tool.value = "direction";
@@ -313,6 +320,32 @@ function Directions({ store }: { store: Store }) {
               onInput={(event) => change({ strength: Number(event.currentTarget.value) })}
             />
             <output>{selected.strength ?? 1}</output>
+          </label>
+          <label class="style-slider">
+            <span>Angle</span>
+            <input
+              type="range"
+              min={-180}
+              max={180}
+              step={1}
+              value={angle}
+              aria-label="Angle"
+              onInput={(event) => change({ angle: Number(event.currentTarget.value) })}
+            />
+            <output>{angle}°</output>
+          </label>
+          <label class="style-slider">
+            <span>Reach</span>
+            <input
+              type="range"
+              min={0.02}
+              max={2}
+              step={0.01}
+              value={selected.reach || 2}
+              aria-label="Reach"
+              onInput={(event) => change({ reach: Number(event.currentTarget.value) })}
+            />
+            <output>{selected.reach ? `${Math.round(100 * selected.reach)} %` : "everywhere"}</output>
           </label>
           <button type="button" class="button small" onClick={drop}>
             <Icon name="trash" />

@@ -4,11 +4,13 @@ import { notify } from "../shared/notices";
 import type { Playback } from "./playback";
 import type { Stage } from "./stage";
 import type { Store, Tool } from "./store";
+import { nextKey, previousKey, shotStarts } from "./timeline";
 
 const TOOL_KEYS: Record<string, Tool> = {
   v: "pan",
   b: "brush",
   e: "eraser",
+  s: "smudge",
   g: "fill",
   i: "picker",
   r: "region",
@@ -31,6 +33,11 @@ export function installShortcuts({ store, stage, playback, tools }: ShortcutPart
     store.goTo(store.frame.value + by);
   };
 
+  const goTo = (frame: number | undefined) => {
+    playback.stop();
+    if (frame !== undefined) store.goTo(frame);
+  };
+
   const actions: Record<string, (event: KeyboardEvent) => void> = {
     ArrowLeft: (event) => step(event.shiftKey ? -10 : -1),
     ArrowRight: (event) => step(event.shiftKey ? 10 : 1),
@@ -40,6 +47,8 @@ export function installShortcuts({ store, stage, playback, tools }: ShortcutPart
     k: () => playback.shuttle("k"),
     l: () => playback.shuttle("l"),
     " ": () => playback.toggle(),
+    ",": () => goTo(previousKey(shotStarts(store.cuts.value), store.frame.value)),
+    ".": () => goTo(nextKey(shotStarts(store.cuts.value), store.frame.value)),
     "+": () => stage()?.zoom(1.25),
     "-": () => stage()?.zoom(0.8),
     "0": () => stage()?.fit(),

@@ -1,6 +1,7 @@
 /** The stage: one canvas with the frame, its painting, the key under the pen and the tools' marks; zoom, pan and wipe. */
 
 import { effect } from "@preact/signals";
+import type { Films } from "./films";
 import type { FrameSource } from "./frames";
 import { fitView, panBy, toPicture, type View, zoomAbout } from "./geometry";
 import type { PaintedKeys } from "./keys";
@@ -19,6 +20,7 @@ export interface StageParts {
   store: Store;
   frames: FrameSource;
   scrub: ScrubFrames;
+  films: Films;
   keys: PaintedKeys;
   paint: PaintTool;
   tools: Partial<Record<Tool, StageTool>>;
@@ -35,7 +37,7 @@ export interface Stage {
 
 export function mountStage(
   canvas: HTMLCanvasElement,
-  { store, frames, scrub, keys, paint, tools, overlays }: StageParts,
+  { store, frames, scrub, films, keys, paint, tools, overlays }: StageParts,
 ): Stage {
   const context = canvas.getContext("2d");
   const pointers = new Map<number, [number, number]>();
@@ -83,6 +85,7 @@ export function mountStage(
     if (!key || !keys.raster.covers(key.picture)) drawSource();
     if (store.compared.value) drawCompared(store.compared.value);
     else if (painting()) drawKey(key);
+    else if (store.stageView.value === "film") drawFilm();
     else drawPainted();
     for (const overlay of overlays) overlay(context);
     const px = 1 / scale;
@@ -91,6 +94,7 @@ export function mountStage(
     canvas.dataset.frame = String(scrubbed() ? store.frame.value : frames.shown);
     canvas.dataset.exact = String(frames.shown === store.frame.value);
     canvas.dataset.compared = store.compared.value ? "variants" : "";
+    canvas.dataset.film = String(store.stageView.value === "film" && !painting() ? films.shown : "");
     canvas.dataset.result = store.results.value.get(store.frame.value)?.final ? "final" : "";
   }
 
@@ -124,6 +128,12 @@ export function mountStage(
     context.drawImage(result.picture, 0, 0, width, height);
     context.restore();
     if (view === "compare") drawDivider(context, from, height);
+  }
+
+  function drawFilm(): void {
+    const { width, height } = store.size;
+    const picture = films.picture();
+    if (picture) context?.drawImage(picture, 0, 0, width, height);
   }
 
   function drawCompared({ left, right }: { left: ImageBitmap; right: ImageBitmap }): void {

@@ -7,13 +7,14 @@ import type { SaveState } from "./autosave";
 import { changeLayer, type Layer, type LayerPlace, layerOf, type ProjectDocument, type Shot, shotOf } from "./document";
 import type { View } from "./geometry";
 import type { KeyPicture } from "./strokes";
-import { clampFrame } from "./timeline";
+import { clampFrame, type Span, spanWith } from "./timeline";
 import { type History, record, redo, startHistory, undo } from "./undo";
 
 export type Tool =
   | "pan"
   | "brush"
   | "eraser"
+  | "smudge"
   | "fill"
   | "picker"
   | "region"
@@ -22,7 +23,7 @@ export type Tool =
   | "scribble"
   | "label"
   | "loupe";
-export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "fill", "picker"];
+export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker"];
 
 /** What undo restores: the document and the editable pictures of painted keys, by `pictureKey`. */
 export interface State {
@@ -45,8 +46,8 @@ export interface Result {
   layer: string | undefined;
 }
 
-/** "onion": the painting, half transparent, over the frame; "flicker": where it flickers. */
-export type StageView = "source" | "compare" | "onion" | "painted" | "flicker";
+/** "onion": the painting, half transparent, over the frame; "flicker": where it flickers; "film": the newest film. */
+export type StageView = "source" | "compare" | "onion" | "painted" | "flicker" | "film";
 
 export interface Brush {
   color: string;
@@ -63,6 +64,8 @@ export class Store {
   readonly method: ReadonlySignal<Method | undefined>;
   readonly layerId: Signal<string>;
   readonly frame = signal(0);
+  /** The frames that the filmstrip shows. */
+  readonly span: Signal<Span>;
   readonly tool = signal<Tool>("pan");
   readonly brush = signal<Brush>({ color: "#b43c25", size: 24, opacity: 1 });
   readonly paintLayer = signal("paint");
@@ -77,6 +80,8 @@ export class Store {
   readonly neighbours = signal<readonly Result[]>([]);
   /** Frames that are worth a key, as the service found them. */
   readonly suggested = signal<readonly number[]>([]);
+  /** First frames of all shots of the video but the first, as far as the service has found them. */
+  readonly cuts = signal<readonly number[]>([]);
   /** The newest finished film of the shot. */
   readonly film = signal<Job | null>(null);
   /** Whether the service previews projects: regions, style cards and painted keys need it. */
@@ -105,6 +110,7 @@ export class Store {
     this.shot = computed(() => must(shotOf(this.document.value, shotId)));
     this.layer = computed(() => layerOf(this.shot.value, this.layerId.value) ?? must(this.shot.value.layers.at(-1)));
     this.method = computed(() => methods.find((method) => method.name === this.layer.value.method));
+    this.span = signal([0, this.frames]);
     this.frame.value = Math.floor(this.frames / 3);
   }
 
@@ -125,7 +131,9 @@ export class Store {
   }
 
   goTo(frame: number): void {
-    this.frame.value = clampFrame(frame, this.frames);
+    const shown = clampFrame(frame, this.frames);
+    this.span.value = spanWith(this.span.value, this.frames, shown);
+    this.frame.value = shown;
   }
 
   /** One step of the user; steps of one group within a second are joined. */

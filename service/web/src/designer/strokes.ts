@@ -1,4 +1,4 @@
-/** Painted layers as data: strokes with pressure, and the fill of an area. Coordinates are pixels of the video. */
+/** Painted layers as data: strokes with pressure, smudges, and the fill of an area. Coordinates are pixels of the video. */
 
 import { clamp, distance, type Size } from "./geometry";
 
@@ -24,7 +24,18 @@ export interface FillStroke {
   runs: readonly number[];
 }
 
-export type Stroke = BrushStroke | FillStroke;
+/** Moves the layer's own paint along the stroke. */
+export interface SmudgeStroke {
+  kind: "smudge";
+  /** Width at full pressure, px. */
+  size: number;
+  /** How far the paint is carried, 0..1. */
+  opacity: number;
+  samples: readonly Sample[];
+}
+
+export type DrawnStroke = BrushStroke | SmudgeStroke;
+export type Stroke = DrawnStroke | FillStroke;
 
 export interface PictureLayer {
   id: string;
@@ -47,16 +58,8 @@ export const MIN_PRESSURE = 0.05;
 export const widthAt = (size: number, pressure: number): number =>
   size * (0.2 + 0.8 * clamp(pressure, MIN_PRESSURE, 1));
 
-/** Samples without those that are nearer than `least` px to the one before; the last one is always kept. */
-export function thin(samples: readonly Sample[], least: number): Sample[] {
-  const kept: Sample[] = [];
-  samples.forEach((sample, i) => {
-    const last = kept.at(-1);
-    const far = !last || distance([sample[0], sample[1]], [last[0], last[1]]) >= least;
-    if (far || i === samples.length - 1) kept.push(sample);
-  });
-  return kept;
-}
+/** Whether two samples are less than `least` px apart. */
+export const isNear = (a: Sample, b: Sample, least: number): boolean => distance([a[0], a[1]], [b[0], b[1]]) < least;
 
 /** Numbers with one decimal for positions and two for pressure: enough for pixels, and short as JSON. */
 export const rounded = ([x, y, pressure]: Sample): Sample => [

@@ -24,7 +24,11 @@ export function StyleCards({ store, names, chosen, onChoose }: StyleCardsProps) 
           aria-pressed={name === chosen}
           onClick={() => onChoose(name)}
         >
-          {pictures.has(name) && <img src={pictures.get(name)} alt="" />}
+          {pictures.has(name) ? (
+            <img src={pictures.get(name)} alt="" />
+          ) : (
+            store.previews.value && <span class="card-blank" />
+          )}
           <span>{name === "van-gogh" ? "Van Gogh" : humanise(name)}</span>
         </button>
       ))}

@@ -1,27 +1,34 @@
-/** The bottom of the panel: frames, estimated time, jobs ahead, and the buttons that submit. */
+/** The bottom of the panel: the film that is painted now; frames, estimated time, jobs ahead, the buttons that submit. */
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../shared/api";
 import { duration } from "../shared/format";
-import type { Output } from "../shared/types";
-import { checkProject, type Estimate, estimate, submitProject } from "./api";
-import { CLUSTER_ARTEFACTS } from "./clusters";
+import { type Estimate, estimate } from "./api";
+import { FilmProgress } from "./film-progress";
+import type { Films } from "./films";
 import type { Store } from "./store";
 
 const REST_MS = 1500;
 const SHORT_S = 2;
 
-export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise<boolean> }) {
+interface SubmitBarProps {
+  store: Store;
+  films: Films;
+  saveAll(): Promise<boolean>;
+}
+
+export function SubmitBar({ store, films, saveAll }: SubmitBarProps) {
   const [problem, setProblem] = useState("");
   const [sending, setSending] = useState(false);
   const found = useEstimate(store);
   const short = Math.min(store.frames, Math.round(SHORT_S * store.fps));
 
   async function send(range?: [number, number]): Promise<void> {
+    if (sending) return; // a disabled button would lose the focus
     setSending(true);
     setProblem("");
     try {
-      await submitFilm(store, saveAll, range);
+      await films.submit(saveAll, range);
     } catch (error) {
       const { message, remedy } = api.asProblem(error);
       setProblem([message, remedy].filter(Boolean).join(" "));
@@ -32,6 +39,7 @@ export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise
   const from = Math.max(0, Math.min(store.frame.value, store.frames - short));
   return (
     <div class="submit-bar designer-submit">
+      <FilmProgress store={store} films={films} />
       <div class="submit-hint">
         <span>{store.frames} frames</span>
         {found && <span>{estimateText(found)}</span>}
@@ -40,44 +48,15 @@ export function SubmitBar({ store, saveAll }: { store: Store; saveAll(): Promise
         </p>
       </div>
       {short < store.frames && (
-        <button type="button" class="button" disabled={sending} onClick={() => send([from, from + short])}>
+        <button type="button" class="button" aria-disabled={sending} onClick={() => send([from, from + short])}>
           Paint {SHORT_S} s first
         </button>
       )}
-      <button type="button" class="button primary submit" disabled={sending} onClick={() => send()}>
+      <button type="button" class="button primary submit" aria-disabled={sending} onClick={() => send()}>
         Paint the film
       </button>
     </div>
   );
-}
-
-/** Save the project, submit its film, and show the job. Throws a Problem if something keeps it from that. */
-export async function submitFilm(
-  store: Store,
-  saveAll: () => Promise<boolean>,
-  range?: [number, number],
-): Promise<void> {
-  if (!(await saveAll()))
-    throw new api.Problem({ detail: "The project is not saved.", remedy: "See the message above the stage." });
-  const faults = await checkProject(store.projectId);
-  const fault = faults[0];
-  if (fault) throw new api.Problem({ detail: fault.message, remedy: fault.remedy });
-  const output = withClusters(store);
-  const [first] = await submitProject(
-    store.projectId,
-    { ...(range && { range }), ...(output && { output }) },
-    api.token(),
-  );
-  if (first) location.hash = `#/jobs/${first.job.id}`;
-}
-
-/** The output with the clusters, which the studio shows later; undefined: as the document has it. */
-function withClusters(store: Store): Output | undefined {
-  const [only, ...others] = store.shot.value.layers.filter((layer) => layer.visible !== false);
-  const plain = only && !others.length && (only.opacity ?? 1) === 1 && (only.blend ?? "over") === "over" && !only.matte;
-  if (!plain || only.method !== "patches" || store.document.value.shots.length > 1) return undefined;
-  const { output = {} } = store.document.value;
-  return { ...output, artefacts: [...new Set([...(output.artefacts ?? []), ...CLUSTER_ARTEFACTS])] };
 }
 
 function estimateText({ items, jobs_ahead: ahead }: Estimate): string {

@@ -2,6 +2,7 @@
 
 import type { IconName } from "../shared/icons";
 import type { Clusters } from "./clusters";
+import { filmHas } from "./films";
 import { IconButton } from "./icon";
 import { scribbled } from "./keys";
 import { regionsState } from "./region-tool";
@@ -12,6 +13,7 @@ const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
   pan: { icon: "pan", label: "Move the view", keys: "V" },
   brush: { icon: "brush", label: "Brush", keys: "B" },
   eraser: { icon: "eraser", label: "Eraser", keys: "E" },
+  smudge: { icon: "smudge", label: "Smudge", keys: "S" },
   fill: { icon: "fill", label: "Fill", keys: "G" },
   picker: { icon: "picker", label: "Pick a colour", keys: "I" },
   region: { icon: "select", label: "Pick regions", keys: "R" },
@@ -83,15 +85,12 @@ const VIEWS: [StageView, string][] = [
   ["onion", "Onion skin"],
   ["painted", "Painted"],
   ["flicker", "Flicker"],
+  ["film", "Film"],
 ];
 
 /** Above the stage: what it shows, or the brush while one paints. */
 export function StageBar({ store, onfull }: { store: Store; onfull(): void }) {
-  const painting =
-    store.tool.value === "label" ||
-    store.tool.value === "brush" ||
-    store.tool.value === "eraser" ||
-    store.tool.value === "fill";
+  const painting = ["label", "brush", "eraser", "smudge", "fill"].includes(store.tool.value);
   return (
     <div class="stage-bar">
       {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} />}
@@ -101,9 +100,10 @@ export function StageBar({ store, onfull }: { store: Store; onfull(): void }) {
 }
 
 function ViewSwitch({ store }: { store: Store }) {
+  const views = VIEWS.filter(([view]) => view !== "film" || store.film.value);
   return (
     <div class="views" role="group" aria-label="View">
-      {VIEWS.map(([view, title]) => (
+      {views.map(([view, title]) => (
         <button
           key={view}
           type="button"
@@ -122,12 +122,16 @@ function ViewSwitch({ store }: { store: Store }) {
 function BrushSettings({ store }: { store: Store }) {
   const brush = store.brush.value;
   const labels = store.tool.value === "label";
+  const smudging = store.tool.value === "smudge";
+  const opacity = smudging ? "Strength" : "Opacity";
   const set = (change: Partial<typeof brush>) => {
     store.brush.value = { ...brush, ...change };
   };
   return (
     <div class="brush-settings">
-      {!labels && (scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
+      {!labels &&
+        !smudging &&
+        (scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
       <label>
         Size
         <input
@@ -142,18 +146,19 @@ function BrushSettings({ store }: { store: Store }) {
       </label>
       {!labels && (
         <label>
-          Opacity
+          {opacity}
           <input
             type="range"
             min={5}
             max={100}
             value={100 * brush.opacity}
-            aria-label="Brush opacity"
+            aria-label={`Brush ${opacity.toLowerCase()}`}
             onInput={(event) => set({ opacity: Number(event.currentTarget.value) / 100 })}
           />
           <output>{Math.round(100 * brush.opacity)} %</output>
         </label>
       )}
+      {smudging && <span class="hint">Moves the paint of the layer that is chosen in the panel.</span>}
     </div>
   );
 }
@@ -198,18 +203,24 @@ function ScribbleSwitch({ store }: { store: Store }) {
   );
 }
 
+const filmHint = (store: Store): string =>
+  filmHas(store, store.frame.value) ? "The newest film" : "The newest film has no such frame: this is the video's";
+
 /** Whether a preview is on its way, and at which scale the shown one is. */
 function StageState({ store, onfull }: { store: Store; onfull(): void }) {
   const result = store.results.value.get(store.frame.value);
+  const film = store.stageView.value === "film" && store.tool.value === "pan";
   const scale =
     store.tool.value === "loupe"
       ? "The loupe shows the film at 100 % of full size"
-      : result && store.tool.value === "pan"
-        ? `Preview at ${Math.round(100 * result.scale)} % of full size`
-        : "";
+      : film
+        ? filmHint(store)
+        : result && store.tool.value === "pan"
+          ? `Preview at ${Math.round(100 * result.scale)} % of full size`
+          : "";
   const text = store.problem.value || store.busy.value || scale;
   const painting = PAINT_TOOLS.includes(store.tool.value);
-  const small = !painting && text === scale && (result?.scale ?? 1) < 0.999;
+  const small = !painting && !film && text === scale && (result?.scale ?? 1) < 0.999;
   return (
     <>
       <p class={`stage-hint ${store.problem.value ? "wrong" : ""}`} role="status">

@@ -43,9 +43,14 @@ export interface Presets {
   all: readonly Example[];
   /** Mark the example whose parameters these are, if any. */
   match(params: Params): void;
+  /** Pictures will come: keep room for them, in their ratio of width to height. */
+  expectPictures(ratio: number): void;
   /** Show a picture on the example of this name. */
   picture(name: string, picture: Blob): void;
 }
+
+/** One transparent pixel: an image without an address takes no room. */
+const NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
 
 /** Chips of a method's examples. `onchoose(params)` when one is pressed. */
 export function createPresets(examples: Example[], onchoose: (params: Params) => void): Presets {
@@ -55,7 +60,7 @@ export function createPresets(examples: Example[], onchoose: (params: Params) =>
     h(
       "button",
       { type: "button", class: "chip-button", "aria-pressed": "false", onclick: () => onchoose(example.params) },
-      h("img", { alt: "", hidden: true }),
+      h("img", { class: "card-blank", alt: "", src: NOTHING }),
       h("span", {}, example.title),
     ),
   );
@@ -64,13 +69,15 @@ export function createPresets(examples: Example[], onchoose: (params: Params) =>
   return {
     element,
     all,
+    expectPictures(ratio) {
+      element.style.setProperty("--ratio", String(ratio));
+      element.classList.add("pictured");
+    },
     picture(name, picture) {
       const shown = buttons[all.findIndex((example) => example.name === name)]?.querySelector("img");
       if (!shown) return;
-      if (shown.src) URL.revokeObjectURL(shown.src);
+      URL.revokeObjectURL(shown.src);
       shown.src = URL.createObjectURL(picture);
-      shown.hidden = false;
-      element.classList.add("pictured");
     },
     match(params) {
       buttons.forEach((button, i) => {

@@ -3,7 +3,6 @@
 import * as api from "../shared/api";
 import { type Child, fill, h } from "../shared/dom";
 import { hashOfJob } from "../shared/draft";
-import { follow } from "../shared/events";
 import { ago, percent } from "../shared/format";
 import { iconButton } from "../shared/icons";
 import { notify, problemBlock, warningBlock } from "../shared/notices";
@@ -13,9 +12,7 @@ import { deleteWithUndo } from "./job-list";
 import { createJobPreview } from "./job-preview";
 import { createProgress, isFinal, type Queue, stateWord } from "./progress";
 import { createResult, type Result } from "./result";
-
-const REFRESH_MS = 600;
-const QUEUE_MS = 4000;
+import { watchJob } from "./watch-job";
 
 export function createJobPage(id: string): View {
   const element = h("div", { class: "job", "aria-busy": "true" }, h("div", { class: "loading" }, "Loading the job…"));
@@ -23,33 +20,7 @@ export function createJobPage(id: string): View {
   const progress = createProgress();
   const preview = createJobPreview(id);
   let result: Result | null = null;
-  let job: Job | null = null;
   let drawn = "";
-  let queue: Queue | null = null;
-  let looking = 0;
-
-  /** Read the position now and every few seconds while the job is queued. */
-  function lookAtQueue(): void {
-    if (looking) return;
-    const look = async () => {
-      if (controller.signal.aborted || job?.state !== "queued") {
-        looking = 0;
-        return;
-      }
-      queue = await api.get<Queue>(api.url`/v1/jobs/${id}/queue`, controller.signal).catch(() => queue);
-      if (job?.state === "queued") progress.update(job, queue);
-      looking = window.setTimeout(look, QUEUE_MS);
-    };
-    looking = window.setTimeout(look, 0);
-  }
-
-  async function refresh(): Promise<void> {
-    try {
-      draw(await api.job(id, controller.signal));
-    } catch (error) {
-      if (!controller.signal.aborted && !job) missing(api.asProblem(error));
-    }
-  }
 
   function missing(problem: api.Problem): void {
     controller.abort();
@@ -62,11 +33,9 @@ export function createJobPage(id: string): View {
     fill(element, h("div", { class: "failure" }, problemBlock(shown, links)));
   }
 
-  function draw(now: Job): void {
-    job = now;
+  function draw(now: Job, queue: Queue | null = null): void {
     document.title = `${isFinal(now) ? stateWord(now) : percent(now.progress)} · ${titleOf(now)} · Impasto`;
     progress.update(now, queue);
-    if (now.state === "queued") lookAtQueue();
     preview.update(now);
     const look = `${now.state} ${(now.warnings ?? []).map((warning) => warning.message).join()}`;
     if (drawn !== look) compose(now);
@@ -120,25 +89,13 @@ export function createJobPage(id: string): View {
       for (const button of element.querySelectorAll<HTMLButtonElement>(".actions button")) button.disabled = yes;
     };
     disable(true);
-    await api.act(id, verb).then(draw, notify);
+    await api.act(id, verb).then((now) => draw(now), notify);
     disable(false);
-    if (verb === "retry") followJob();
+    if (verb === "retry") watch();
   }
 
-  /** Read the job anew after each event, but not more often than the eye can follow. */
-  async function followJob(): Promise<void> {
-    const stop = new AbortController();
-    controller.signal.addEventListener("abort", () => stop.abort(), { once: true });
-    const soon = throttle(async () => {
-      await refresh();
-      if (job && isFinal(job)) stop.abort();
-    }, REFRESH_MS);
-    await follow(id, soon, stop.signal);
-  }
-
-  refresh().then(() => {
-    if (job && !isFinal(job)) followJob();
-  });
+  const watch = () => watchJob(id, { onchange: draw, onmissing: missing }, controller.signal);
+  watch();
   return {
     element,
     close() {
@@ -217,24 +174,4 @@ function heading(job: Job): HTMLElement {
     { class: "film-head" },
     h("div", { class: "film-title" }, h("h1", {}, titleOf(job)), h("p", {}, line)),
   );
-}
-
-/** Run `work` at once, then at most once every `ms`; calls in between lead to one more run at the end. */
-function throttle(work: () => Promise<void>, ms: number): () => void {
-  let waiting = false;
-  let again = false;
-  const run = async () => {
-    if (waiting) {
-      again = true;
-      return;
-    }
-    waiting = true;
-    again = false;
-    await work();
-    setTimeout(() => {
-      waiting = false;
-      if (again) run();
-    }, ms);
-  };
-  return run;
 }

@@ -44,7 +44,7 @@ export function createProgress(): Progress {
     update(job, queue = null) {
       bar.value = job.progress;
       number.textContent = percent(job.progress);
-      text.textContent = job.state === "queued" ? queueText(queue) : timeLeft(job);
+      text.textContent = progressText(job, queue);
       element.dataset.state = job.state;
       steps.replaceChildren(...job.steps.map(stepRow));
       narrate(job, announced);
@@ -61,6 +61,10 @@ export function queueText(queue: Queue | null): string {
   const minutes = Math.round(queue.seconds / 60);
   return `Queued, ${jobs}, ${minutes < 1 ? "less than a minute" : `about ${duration(60 * minutes)}`}`;
 }
+
+/** What happens to a job, in words: its position while it is queued, the time left while it is painted. */
+export const progressText = (job: Job, queue: Queue | null): string =>
+  job.state === "queued" ? queueText(queue) : timeLeft(job);
 
 function timeLeft(job: Job): string {
   if (job.state !== "running") return stateWord(job);

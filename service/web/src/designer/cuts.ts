@@ -1,0 +1,87 @@
+/** Where the shots of the video begin: the service looks through a short video by itself, through a long one when asked. */
+
+import { computed, effect, type ReadonlySignal, signal } from "@preact/signals";
+import { isAbort } from "../shared/api";
+import { preview } from "./api";
+import type { Store } from "./store";
+
+/** A video of at most this many frames is looked through once the first picture of the stage is there. */
+const SHORT_FRAMES = 1500;
+const REST_MS = 1500;
+
+export interface Cuts {
+  /** Share of the video that was looked through; null: nobody looks. */
+  readonly done: ReadonlySignal<number | null>;
+  /** Whether it has been looked through with the present settings. */
+  readonly known: ReadonlySignal<boolean>;
+  /** Whether the video is so long that the user decides. */
+  readonly asked: boolean;
+  find(): Promise<void>;
+  close(): void;
+}
+
+export function followCuts(store: Store): Cuts {
+  const done = signal<number | null>(null);
+  const known = signal(false);
+  let running = new AbortController();
+  let timer = 0;
+
+  /** What the cuts depend on. */
+  const asked = computed(() => {
+    const { id, source, params } = store.layer.value;
+    return JSON.stringify([id, source, params?.cut_sensitivity]);
+  });
+
+  const dispose = effect(() => {
+    asked.value;
+    const available = store.previews.value;
+    stop();
+    known.value = false;
+    store.cuts.value = [];
+    if (available && store.frames <= SHORT_FRAMES) timer = window.setTimeout(find, REST_MS);
+  });
+
+  function stop(): void {
+    clearTimeout(timer);
+    running.abort();
+    done.value = null;
+  }
+
+  async function find(): Promise<void> {
+    stop();
+    running = new AbortController();
+    const { signal: wanted } = running;
+    done.value = 0;
+    const place = { document: store.document.peek(), shot: store.shot.peek().id, layer: store.layerId.peek() };
+    try {
+      await preview({
+        project: store.projectId,
+        what: "cuts",
+        channel: "cuts",
+        body: place,
+        signal: wanted,
+        onrecord({ header }) {
+          if (wanted.aborted) return;
+          if (header.type === "progress") done.value = header.done;
+          if (header.type === "progress" || header.type === "cuts") store.cuts.value = header.cuts ?? [];
+          if (header.type === "cuts") known.value = true;
+        },
+      });
+    } catch (error) {
+      if (!isAbort(error)) console.info("Impasto: no cuts.", error);
+    } finally {
+      if (!wanted.aborted) done.value = null;
+    }
+  }
+
+  return {
+    done,
+    known,
+    asked: store.frames > SHORT_FRAMES,
+    find,
+    close() {
+      dispose();
+      stop();
+    },
+  };
+}

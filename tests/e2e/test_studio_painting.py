@@ -1,0 +1,74 @@
+"""Smudging painted keys: what the stage shows is what is stored, exported and rendered; undo; pressure; keyboard."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.pages import HEIGHT, WIDTH, Watched, until
+from tests.e2e.studio import (
+    SOON_MS,
+    asset,
+    decoded,
+    draw,
+    draw_with_pen,
+    frames_of,
+    layer_of,
+    open_project,
+    render,
+    result,
+    saved,
+    start_painting,
+    stored,
+)
+
+pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
+
+BAR, BELOW = 0.25, 0.45
+"""Heights of a painted bar, and of a place below it, in shares of the picture."""
+
+
+def exported(page: Page) -> bytes:
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Export PNG").click()
+    return download.value.path().read_bytes()
+
+
+def test_a_smudge_carries_paint_and_is_undone_exported_and_rendered(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy", params={}, inputs={})
+    start_painting(page)
+    draw(page, (0.6, BAR), (0.95, BAR))
+    saved(page)
+    before = stored(service, project)
+    page.keyboard.press("s")
+    expect(page.get_by_role("button", name="Smudge", exact=True)).to_have_attribute("aria-pressed", "true")
+    page.get_by_label("Brush strength").fill("90")
+    draw_with_pen(page, [(0.8, BAR + 0.02 * step, 0.6) for step in range(12)])
+    saved(page)
+    document = stored(service, project)
+    (key,) = layer_of(document)["keys"]
+    strokes = json.loads(asset(service, document, key["paint"]["layers"][1]["strokes"]))["strokes"]
+    assert [stroke["kind"] for stroke in strokes] == ["brush", "smudge"]
+    assert strokes[1]["opacity"] == 0.9
+    assert {sample[2] for sample in strokes[1]["samples"]} == {0.6}
+    png = asset(service, document, key["image"])
+    image = decoded(png).astype(int)
+    x, y = int(0.8 * WIDTH), int(BELOW * HEIGHT)
+    assert image[y, x, 2] > image[y, x - 12, 2] + 20, "blue paint was carried below the bar"
+    assert exported(page) == png
+
+    page.keyboard.press("Control+z")
+    until(page, lambda: stored(service, project) == before)
+    page.keyboard.press("Control+Shift+z")
+    until(page, lambda: stored(service, project) == document)
+    page.reload()
+    page.get_by_role("button", name="Key at frame 5").click()
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-frame", "4", timeout=SOON_MS)
+    assert exported(page) == png, "the strokes give the same bytes in another visit"
+    film = frames_of(result(service, render(page)))
+    assert np.array_equal(film[4], decoded(png))
+    watched.check()
