@@ -132,6 +132,9 @@ def _render_pipe(options: RenderOptions) -> None:
 
 
 def _render_file(options: RenderOptions) -> None:
+    from pipeline.video.guard.decoder_server import start_decoder_server
+
+    start_decoder_server()  # beside the imports of this process
     from impasto.cli.rendering import run
 
     with TemporaryDirectory(prefix="impasto-") as scratch:

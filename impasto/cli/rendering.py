@@ -20,7 +20,7 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
-from workers.execution.warm_up import warm_up
+from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json, TaskView
 from workers.version import version
@@ -123,7 +123,8 @@ def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
                 place.consent()  # from here on, the outputs that exist are our own
                 summary = _deliver(farm, job, order)
             forget(place.folder)
-    return summary | {"wall_seconds": round(time.monotonic() - began, 4)}
+    wall_s = time.monotonic() - began
+    return summary | {"wall_seconds": round(wall_s, 4), "wall_fps": round(summary["frames"] / wall_s, 3)}
 
 
 def _check_result_fits(order: RenderOrder, video: MediaInfo) -> None:
@@ -148,7 +149,7 @@ def _check_consent(order: RenderOrder, place: Workspace) -> None:
 
 def _warm_up(request: JobRequest) -> None:
     chosen = method(request.method)
-    warm_up(chosen, parse_params(chosen, request.params))
+    begin_warm_up(chosen, parse_params(chosen, request.params))
 
 
 def _gather(paths: Mapping[str, Path], scratch: Path) -> dict[str, InputFile]:

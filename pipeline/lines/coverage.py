@@ -88,12 +88,14 @@ class PastMotion(NamedTuple):
 
     Attributes:
         flow: previous to current frame at full size, px.
-        weights: float32 at full size, weight of the past, 0..1.
+        residual: uint8 at full size, difference of each pixel to its past (`motion.denoise`).
+        weights: float32 (256,), weight of the past by residual, 0..1.
         shrink: ratio of the full size to the size of the line planes.
     """
 
     flow: Flow
-    weights: Plane
+    residual: NDArray[np.uint8]
+    weights: NDArray[np.float32]
     shrink: int
 
 
@@ -123,7 +125,7 @@ def _blend_response(response: Plane, before: Plane, motion: PastMotion, out: Pla
             if dx != 0.0 or dy != 0.0:
                 past = _bilinear(before, np.float32(x) - dx, np.float32(y) - dy)
             apart = (past - response[y, x]) / RESPONSE_TOLERANCE
-            weight = motion.weights[y * shrink, x * shrink] / (one + apart * apart)
+            weight = motion.weights[motion.residual[y * shrink, x * shrink]] / (one + apart * apart)
             out[y, x] = response[y, x] + weight * (past - response[y, x])
 
 
@@ -161,8 +163,10 @@ def _blend_opacity(
     for y in range(height):
         for x in range(width):
             dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
-            i = min(max(x - int(np.rint(dx / np.float32(shrink))), 0), width - 1)
-            j = min(max(y - int(np.rint(dy / np.float32(shrink))), 0), height - 1)
+            i, j = x, y
+            if dx != 0.0 or dy != 0.0:
+                i = min(max(x - int(np.rint(dx / np.float32(shrink))), 0), width - 1)
+                j = min(max(y - int(np.rint(dy / np.float32(shrink))), 0), height - 1)
             now = np.float32(opacity[y, x])
-            weight = motion.weights[y * shrink, x * shrink]
+            weight = motion.weights[motion.residual[y * shrink, x * shrink]]
             out[y, x] = np.uint8(now + weight * (np.float32(before[j, i]) - now))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.jit import kernel
+from pipeline.places import set_places
 from pipeline.segmentation.regions import Lab8, Means, Sums, means_of, move
 
 _BINS = 1400
@@ -20,12 +21,13 @@ _PIXEL, _LABEL, _NEXT = range(3)
 def unlabelled(labels: Labels) -> NDArray[np.int32]:
     """Flat indices of the unlabelled pixels in raster order, int32 (n,)."""
     height, width = labels.shape
-    found = np.empty(labels.size, np.int32)
+    found, flags = np.empty(labels.size, np.int32), np.empty(width, np.uint8)
     count = 0
     for y in range(height):
-        for x in range(width):
-            found[count] = y * width + x  # overwritten by the next pixel if this one is labelled
-            count += labels[y, x] == 0
+        row = labels[y]
+        for x in range(width):  # this vectorises
+            flags[x] = np.uint8(row[x] == 0)
+        count = set_places(flags, found, y * width, count)
     return found[:count]
 
 

@@ -6,7 +6,7 @@ Departure: neither is part of zhang2011online. Without them, sensor noise moves 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TypeAlias
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,8 +18,10 @@ from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
 
-BackwardMaps: TypeAlias = tuple[NDArray[np.int16], NDArray[np.uint16]]
-"""Fixed-point maps for `cv2.remap`: int16 (h, w, 2), whole pixels, and uint16 (h, w), fractions."""
+BLOCK_PX = 32
+"""Side of the blocks without any motion that `warp_back` copies."""
+MOST = 0.7
+"""Share of moving blocks from which the whole frame is warped at once, which then costs less."""
 RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
 FAR = 255
@@ -72,11 +74,67 @@ def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) 
 _NO_SECOND_MAP = np.empty(0, np.float32)
 
 
+class MovingPart(NamedTuple):
+    """A part of the frame in which something moves, and OpenCV's fixed-point maps (1/32 px) of it.
+
+    Attributes:
+        rows, columns: the part.
+        whole: int16 (h, w, 2), position of each pixel in the previous frame, whole pixels.
+        fractions: uint16 (h, w), fractions of the position.
+    """
+
+    rows: slice
+    columns: slice
+    whole: NDArray[np.int16]
+    fractions: NDArray[np.uint16]
+
+
+BackwardMaps = tuple[MovingPart, ...]
+"""The parts of a frame in which something moves; the rest is as in the previous frame."""
+
+
 def backward_maps(flow: Flow) -> BackwardMaps:
-    """Position of each pixel in the previous frame, as OpenCV's fixed-point maps (1/32 px), for `warp_back`."""
-    where = _grid(flow.shape[1], flow.shape[0]) - flow
-    whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
-    return np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)
+    """Position of each pixel in the previous frame, for `warp_back`, without blocks in which nothing moves."""
+    height, width = flow.shape[:2]
+    grid = _grid(width, height)
+    parts = []
+    for rows, columns in _moving_spans(flow):
+        where = grid[rows, columns] - flow[rows, columns]
+        whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
+        parts.append(MovingPart(rows, columns, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)))
+    return tuple(parts)
+
+
+def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
+    """Rows and columns of blocks next to each other in which something moves; the whole frame if most of it moves."""
+    height, width = flow.shape[:2]
+    blocks = _moving_blocks(flow)
+    if blocks.mean() > MOST:
+        return [(slice(0, height), slice(0, width))]
+    found = []
+    for row, moving in enumerate(blocks):
+        rows = slice(row * BLOCK_PX, min((row + 1) * BLOCK_PX, height))
+        changes = np.flatnonzero(np.diff(moving, prepend=0, append=0))
+        for first, last in zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True):
+            found.append((rows, slice(first * BLOCK_PX, min(last * BLOCK_PX, width))))
+    return found
+
+
+@kernel
+def _moving_blocks(flow: Flow) -> NDArray[np.int8]:
+    """1 for each block of `BLOCK_PX` that has a pixel whose flow is not 0, else 0: int8 (rows, columns)."""
+    height, width = flow.shape[0], flow.shape[1]
+    blocks = np.zeros((-(-height // BLOCK_PX), -(-width // BLOCK_PX)), np.int8)
+    for y in range(height):
+        for column in range(blocks.shape[1]):
+            if blocks[y // BLOCK_PX, column]:
+                continue
+            part = flow[y, column * BLOCK_PX : (column + 1) * BLOCK_PX]
+            moves = False
+            for x in range(part.shape[0]):
+                moves |= (part[x, 0] != 0.0) | (part[x, 1] != 0.0)
+            blocks[y // BLOCK_PX, column] = moves
+    return blocks
 
 
 @lru_cache(maxsize=4)
@@ -86,7 +144,11 @@ def _grid(width: int, height: int) -> NDArray[np.float32]:
 
 def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
     """Warp an image of the previous frame, uint8 (h, w[, c]), to this frame; bilinear, border pixels are replicated."""
-    return np.asarray(cv2.remap(image, *back, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+    out = image.copy()
+    for rows, columns, whole, fractions in back:
+        part = out[rows, columns]
+        cv2.remap(image, whole, fractions, cv2.INTER_LINEAR, dst=part, borderMode=cv2.BORDER_REPLICATE)
+    return out
 
 
 def denoise(

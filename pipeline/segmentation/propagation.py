@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
+from pipeline.places import set_places
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 from pipeline.segmentation.regions import Lab8, Means, colour_difference
 
@@ -16,6 +17,8 @@ CLOSED = np.int32(-1)
 """Mark of target pixels that stay unlabelled."""
 BATCH = 512
 """Pixels that are processed together, so that the inner loops vectorise."""
+SPAN = 64
+"""Pixels of a row whose labels are kept at once if none of them moves."""
 CHANGED_SLACK = np.float32(0.5)
 """Factor on the growing limit for a pixel that has changed."""
 REMAINDER_UNIT = 64
@@ -103,22 +106,45 @@ def _propagate(
     there = out.reshape(out.size)
     pairs = moved.reshape(moved.size).view(np.int16)
     steps = np.empty(2 * labels.shape[1], np.int32)
+    row = labels.shape[1]
     for y in range(labels.shape[0]):
         moves = flow[y].reshape(steps.size)
-        _whole_steps(moves, remainder[y].reshape(steps.size), decay, steps)
-        for x in range(labels.shape[1]):
-            across, down = steps[2 * x], steps[2 * x + 1]
-            if moves[2 * x] == 0.0 and moves[2 * x + 1] == 0.0:
-                across, down = np.int32(0), np.int32(0)
-            tx, ty = np.uint64(np.int64(x) + (across >> 8)), np.uint64(np.int64(y) + (down >> 8))
-            if tx >= width or ty >= height:  # negative values wrap around to large ones
+        for start in range(0, row, SPAN):
+            stop = min(start + SPAN, row)
+            if _is_still(moves[2 * start : 2 * stop]):
+                _keep_labels(labels[y, start:stop], there[y * row + start : y * row + stop])
                 continue
-            target = ty * width + tx
-            if there[target] == 0:
-                there[target] = labels[y, x]
-                pairs[target] = np.int16((across & 255) | ((down & 255) << 8))
-            elif there[target] != labels[y, x]:
-                there[target] = CLOSED  # two different labels: the target stays unlabelled
+            part = slice(2 * start, 2 * stop)
+            _whole_steps(moves[part], remainder[y].reshape(steps.size)[part], decay, steps[part])
+            for x in range(start, stop):
+                across, down = steps[2 * x], steps[2 * x + 1]
+                if moves[2 * x] == 0.0 and moves[2 * x + 1] == 0.0:
+                    across, down = np.int32(0), np.int32(0)
+                tx, ty = np.uint64(np.int64(x) + (across >> 8)), np.uint64(np.int64(y) + (down >> 8))
+                if tx >= width or ty >= height:  # negative values wrap around to large ones
+                    continue
+                target = ty * width + tx
+                if there[target] == 0:
+                    there[target] = labels[y, x]
+                    pairs[target] = np.int16((across & 255) | ((down & 255) << 8))
+                elif there[target] != labels[y, x]:
+                    there[target] = CLOSED  # two different labels: the target stays unlabelled
+
+
+@kernel
+def _is_still(moves: NDArray[np.float32]) -> bool:
+    moving = False
+    for k in range(moves.size):  # this vectorises
+        moving |= moves[k] != 0.0
+    return not moving
+
+
+@kernel
+def _keep_labels(labels: NDArray[np.int32], out: NDArray[np.int32]) -> None:
+    """Write labels that do not move, as the loop of `_propagate` does; their remainders are 0. This vectorises."""
+    for k in range(labels.size):
+        own, there = labels[k], out[k]
+        out[k] = own if there == 0 or there == own else CLOSED
 
 
 @kernel
@@ -149,7 +175,7 @@ def smooth_labels(labels: Labels) -> Labels:
 @kernel
 def _morphological(labels: Labels, out: Labels) -> None:
     height, width = labels.shape
-    alike = np.empty(width, np.int32)
+    apart = np.zeros(width, np.uint8)
     places = np.empty(BATCH + width, np.int32)
     few = 0
     for y in range(1, height - 1):
@@ -158,10 +184,9 @@ def _morphological(labels: Labels, out: Labels) -> None:
             own = row[x + 1]
             above = np.int32(over[x] == own) + np.int32(over[x + 1] == own) + np.int32(over[x + 2] == own)
             below = np.int32(under[x] == own) + np.int32(under[x + 1] == own) + np.int32(under[x + 2] == own)
-            alike[x] = above + below + np.int32(row[x] == own) + np.int32(row[x + 2] == own)
-        for x in range(width - 2):
-            places[few] = y * width + x + 1
-            few += alike[x] <= 3  # otherwise no other label can have 5 of 8
+            alike = above + below + np.int32(row[x] == own) + np.int32(row[x + 2] == own)
+            apart[x] = np.uint8(alike <= 3)  # otherwise no other label can have 5 of 8
+        few = set_places(apart, places, y * width + 1, few)
         if few >= BATCH or y == height - 2:
             _filter_places(labels, places[:few], out)
             few = 0

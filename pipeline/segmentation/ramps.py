@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.jit import kernel
+from pipeline.places import set_places
 from pipeline.segmentation.regions import Means
 
 _LONGEST_CHAIN = 2
@@ -49,11 +50,14 @@ def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
     """Pixels that were not divided, between two divided ones of one label, take that label: a row or column whose
     colour is not quite a mixture would otherwise stand out of the border."""
     height, width = out.shape
+    between, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
     for y in range(1, height - 1):
         row, above, below = out[y], out[y - 1], out[y + 1]
-        for x in range(1, width - 1):
-            if lengths[y, x] < 255:
-                continue
+        here, over, under = lengths[y], lengths[y - 1], lengths[y + 1]
+        for x in range(1, width - 1):  # this vectorises
+            inside = (max(here[x - 1], here[x + 1]) < 255) | (max(over[x], under[x]) < 255)
+            between[x] = np.uint8((here[x] == 255) & inside)
+        for x in places[: set_places(between, places)]:
             across = max(lengths[y, x - 1], lengths[y, x + 1]) < 255 and row[x - 1] == row[x + 1]
             along = max(lengths[y - 1, x], lengths[y + 1, x]) < 255 and above[x] == below[x]
             if across:
@@ -68,12 +72,10 @@ def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths
     height, width = labels.shape
     changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
     for y in range(height):
-        row, count = labels[y], 0
+        row = labels[y]
         for x in range(1, width):  # this vectorises
             changes[x] = row[x] != row[x - 1]
-        for x in range(1, width):
-            places[count] = x
-            count += changes[x]
+        count = set_places(changes, places)
         start = 0  # of the run before the next change
         chain = -1  # first pixel of the thin regions since the last wide one; -1 = the row's first region
         for k in range(count):
@@ -93,13 +95,10 @@ def _divide_columns(labels: Labels, means: Means, widest: int, out: Labels, leng
     changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
     starts, chains = np.zeros(width, np.int32), np.full(width, -1, np.int32)
     for y in range(1, height):
-        row, above, count = labels[y], labels[y - 1], 0
+        row, above = labels[y], labels[y - 1]
         for x in range(width):  # this vectorises
             changes[x] = row[x] != above[x]
-        for x in range(width):
-            places[count] = x
-            count += changes[x]
-        for x in places[:count]:
+        for x in places[: set_places(changes, places)]:
             if chains[x] < 0 or y - starts[x] > widest:
                 if 0 < chains[x] < starts[x]:
                     _divide_chain(labels[:, x], chains[x], starts[x], means, widest, out[:, x], lengths[:, x])

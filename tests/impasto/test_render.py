@@ -83,6 +83,7 @@ def test_json_reports_outputs_and_times(cartoon: tuple[Path, dict[str, Any]]) ->
     assert output["seconds"] == pytest.approx(sum(output["steps"].values()), abs=0.01)
     assert output["fps"] == pytest.approx(output["frames"] / output["seconds"], rel=0.01)
     assert 0 < output["seconds"] < output["wall_seconds"]
+    assert output["wall_fps"] == pytest.approx(output["frames"] / output["wall_seconds"], rel=0.01)
     assert {"decode", "encode"} <= set(output["stages"])
     assert "assemble" not in output["steps"]
 

@@ -93,3 +93,12 @@ def test_method_time_excludes_decoding_and_waiting(monkeypatch: pytest.MonkeyPat
     with stages.method(), stages.waiting("decode"):
         pass
     assert stages.seconds() == {"decode": 2.0, "method": 8.0}
+
+
+def test_method_time_excludes_waiting_for_a_stage_of_another_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = iter([0.0, 1.0, 3.0, 10.0])
+    monkeypatch.setattr("workers.execution.stage_timer.time.perf_counter", lambda: next(now))
+    stages = StageTimer()
+    with stages.method(), stages.blocked():
+        pass
+    assert stages.seconds() == {"method": 8.0}

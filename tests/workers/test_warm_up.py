@@ -63,8 +63,9 @@ def test_a_process_that_does_not_warm_up_starts_without_work(pupil: Pupil, tmp_p
 
 
 def test_a_method_warmed_by_a_render_is_not_warmed_again(pupil: Pupil) -> None:
-    warm_up.warm_up(pupil, Params())  # type: ignore[arg-type]
+    warm_up.begin_warm_up(pupil, Params())  # type: ignore[arg-type]
     warm_up.warm_up_process()
+    warm_up.finish_warm_up()
     assert pupil.frames == 2 * warm_up.FRAMES
 
 

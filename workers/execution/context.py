@@ -222,7 +222,7 @@ class AttemptContext:
 
     def emit(self, index: int, frame: Frame) -> None:
         self._check_cancelled()
-        with self.stages.waiting("encode"):
+        with self.stages.blocked():
             self._emission = self._emission or self._start_emission()
             self._emission.take(index, frame)
         self.show(frame)
@@ -239,7 +239,7 @@ class AttemptContext:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
         index, output = self._video_index(), self._order.output
         spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)  # type: ignore[arg-type]
-        return Emission(self._scratch / "segment", spec, index, self._order.emits)
+        return Emission(self._scratch / "segment", spec, index, self._order.emits, self.clock)
 
     def _video_index(self) -> Index:
         """When frames are shown; known already if the step has read the video."""
@@ -252,7 +252,7 @@ class AttemptContext:
         """Commit the segment and the preview; the segment's blob key, or None. Raises EmitError."""
         if self._order.emits is None:
             return None
-        with self.stages.waiting("encode"):
+        with self.stages.blocked():
             self._emission = self._emission or self._start_emission()
             segment = self._emission.finish(self._ended_at)
             preview = self._emission.preview()

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from pipeline.errors import ImpastoError
-from pipeline.frames import Frame, check_frame
+from pipeline.frames import Frame, check_frame, same_size
+from pipeline.methods.tasks import Clock, no_clock
 from pipeline.video.contact import fit
 from pipeline.video.index import Index
 from pipeline.video.stills import encode_jpeg
 from pipeline.video.writer import SegmentSpec, SegmentWriter, segment_writer
 
 _PREVIEW_PX = 960
+_MOST_WAITING = 3
+"""Frames that wait for the encoder, at most; then `take` waits. They bound the memory."""
+_THREAD_PX = 640 * 480
+"""Frames of at least this size are encoded on a thread of their own. At 352x288 it would gain nothing."""
 
 
 class EmitError(ImpastoError):
@@ -21,29 +28,59 @@ class EmitError(ImpastoError):
 
 
 class Emission:
-    """Takes the frames [start, stop) of one task, each once and in order, and writes the segment at `path`."""
+    """Takes the frames [start, stop) of one task, each once and in order, and writes the segment at `path`.
 
-    def __init__(self, path: Path, spec: SegmentSpec, index: Index, span: tuple[int, int]) -> None:
+    Large frames are encoded on a thread of their own, while the method works on the next ones.
+
+    Args:
+        clock: times the encoding, as the stage "encode".
+    """
+
+    def __init__(
+        self, path: Path, spec: SegmentSpec, index: Index, span: tuple[int, int], clock: Clock = no_clock
+    ) -> None:
         self._path = path
         self._spec = spec
         self._index = index
         self._start, self._stop = span
+        self._clock = clock
         self._shown: Frame | None = None
         self._writer: SegmentWriter | None = None
+        large = spec.size[0] * spec.size[1] >= _THREAD_PX
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="encoder") if large else None
+        self._waiting: deque[Future[None]] = deque()
         self.next = self._start
         """Index of the frame that must come next; in the end, one past the last that came."""
 
     def take(self, index: int, frame: Frame) -> None:
-        """Encode frame `index`. Raises EmitError (out of order or range), BadFrame (not a frame of this video)."""
+        """Encode frame `index`; of the frame, a copy is kept.
+
+        Raises: EmitError (out of order or range), BadFrame (not a frame of this video); those of the encoder may come
+            with a later frame or in `finish`.
+        """
         if index != self.next or index >= self._stop:
             raise EmitError(
                 f"Frame {self.next} of [{self._start}, {self._stop}) is to be emitted next.", field="emit", value=index
             )
-        self._writer = self._writer or segment_writer(self._path, self._spec)
-        self._writer.write(index, check_frame(frame), self._index.time(index), self._index.time(index + 1))
+        kept = same_size(check_frame(frame), self._spec.size).copy()
+        if self._thread is None:
+            self._encode(index, kept)
+        else:
+            self._wait_until(_MOST_WAITING - 1)
+            self._waiting.append(self._thread.submit(self._encode, index, kept))
         if index in (self._start, self._stop - 1):
-            self._shown = frame.copy()
+            self._shown = kept
         self.next = index + 1
+
+    def _encode(self, index: int, frame: Frame) -> None:
+        with self._clock("encode"):
+            self._writer = self._writer or segment_writer(self._path, self._spec)
+            self._writer.write(index, frame, self._index.time(index), self._index.time(index + 1))
+
+    def _wait_until(self, most: int) -> None:
+        """Wait until at most so many frames wait for the encoder. Raises its errors."""
+        while len(self._waiting) > most:
+            self._waiting.popleft().result()
 
     def finish(self, ended_at: int | None) -> Path | None:
         """The finished segment, or None if there was no frame.
@@ -57,13 +94,17 @@ class Emission:
             raise EmitError(
                 f"The task announced frames [{self._start}, {self._stop}).", field="emit", value=f"ended at {self.next}"
             )
+        self._wait_until(0)
         if self._writer is None:
             return None
-        self._writer.finish()
-        self._writer.close()
+        with self._clock("encode"):
+            self._writer.finish()
+            self._writer.close()
         return self._path
 
     def close(self) -> None:
+        if self._thread:
+            self._thread.shutdown(cancel_futures=True)
         if self._writer:
             self._writer.close()
 

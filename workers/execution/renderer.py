@@ -27,7 +27,7 @@ from workers.execution.decoders import Decoders
 from workers.execution.result_quality import report_pairs
 from workers.execution.reuse import reused
 from workers.execution.usage import METER
-from workers.execution.warm_up import warm_up_process
+from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
 from workers.jobs.state_machine import ASSEMBLE
 from workers.logs import AttemptLog, captured, set_up_logs
@@ -143,6 +143,8 @@ class Renderer:
     def _step(self, order: TaskOrder, context: AttemptContext) -> TaskOutcome:
         step = _step_of(self._find(order.method), context.params, order.step)
         task = Task(order.key, order.args, order.after, order.emits)
+        if task.emits:
+            finish_warm_up()
         with context.stages.method():
             result = dict(step.run(task, context))
         segment = context.finish()

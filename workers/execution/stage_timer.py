@@ -45,6 +45,16 @@ class StageTimer:
                 self._waited += seconds
 
     @contextmanager
+    def blocked(self) -> Iterator[None]:
+        """Time for which the method's own thread waits for a stage that runs, and is timed, on another thread."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            if threading.get_ident() == self._owner:
+                self._waited += time.perf_counter() - begin
+
+    @contextmanager
     def method(self) -> Iterator[None]:
         """Time the step function itself."""
         begin, waited = time.perf_counter(), self._waited

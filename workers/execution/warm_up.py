@@ -27,6 +27,8 @@ FRAMES = 4
 
 _practised = threading.Event()
 _one_at_a_time = threading.Lock()
+_begun: list[threading.Thread] = []
+"""Threads of `begin_warm_up`."""
 
 
 def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
@@ -39,7 +41,6 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
     Args:
         stopped: called between frames; True ends the warm-up.
     """
-    _practised.set()
     with contextlib.suppress(ImpastoError):
         if (session := chosen.stream(params, SIZE, 0, {})) is not None:
             for frame in _practice():
@@ -53,17 +54,36 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
                 session.step(np.ascontiguousarray(frame[::2, ::2]))
 
 
+def begin_warm_up(chosen: Method, params: Params) -> None:
+    """`warm_up` on a thread, beside the start of a job; `finish_warm_up` waits for it."""
+    thread = threading.Thread(target=_practise, args=(chosen, params), name="impasto-warm-up", daemon=True)
+    _practised.set()
+    _begun.append(thread)
+    thread.start()
+
+
+def finish_warm_up() -> None:
+    """Wait for what `begin_warm_up` began, so that a step that paints is timed alone."""
+    for thread in _begun:
+        thread.join()
+
+
+def _practise(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
+    """`warm_up` that never raises: an error of a method shows when it is used."""
+    try:
+        warm_up(chosen, params, stopped)
+    except Exception:
+        log.warning("The method %s could not practise.", chosen.name, exc_info=True)
+
+
 def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
-    """Warm up every method with its defaults, once per process. Never raises: an error of a method shows when it is
-    used."""
+    """Warm up every method with its defaults, once per process. Never raises."""
     with _one_at_a_time:
         if _practised.is_set():
             return
+        _practised.set()
         for chosen in methods().values():
-            try:
-                warm_up(chosen, chosen.Params(), stopped)
-            except Exception:
-                log.warning("The method %s could not practise.", chosen.name, exc_info=True)
+            _practise(chosen, chosen.Params(), stopped)
 
 
 def _practice() -> Iterator[Frame]:

@@ -11,8 +11,8 @@ for byte, for any number of workers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import islice, pairwise
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,8 +27,6 @@ from pipeline.methods.scan import scan_video
 
 RUN_FRAMES = 96
 """Frames per task: about 3 s of work at 720p, which is repeated after a failure."""
-BATCH_BYTES = 48 << 20
-"""Frames are decoded, painted and encoded in batches of this size, so that each is timed alone."""
 
 
 def plan_scan(context: PlanContext[AbstractionParams]) -> list[Task]:
@@ -99,16 +97,12 @@ def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskRes
     masks = _masks(context, start)
     index = start
     with PipelinedRunner(session) as runner:
-        for batch in _batches(context.frames("video", start, stop), context.size):
-            frames = []
-            for painting in runner.run(batch, masks, index):
-                frames.append(painting.frame)
-                if svg is not None:
-                    svg.add(index + len(frames) - 1, painting)
-                context.progress((index + len(frames) - start) / (stop - start))
-            for frame in frames:
-                context.emit(index, frame)
-                index += 1
+        for painting in runner.run(context.frames("video", start, stop), masks, start):
+            if svg is not None:
+                svg.add(index, painting)
+            context.emit(index, painting.frame)
+            index += 1
+            context.progress((index - start) / (stop - start))
     if not task.args["last"] and context.params.temporal == "on":
         context.save(task.key, session.state())
     if svg is not None:
@@ -142,11 +136,3 @@ def _plane(image: AnyArray) -> Plane:
     """Importance 0..1 of a gray or RGB image of 8 or 16 bit."""
     gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
     return np.asarray(gray / np.iinfo(image.dtype).max, np.float32)
-
-
-def _batches(frames: Iterable[Frame], size: tuple[int, int]) -> Iterator[list[Frame]]:
-    """Group frames in lists of about BATCH_BYTES."""
-    count = max(2, min(64, BATCH_BYTES // (size[0] * size[1] * 3)))
-    source = iter(frames)
-    while batch := list(islice(source, count)):
-        yield batch

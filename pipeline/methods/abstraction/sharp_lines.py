@@ -69,7 +69,7 @@ class SharpLineExtractor(LineExtractor):
         if past is None or not self.params.paint_memory:
             return None
         weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
-        return PastMotion(past.flow, weights[past.residual], self.shrink)
+        return PastMotion(past.flow, past.residual, weights, self.shrink)
 
     def _opacity(self, ink: Ink, motion: PastMotion | None) -> Ink:
         """Opacity of the strokes, which appear and vanish gradually."""

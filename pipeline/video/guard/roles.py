@@ -10,9 +10,10 @@ import os
 import resource
 import signal
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ import psutil
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
+from pipeline.frames import Frame
 from pipeline.video import memory_file
 from pipeline.video.exr import read_exr
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
@@ -63,7 +65,10 @@ def _limits(task: Message) -> Limits:
 
 
 def _video(connection: ChildConnection) -> None:
-    """A `VideoReader`: {"start", "stop"} begins a read, {} gives its next frame."""
+    """A `VideoReader`: {"start", "stop"} begins a read, {} gives its next frame.
+
+    While the parent works on a frame, the next one of the same read is decoded.
+    """
     task = connection.next()
     with VideoReader(Path(task["path"]), _limits(task)) as reader:
         index = reader.index
@@ -74,15 +79,31 @@ def _video(connection: ChildConnection) -> None:
         data = index.pts.astype("<i8").tobytes() + index.keys.astype("<i8").tobytes()
         connection.answer(facts | times | {"frames": len(index.pts), "position": reader.position}, data)
         reported, noted, frames = 0, 0, reader.read(0, 0)
+        ahead: _Read | None = None
         while True:
             request = connection.next()
             if "start" in request:
-                frames = reader.read(request["start"], request["stop"])
-            frame = next(frames, None)
-            state: Message = {"position": reader.position, "errors": reader.errors[reported:]}
-            state["unreadable"] = reader.unreadable[noted:]
-            reported, noted = len(reader.errors), len(reader.unreadable)
-            connection.answer(state | ({"end": True} if frame is None else connection.share(frame)))
+                frames, ahead = reader.read(request["start"], request["stop"]), None
+            now = ahead or _read_next(reader, frames)
+            state: Message = {"position": now.position, "errors": reader.errors[reported : now.errors]}
+            state["unreadable"] = reader.unreadable[noted : now.unreadable]
+            reported, noted = now.errors, now.unreadable
+            connection.answer(state | ({"end": True} if now.frame is None else connection.share(now.frame)))
+            ahead = None if now.frame is None else _read_next(reader, frames)
+
+
+class _Read(NamedTuple):
+    """A frame, or None after the last one; and the reader's state when the frame had been read."""
+
+    frame: Frame | None
+    position: int | None
+    errors: int
+    unreadable: int
+
+
+def _read_next(reader: VideoReader, frames: Iterator[Frame]) -> _Read:
+    frame = next(frames, None)
+    return _Read(frame, reader.position, len(reader.errors), len(reader.unreadable))
 
 
 def _probe(connection: ChildConnection) -> None:

@@ -109,7 +109,7 @@ def test_the_past_response_is_moved_along_the_flow() -> None:
 
 def motion(flow_px: tuple[float, float], shape: tuple[int, int], weight: float, shrink: int = 1) -> PastMotion:
     flow = np.tile(np.array(flow_px, np.float32), (*shape, 1))
-    return PastMotion(flow, np.full(shape, weight, np.float32), shrink)
+    return PastMotion(flow, np.zeros(shape, np.uint8), np.full(256, weight, np.float32), shrink)
 
 
 @pytest.mark.parametrize(("residual", "least", "most"), [(0, 40, 120), (254, 200, 255)])

@@ -68,7 +68,6 @@ VARIANTS: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("values", VARIANTS.values(), ids=VARIANTS.keys())
 def test_runs_of_any_length_equal_one_session(values: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
-    monkeypatch.setattr(plan, "BATCH_BYTES", 3 * SIZE[0] * SIZE[1] * 3)
     session = AbstractionSession(AbstractionParams(**values), SIZE)
     wanted = np.stack([session.step(frame) for frame in shots()])
     context = LocalContext(AbstractionParams(**values), shots())

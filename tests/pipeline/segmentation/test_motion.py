@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -80,6 +81,19 @@ def test_warp_back_samples_bilinearly_at_the_source() -> None:
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(3, 0)))[:, 3:], ramp[:, :-3])
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(0.5, 0)))[:, 1:], ramp[:, 1:] - 5)
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(-2, 0)))[:, :-2], ramp[:, 2:])
+
+
+def test_warp_back_equals_a_remap_of_the_whole_frame_where_parts_of_it_move() -> None:
+    rng = np.random.default_rng(5)
+    image = rng.integers(0, 256, (75, 110, 3), dtype=np.uint8)
+    flow = np.zeros((75, 110, 2), np.float32)
+    flow[:10, 40:70] = rng.normal(0, 3, (10, 30, 2))  # blocks next to each other
+    flow[74, 109] = (0.4, -0.3)  # the corner of a block that is cut off
+    y, x = np.mgrid[:75, :110].astype(np.float32)
+    whole = cv2.remap(image, x - flow[..., 0], y - flow[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    maps = backward_maps(flow)
+    assert sum(part.fractions.size for part in maps) < image[..., 0].size / 2
+    np.testing.assert_array_equal(warp_back(image, maps), whole)
 
 
 # -- settling
