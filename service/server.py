@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import gc
 import signal
 import socket
 import threading
@@ -24,6 +23,7 @@ from workers.descriptors import raise_descriptor_limit
 from workers.farm import Farm, open_farm
 from workers.free_memory import return_free_memory_regularly
 from workers.logs import set_up_logs
+from workers.starting import without_garbage_collection
 
 ACCEPTED_AT_ONCE = 64
 """Connections that asyncio accepts in one turn of its loop, before the guard can close any."""
@@ -46,14 +46,15 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
     """
     set_up_logs(settings).addFilter(RepeatFilter())
     return_free_memory_regularly()
-    farm = open_farm(settings)
+    with without_garbage_collection():
+        farm = open_farm(settings)
     try:
         _check_way_in(settings, farm)
         listener = _bind(settings.host, settings.port)
         farm.start()
-        server = make_server(create_app(settings, farm), settings, on_ready)
-        gc.collect()
-        gc.freeze()  # objects of start-up live on: without them, collections are short
+        with without_garbage_collection():
+            app = create_app(settings, farm)
+        server = make_server(app, settings, on_ready)
         with listener, _gentle_signals():
             server.run(sockets=[listener])
     finally:

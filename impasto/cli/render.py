@@ -30,6 +30,7 @@ from impasto.cli.options import (
     takes_options,
 )
 from pipeline.errors import BadInput
+from workers.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
@@ -115,7 +116,8 @@ def render(options: RenderOptions) -> None:
 
 
 def _render_pipe(options: RenderOptions) -> None:
-    from impasto.cli.piping import PipeOrder
+    with without_garbage_collection():
+        from impasto.cli.piping import PipeOrder
 
     without_pipes = {
         "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers != 1,
@@ -135,7 +137,8 @@ def _render_file(options: RenderOptions) -> None:
     from pipeline.video.guard.decoder_server import start_decoder_server
 
     start_decoder_server()  # beside the imports of this process
-    from impasto.cli.rendering import run
+    with without_garbage_collection():
+        from impasto.cli.rendering import run
 
     with TemporaryDirectory(prefix="impasto-") as scratch:
         order = _order(options, Path(scratch))

@@ -10,6 +10,7 @@ import typer
 
 from impasto.cli.console import print_status
 from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
+from workers.starting import without_garbage_collection
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -68,9 +69,10 @@ def serve(options: ServeOptions) -> None:
     Its address is the one line on stdout, printed once it answers. Ctrl-C stops it; unfinished jobs go on at the next
     start.
     """
-    from impasto.settings import load
-    from service.server import serve as run
-    from service.settings import Settings
+    with without_garbage_collection():
+        from impasto.settings import load
+        from service.server import serve as run
+        from service.settings import Settings
 
     settings = load(
         Settings,

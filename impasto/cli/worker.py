@@ -15,6 +15,7 @@ import typer
 
 from impasto.cli.console import print_status
 from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
+from workers.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from service.settings import Settings
@@ -98,8 +99,9 @@ def worker(options: WorkerOptions) -> None:
 
 def _join_farm(settings: Settings, grace_s: float, metrics_port: int | None) -> None:
     """Run tasks from the stores until a signal arrives."""
-    from service.ops.expose import expose
-    from workers.farm import open_farm
+    with without_garbage_collection():
+        from service.ops.expose import expose
+        from workers.farm import open_farm
 
     signals = _Signals()
     farm = open_farm(settings)
