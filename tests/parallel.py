@@ -11,23 +11,34 @@ import pytest
 from xdist.scheduler import LoadFileScheduling
 
 IN_CHROMIUM = (
-    "tests/e2e/test_studio_page.py",
-    "tests/e2e/test_studio_clusters.py",
-    "tests/e2e/test_studio_films.py",
-    "tests/e2e/test_page.py",
-    "tests/e2e/test_studio_access.py",
-    "tests/e2e/test_studio_saving.py",
-    "tests/e2e/test_studio_layers.py",
-    "tests/e2e/test_studio_corrections.py",
-    "tests/e2e/test_studio_variants.py",
-    "tests/e2e/test_works_page.py",
-    "tests/e2e/test_studio_lesson.py",
-    "tests/e2e/test_studio_waiting.py",
-    "tests/e2e/test_studio_psd.py",
+    (
+        "tests/e2e/test_studio_page.py",
+        "tests/e2e/test_studio_clusters.py",
+        "tests/e2e/test_studio_films.py",
+        "tests/e2e/test_studio_access.py",
+        "tests/e2e/test_studio_saving.py",
+        "tests/e2e/test_studio_layers.py",
+        "tests/e2e/test_studio_corrections.py",
+        "tests/e2e/test_studio_variants.py",
+        "tests/e2e/test_studio_lesson.py",
+        "tests/e2e/test_studio_waiting.py",
+        "tests/e2e/test_studio_psd.py",
+    ),
+    (
+        "tests/e2e/test_page.py",
+        "tests/e2e/test_ops_page.py",
+        "tests/e2e/test_studio_losses.py",
+        "tests/e2e/test_studio_design.py",
+        "tests/e2e/test_studio_neighbours.py",
+        "tests/e2e/test_studio_sharing.py",
+        "tests/e2e/test_works_page.py",
+    ),
 )
-"""Files that share the service and the browser of tests/e2e/conftest.py."""
+"""Two groups of files of about equal duration; the files of a group share the service and the browser of
+tests/e2e/conftest.py."""
 LONGEST = (
-    *IN_CHROMIUM,
+    *IN_CHROMIUM[0],
+    *IN_CHROMIUM[1],
     "tests/workers/test_ray_nodes.py",
     "tests/deploy/test_entrypoint.py",
     "tests/workers/test_real_stores.py",
@@ -41,7 +52,6 @@ LONGEST = (
     "tests/impasto/test_service.py",
     "tests/regression/test_recorded_values.py",
     "tests/contracts/test_dispatch.py",
-    "tests/e2e/test_ops_page.py",
     "tests/impasto/test_live_stream.py",
     "tests/service/test_live_endings.py",
     "tests/service/test_live.py",
@@ -59,8 +69,8 @@ def arrange(items: list[pytest.Item]) -> None:
 
 
 class Scheduling(LoadFileScheduling):
-    """A file is one unit of work, and so are all files in Chromium."""
+    """A file is one unit of work, and so is each group of files in Chromium."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = super()._split_scope(nodeid)
-        return "in Chromium" if file in IN_CHROMIUM else file
+        return next((group[0] for group in IN_CHROMIUM if file in group), file)

@@ -12,13 +12,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import httpx
 import psutil
 import pytest
 
 from impasto import Client
 from tests.real.processes import free_port
-from tests.waiting import until
+from tests.waiting import answers, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.real("ray"), pytest.mark.timeout(900)]
 ROOT = Path(__file__).resolve().parents[2]
@@ -63,10 +62,7 @@ class Containers:
         return self.start("entrypoint.sh", "service")
 
     def ready(self) -> bool:
-        try:
-            return httpx.get(f"{self.url}/readyz", timeout=5).is_success
-        except httpx.TransportError:
-            return False
+        return answers(f"{self.url}/readyz")
 
     def close(self) -> None:
         for process in self._started:

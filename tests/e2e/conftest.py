@@ -6,12 +6,12 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import Browser, Playwright, expect, sync_playwright
 
 from service import bundle
 from tests.e2e.pages import CHROMIUM_ARGS, SHELL, SLOW_MS, Watched, make_clip, open_page, serve
+from tests.waiting import HTTP
 
 expect.set_options(timeout=SLOW_MS)  # instead of 5 s: a wait ends with its event, however busy the machine is
 
@@ -46,7 +46,7 @@ def browser(playwright: Playwright) -> Iterator[Browser]:
 @pytest.fixture(scope="package")
 def video(service: str, clip: Path) -> str:
     """The uploaded clip: twelve frames, 96 x 64 px, a disc that moves to the right."""
-    answer = httpx.post(f"{service}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
+    answer = HTTP.post(f"{service}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
     return str(answer.json()["id"])
 
 

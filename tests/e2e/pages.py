@@ -19,6 +19,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from service import bundle
+from tests.waiting import answers
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES, WIDTH, HEIGHT, FPS = 12, 96, 64, 12
@@ -106,11 +107,8 @@ def serve(home: Path, **settings: str) -> Iterator[str]:
 def wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None:
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and server.poll() is None:
-        try:
-            if httpx.get(f"{address}/readyz").status_code == 200:
-                return
-        except httpx.TransportError:
-            pass
+        if answers(f"{address}/readyz"):
+            return
         time.sleep(0.1)
     pytest.fail(f"the service did not start:\n{log.read_text()[-3000:]}")
 

@@ -10,10 +10,10 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-import httpx
 import psutil
 
 from impasto import Client
+from tests.waiting import answers
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -96,16 +96,10 @@ class Service:
     def wait_ready(self, timeout_s: float = 90) -> None:
         """Until it answers."""
         deadline = time.monotonic() + timeout_s
-        while not self._answers():
+        while not answers(f"{self.url}/healthz"):
             assert self.process is not None and self.process.poll() is None, self.log.read_text()
             assert time.monotonic() < deadline, f"no answer from {self.url}: {self.log.read_text()}"
             time.sleep(0.05)
-
-    def _answers(self) -> bool:
-        try:
-            return httpx.get(f"{self.url}/healthz", timeout=5).is_success
-        except httpx.TransportError:
-            return False
 
     def stop(self) -> None:
         """Ask it to end, as an operator does."""

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import httpx
 import numpy as np
 from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 
 from tests.e2e.pages import HEIGHT, ROOT, WIDTH, until
+from tests.waiting import HTTP
 
 SOON_MS = 30_000
 FILM_MS = 120_000
@@ -27,7 +27,7 @@ def open_project(page: Page, service: str, video: str, method: str, frame: int =
     """A new project of one layer, opened in the studio, which shows `frame` first; its id."""
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
     document = {"schema": 1, "name": "Disc", "assets": {"clip": {"id": video}}, "shots": [shot]}
-    project = str(httpx.post(f"{service}/v1/projects", json={"name": "Disc", "document": document}).json()["id"])
+    project = str(HTTP.post(f"{service}/v1/projects", json={"name": "Disc", "document": document}).json()["id"])
     page.goto(f"{service}/#/projects/{project}")
     expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
     until(page, lambda: page.locator(".stage-canvas").get_attribute("data-frame") == str(frame))
@@ -35,7 +35,7 @@ def open_project(page: Page, service: str, video: str, method: str, frame: int =
 
 
 def stored(service: str, project: str) -> Document:
-    document: Document = httpx.get(f"{service}/v1/projects/{project}").json()["document"]
+    document: Document = HTTP.get(f"{service}/v1/projects/{project}").json()["document"]
     return document
 
 
@@ -81,7 +81,7 @@ def draw_with_pen(page: Page, points: list[tuple[float, float, float]]) -> None:
 
 
 def asset(service: str, document: Document, name: str) -> bytes:
-    return httpx.get(f"{service}/v1/assets/{document['assets'][name]['id']}/content").content
+    return HTTP.get(f"{service}/v1/assets/{document['assets'][name]['id']}/content").content
 
 
 def decoded(png: bytes) -> NDArray[np.uint8]:
@@ -118,7 +118,7 @@ def finished(page: Page) -> str:
 
 
 def result(service: str, job: str) -> bytes:
-    return httpx.get(f"{service}/v1/jobs/{job}/result").content
+    return HTTP.get(f"{service}/v1/jobs/{job}/result").content
 
 
 def frames_of(film: bytes) -> list[NDArray[np.uint8]]:
@@ -130,7 +130,7 @@ def frames_of(film: bytes) -> list[NDArray[np.uint8]]:
 def rendered_by_command(service: str, project: str, folder: Path) -> bytes:
     """The film that `impasto render` makes of the exported project."""
     archive, film = folder / "project.zip", folder / "film.zip"
-    archive.write_bytes(httpx.get(f"{service}/v1/projects/{project}/export").content)
+    archive.write_bytes(HTTP.get(f"{service}/v1/projects/{project}/export").content)
     words = ["render", str(archive), "-o", str(film), "--home", str(folder / "home"), "--quiet"]
     subprocess.run([sys.executable, "-m", "impasto", *words], cwd=ROOT, check=True, timeout=180)
     return film.read_bytes()

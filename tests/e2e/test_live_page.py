@@ -26,6 +26,7 @@ from websockets.sync.client import connect
 from pipeline.methods.multistyle import Multistyle
 from pipeline.scenes import scene
 from tests.e2e.pages import CHROMIUM_ARGS, KEY, Watched, open_page, serve, until
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180), pytest.mark.serial]
 
@@ -113,7 +114,7 @@ def visit(browser: Browser, address: str, script: str = "", **options: Any) -> I
 
 
 def free_workers(service: str) -> int:
-    return int(httpx.get(f"{service}/v1/live", headers=AUTHORIZED).json()["free"])
+    return int(HTTP.get(f"{service}/v1/live", headers=AUTHORIZED).json()["free"])
 
 
 def wait_for_free_worker(service: str) -> None:

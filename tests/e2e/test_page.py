@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import av
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.e2e.pages import FRAMES, KEY, SLOW_MS, WIDTH, Watched, make_clip, open_page, serve, until
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
 
@@ -139,11 +139,11 @@ def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tm
     page, statuses = watched.page, []
     page.on("response", lambda answer: statuses.append(answer.status) if "/files/preview" in answer.url else None)
     large = make_clip(tmp_path / "large.mp4", size=(1280, 720), frames=60)
-    asset = httpx.post(f"{service}/v1/assets", files={"file": ("large.mp4", large.read_bytes())}).json()["id"]
-    job = httpx.post(f"{service}/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()["id"]
+    asset = HTTP.post(f"{service}/v1/assets", files={"file": ("large.mp4", large.read_bytes())}).json()["id"]
+    job = HTTP.post(f"{service}/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()["id"]
     page.goto(f"{service}/#/jobs/{job}")
     expect(page.get_by_role("img", name="The newest finished frame")).to_be_visible(timeout=SLOW_MS)
-    steps = httpx.get(f"{service}/v1/jobs/{job}").json()["steps"]
+    steps = HTTP.get(f"{service}/v1/jobs/{job}").json()["steps"]
     assert steps[2]["counts"]["succeeded"] == 0, "the run that it comes from is not over"
     expect(page.locator(".player")).to_be_visible(timeout=SLOW_MS)
     assert set(statuses) == {200}

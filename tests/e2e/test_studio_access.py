@@ -6,12 +6,12 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.pages import SLOW_MS, Watched, accessibility_faults, open_page
 from tests.e2e.studio import FILM_MS, SOON_MS, draw, on_stage, open_project, start_painting
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -99,7 +99,7 @@ def test_lesson_and_comparison_have_no_accessibility_fault(
 ) -> None:
     page = open_page(browser).page
     body = {"method": "abstraction", "inputs": {"video": video}}
-    jobs = [httpx.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in (1, 2)]
+    jobs = [HTTP.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in (1, 2)]
     page.goto(service)
     page.get_by_role("button", name="Learn painted keys in two minutes").click()
     expect(page.get_by_role("region", name="Your first keys")).to_be_visible(timeout=SOON_MS)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
-import httpx
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ from tests.e2e.studio import (
     saved,
     stored,
 )
+from tests.waiting import HTTP
 
 FRAMES = 30
 FIRST = 10
@@ -41,7 +41,7 @@ pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(400)]
 @pytest.fixture(scope="module")
 def video(service: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     path = make_clip(tmp_path_factory.mktemp("clusters") / "disc.mp4", frames=FRAMES)
-    yield str(httpx.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"])
+    yield str(HTTP.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"])
 
 
 def labels(png: bytes) -> NDArray[np.uint16]:
@@ -57,7 +57,7 @@ def back_to(page: Page, service: str, project: str) -> None:
 
 def taken_over(service: str, job: str) -> tuple[set[str], set[str]]:
     """Tasks whose results were taken over, and those that ran."""
-    items = httpx.get(f"{service}/v1/jobs/{job}/tasks", params={"limit": 200}).json()["items"]
+    items = HTTP.get(f"{service}/v1/jobs/{job}/tasks", params={"limit": 200}).json()["items"]
     names: dict[bool, set[str]] = {task["reused"]: set() for task in items}
     for task in items:
         names[task["reused"]].add(f"{task['step']}/{task['key']}")
@@ -140,9 +140,9 @@ def test_scribbles_and_corrections_are_made_before_any_film(watched: Watched, se
     drawn = labels(asset(service, document, entry["image"]))
     new = int(drawn[int(0.2 * drawn.shape[0]), int(0.2 * drawn.shape[1])])
     assert entry["frame"] == FIRST + 2 and new > 1
-    job = httpx.post(f"{service}/v1/projects/{project}/jobs", json={}).json()["items"][0]["job"]
+    job = HTTP.post(f"{service}/v1/projects/{project}/jobs", json={}).json()["items"][0]["job"]
     assert {"masks", "labels", "label_intervals"} <= job["request"]["inputs"].keys()
-    httpx.post(f"{service}/v1/jobs/{job['id']}/cancel")
+    HTTP.post(f"{service}/v1/jobs/{job['id']}/cancel")
 
 
 def test_a_correction_has_the_size_of_a_video_that_is_clustered_at_a_smaller_one(
@@ -150,7 +150,7 @@ def test_a_correction_has_the_size_of_a_video_that_is_clustered_at_a_smaller_one
 ) -> None:
     page = watched.page
     path = make_clip(tmp_path / "large.mp4", size=(480, 320), frames=6)
-    large = httpx.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"]
+    large = HTTP.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"]
     project = open_project(page, service, large, "patches", frame=2)
     page.get_by_role("button", name="Find the clusters").click()
     chips = page.get_by_role("group", name="Paint with the label")
@@ -161,7 +161,7 @@ def test_a_correction_has_the_size_of_a_video_that_is_clustered_at_a_smaller_one
     document = stored(service, project)
     drawn = labels(asset(service, document, layer_of(document)["labels"][0]["image"]))
     assert drawn.shape == (320, 480) and drawn[64, 96] == drawn.max() > drawn[250, 96]
-    assert httpx.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []
+    assert HTTP.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []
 
 
 def test_labels_are_merged_and_corrections_undone(watched: Watched, service: str, video: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import expect
@@ -22,6 +21,7 @@ from tests.e2e.studio import (
     start_painting,
     stored,
 )
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
@@ -68,9 +68,9 @@ def test_frames_of_a_compressed_film_are_decoded(watched: Watched, service: str,
     saved(page)
     job = render(page, format_="MP4")
     expect(page.get_by_text("taken from the compressed film")).to_be_visible()
-    frame = decoded(httpx.get(f"{service}/v1/jobs/{job}/frames/4").content)
+    frame = decoded(HTTP.get(f"{service}/v1/jobs/{job}/frames/4").content)
     document = stored(service, project)
     key = decoded(asset(service, document, layer_of(document)["keys"][0]["image"]))
     assert 0 < np.abs(frame.astype(int) - key).mean() < 12, "the key, as the codec has it"
-    beyond = httpx.get(f"{service}/v1/jobs/{job}/frames/400")
+    beyond = HTTP.get(f"{service}/v1/jobs/{job}/frames/400")
     assert (beyond.status_code, beyond.json()["field"]) == (404, "index")

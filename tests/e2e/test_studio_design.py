@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import expect
@@ -23,6 +22,7 @@ from tests.e2e.studio import (
     saved,
     stored,
 )
+from tests.waiting import HTTP
 
 DISC = (5 + 4) / (FRAMES + 10)
 """Horizontal centre of the disc in frame 4, in widths of the picture."""
@@ -90,5 +90,5 @@ def test_one_object_in_fine_strokes_and_the_rest_in_rings_that_turn(
     frames = frames_of(film)
     assert len(frames) == FRAMES
     assert all(np.ptp(frame) > 50 for frame in frames)
-    request = httpx.get(f"{service}/v1/jobs/{job}").json()["request"]
+    request = HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]
     assert (request["method"], request["labels"]["project"]) == ("multistyle", project)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.pages import FPS, FRAMES, Watched, accessibility_faults, make_clip, until
 from tests.e2e.studio import FILM_MS, SOON_MS, decoded, on_stage, open_project
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
@@ -33,7 +33,7 @@ def test_a_finished_film_is_played_on_the_stage(watched: Watched, service: str, 
     expect(state.get_by_role("progressbar", name="Progress of the film")).to_be_visible(timeout=SOON_MS)
     assert "/projects/" in page.url
     expect(state).to_contain_text("Finished", timeout=FILM_MS)
-    (job,) = httpx.get(f"{service}/v1/projects/{project}/jobs").json()["items"]
+    (job,) = HTTP.get(f"{service}/v1/projects/{project}/jobs").json()["items"]
     link = state.get_by_role("link", name="Page of the film")
     expect(link).to_have_attribute("href", f"#/jobs/{job['job']['id']}")
     assert accessibility_faults(page, axe) == []
@@ -44,7 +44,7 @@ def test_a_finished_film_is_played_on_the_stage(watched: Watched, service: str, 
     state.get_by_role("button", name="Show it on the stage").click()
     expect(canvas).to_have_attribute("data-film", "4", timeout=SOON_MS)
     until(page, lambda: np.abs(stage_picture(page) - source).mean() > 3)
-    film = decoded(httpx.get(f"{service}/v1/jobs/{job['job']['id']}/frames/4").content)
+    film = decoded(HTTP.get(f"{service}/v1/jobs/{job['job']['id']}/frames/4").content)
     shown = stage_picture(page)
     middle = film[film.shape[0] // 10 : -film.shape[0] // 10, film.shape[1] // 10 : -film.shape[1] // 10]
     assert shown.mean((0, 1)) == pytest.approx(middle.mean((0, 1)), abs=4)
@@ -69,7 +69,7 @@ def test_a_film_is_cancelled_in_the_studio_and_found_again_after_a_reload(
 ) -> None:
     page = watched.page
     long = make_clip(tmp_path / "long.mp4", size=(640, 352), frames=10 * FPS)
-    video = httpx.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
+    video = HTTP.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
     project = open_project(page, service, video, "multistyle", frame=40)
     page.get_by_role("button", name="Paint the film").click()
     state = page.get_by_role("region", name="The film")
@@ -79,7 +79,7 @@ def test_a_film_is_cancelled_in_the_studio_and_found_again_after_a_reload(
     expect(state.get_by_role("img", name="The newest finished frame")).to_be_visible(timeout=FILM_MS)
     state.get_by_role("button", name="Cancel").click()
     expect(state).to_contain_text("Cancelled", timeout=SOON_MS)
-    (job,) = httpx.get(f"{service}/v1/projects/{project}/jobs").json()["items"]
+    (job,) = HTTP.get(f"{service}/v1/projects/{project}/jobs").json()["items"]
     assert job["job"]["state"] == "cancelled"
     state.get_by_role("button", name="Close this message").click()
     expect(state).to_be_hidden()

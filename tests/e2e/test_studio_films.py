@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import expect
@@ -27,6 +26,7 @@ from tests.e2e.studio import (
     start_painting,
     stored,
 )
+from tests.waiting import HTTP
 
 DISC = (5 + 4) / (FRAMES + 10)
 """Horizontal centre of the disc in frame 4, in widths of the picture."""
@@ -37,11 +37,11 @@ pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 def test_a_two_second_range_is_rendered_first(watched: Watched, service: str, tmp_path: Path) -> None:
     page = watched.page
     long = make_clip(tmp_path / "long.mp4", frames=40)
-    video = httpx.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
+    video = HTTP.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
     open_project(page, service, video, "abstraction", frame=13)
     page.get_by_role("slider", name="Frame").press("ArrowRight")
     job = render(page, button="Paint 2 s first")
-    assert httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["frames"] == [14, 14 + 2 * FPS]
+    assert HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]["frames"] == [14, 14 + 2 * FPS]
     assert len(frames_of(result(service, job))) == 2 * FPS
     page.get_by_role("link", name="Change settings").click()
     expect(page.locator(".submit-hint")).to_contain_text("about", timeout=SOON_MS)
@@ -61,7 +61,7 @@ def test_suggested_keyframes_are_shown_on_the_filmstrip(watched: Watched, servic
 def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, service: str, tmp_path: Path) -> None:
     page = watched.page
     wide = make_clip(tmp_path / "wide.mp4", size=(1200, 640), frames=6)
-    video = httpx.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
+    video = HTTP.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
     open_project(page, service, video, "abstraction", frame=2)
     note = page.locator(".stage-hint")
     expect(note).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
@@ -75,7 +75,7 @@ def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, servi
 def test_the_loupe_shows_a_piece_at_full_size(watched: Watched, service: str, tmp_path: Path) -> None:
     page = watched.page
     wide = make_clip(tmp_path / "wide.mp4", size=(1200, 640), frames=6)
-    video = httpx.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
+    video = HTTP.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
     open_project(page, service, video, "abstraction", frame=2)
     expect(page.locator(".stage-hint")).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
     asked: list[dict[str, object]] = []
@@ -198,5 +198,5 @@ def test_scribbles_are_in_the_film_that_the_command_makes(
     saved(page)
     assert [scribble["frame"] for scribble in layer_of(stored(service, project))["scribbles"]] == [4]
     job = render(page)
-    assert "masks" in httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["inputs"]
+    assert "masks" in HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]["inputs"]
     assert result(service, job) == rendered_by_command(service, project, tmp_path)

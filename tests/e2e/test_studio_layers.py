@@ -6,7 +6,6 @@ import zipfile
 from pathlib import Path
 
 import cv2
-import httpx
 import numpy as np
 import OpenEXR
 import pytest
@@ -25,6 +24,7 @@ from tests.e2e.studio import (
     saved,
     stored,
 )
+from tests.waiting import HTTP
 
 SIZE = (96, 64)
 FRAMES = 5
@@ -66,7 +66,7 @@ def test_a_shot_of_exr_passes_is_two_layers_with_multiply_and_a_matte(
 ) -> None:
     page = watched.page
     beauty, shadow, matte = passes(tmp_path)
-    shot = httpx.post(f"{service}/v1/assets", files={"file": (beauty.name, beauty.read_bytes())}).json()["id"]
+    shot = HTTP.post(f"{service}/v1/assets", files={"file": (beauty.name, beauty.read_bytes())}).json()["id"]
     project = open_project(page, service, shot, "abstraction", frame=1, params={"lines": "off"})
     page.get_by_role("button", name="Add a layer").click()
     page.locator(".method-choice summary").click()

@@ -10,7 +10,6 @@ import random
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx
 import numpy as np
 import psutil
 import pytest
@@ -20,6 +19,7 @@ from service import bundle
 from tests.e2e.pages import HEIGHT, WIDTH, open_page, until
 from tests.e2e.studio import SOON_MS, asset, decoded, layer_of, on_stage, open_project, saved, start_painting, stored
 from tests.e2e.test_studio_saving import Server
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -43,7 +43,7 @@ def test_at_most_a_second_of_drawing_is_lost(
     rng = random.Random(seed)
     page = open_page(browser).page
     page.clock.install()
-    answer = httpx.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
+    answer = HTTP.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
     project = open_project(page, server.address, str(answer.json()["id"]), "analogy")
     start_painting(page)
     page.clock.pause_at(page.evaluate("Date.now() + 1000"))

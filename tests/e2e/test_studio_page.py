@@ -7,7 +7,6 @@ import json
 import zipfile
 
 import cv2
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -28,6 +27,7 @@ from tests.e2e.studio import (
     start_painting,
     stored,
 )
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -57,7 +57,7 @@ def test_a_keyframe_painted_with_pressure_is_in_the_film_exactly(watched: Watche
     page.locator("summary", has_text="Film").click()
     page.get_by_label("PNG frames").check()
     page.get_by_role("button", name="Paint the film").click()
-    result = httpx.get(f"{service}/v1/jobs/{finished(page)}/result").content
+    result = HTTP.get(f"{service}/v1/jobs/{finished(page)}/result").content
     with zipfile.ZipFile(io.BytesIO(result)) as frames:
         names = sorted(frames.namelist())
         assert len(names) == FRAMES
@@ -170,7 +170,7 @@ def test_layers_are_shown_hidden_and_rendered(watched: Watched, service: str, vi
     project = open_project(page, service, video, "abstraction")
     document = stored(service, project)
     document["shots"][0]["layers"].append({"id": "l2", "method": "multistyle", "blend": "multiply"})
-    answer = httpx.put(f"{service}/v1/projects/{project}", json=document, headers={"If-Match": '"1"'})
+    answer = HTTP.put(f"{service}/v1/projects/{project}", json=document, headers={"If-Match": '"1"'})
     assert answer.status_code == 200, answer.text
     page.reload()
     page.get_by_role("button", name="Settings of the layer Painting in many styles").click()

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -26,6 +25,7 @@ from tests.e2e.studio import (
     start_painting,
     stored,
 )
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -144,7 +144,7 @@ def server(tmp_path: Path) -> Iterator[Server]:
 
 def test_a_killed_server_loses_no_strokes(watched: Watched, server: Server, clip: Path) -> None:
     page = watched.page
-    answer = httpx.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
+    answer = HTTP.post(f"{server.address}/v1/assets", files={"file": (clip.name, clip.read_bytes())})
     project = open_project(page, server.address, str(answer.json()["id"]), "analogy")
     start_painting(page)
     page.mouse.move(*on_stage(page, 0.2, 0.3))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.pages import Watched, accessibility_faults, make_two_shots, until
 from tests.e2e.studio import SOON_MS, open_project
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -28,7 +28,7 @@ def test_shots_are_marked_and_stepped_by_keys_and_buttons(
 ) -> None:
     page = watched.page
     data = make_two_shots(tmp_path / "two.mp4", 2 * CUT).read_bytes()
-    video = httpx.post(f"{service}/v1/assets", files={"file": ("two.mp4", data)}).json()["id"]
+    video = HTTP.post(f"{service}/v1/assets", files={"file": ("two.mp4", data)}).json()["id"]
     open_project(page, service, video, "abstraction", frame=13)
     canvas, strip = page.locator(".stage-canvas"), page.get_by_role("slider", name="Frame", exact=True)
     expect(page.locator(".cut-mark")).to_have_count(1, timeout=SOON_MS)

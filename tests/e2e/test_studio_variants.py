@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from pathlib import Path
 
-import httpx
 import numpy as np
 import pytest
 from playwright.sync_api import expect
@@ -25,6 +24,7 @@ from tests.e2e.studio import (
     saved,
     stored,
 )
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
@@ -73,7 +73,7 @@ def test_variants_are_compared_on_a_frame_and_as_films(watched: Watched, service
     views = page.get_by_role("group", name="View").get_by_role("button")
     expect(views).to_have_text(["Variant 1", "Compare", "Variant 2"])
     ids = page.url.rpartition("/")[2].split(",")
-    requests = [httpx.get(f"{service}/v1/jobs/{job}").json()["request"] for job in ids]
+    requests = [HTTP.get(f"{service}/v1/jobs/{job}").json()["request"] for job in ids]
     assert [request["labels"]["variant"] for request in requests] == ["v1", "v1-2"]
     assert [request["name"] for request in requests] == ["Disc: Variant 1", "Disc: Variant 2"]
     assert requests[0]["params"] == {"lines": "off"} != requests[1]["params"]
@@ -97,7 +97,7 @@ def test_flicker_is_shown_in_the_frame_and_over_time(watched: Watched, service: 
     page.locator("summary", has_text="Film").click()
     page.get_by_role("switch", name="Quality report").check()
     job = render(page)
-    assert httpx.get(f"{service}/v1/jobs/{job}").json()["request"]["output"]["report"] is True
+    assert HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]["output"]["report"] is True
     page.goto(f"{service}/#/projects/{project}")
     canvas = page.locator(".stage-canvas")
     until(page, lambda: canvas.get_attribute("data-result") == "final")

@@ -5,19 +5,19 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import expect
 
 from tests.e2e.pages import Watched, make_clip
 from tests.e2e.studio import SOON_MS
 from tests.pipeline.video.making import make_video, picture
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
 
 def upload(service: str, path: Path) -> str:
-    return str(httpx.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"])
+    return str(HTTP.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"])
 
 
 def test_the_studio_names_the_damage_of_its_source(watched: Watched, service: str, tmp_path: Path) -> None:
@@ -28,7 +28,7 @@ def test_the_studio_names_the_damage_of_its_source(watched: Watched, service: st
     path.write_bytes(data[: pictures[11] + 5])
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "abstraction"}]}
     document = {"schema": 1, "name": "Cut", "assets": {"clip": {"id": upload(service, path)}}, "shots": [shot]}
-    project = httpx.post(f"{service}/v1/projects", json={"name": "Cut", "document": document}).json()["id"]
+    project = HTTP.post(f"{service}/v1/projects", json={"name": "Cut", "document": document}).json()["id"]
     page.goto(f"{service}/#/projects/{project}")
     note = page.get_by_role("note").filter(has_text="The file is damaged: frames 11-23 of 24 are missing.")
     expect(note).to_be_visible(timeout=SOON_MS)
@@ -38,15 +38,15 @@ def test_a_queued_job_tells_how_many_jobs_are_ahead(watched: Watched, service: s
     page = watched.page
     long = upload(service, make_clip(tmp_path / "long.mp4", size=(640, 352), frames=240))
     body = {"method": "multistyle", "inputs": {"video": long}, "params": {}}
-    jobs = [httpx.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in range(3)]
-    urgent = httpx.post(f"{service}/v1/jobs", json={**body, "priority": 5}).json()["id"]
-    queue = httpx.get(f"{service}/v1/jobs/{jobs[2]}/queue").json()
+    jobs = [HTTP.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in range(3)]
+    urgent = HTTP.post(f"{service}/v1/jobs", json={**body, "priority": 5}).json()["id"]
+    queue = HTTP.get(f"{service}/v1/jobs/{jobs[2]}/queue").json()
     assert queue["jobs_ahead"] == 3 and queue["seconds"] > 0
     page.goto(f"{service}/#/jobs/{jobs[2]}")
     hint = page.locator(".progress-hint")
     expect(hint).to_have_text(re.compile("^Queued, 3 jobs ahead, (about|less than)"), timeout=SOON_MS)
     for job in (urgent, *jobs[:2]):
-        assert httpx.post(f"{service}/v1/jobs/{job}/cancel").status_code == 200
+        assert HTTP.post(f"{service}/v1/jobs/{job}/cancel").status_code == 200
     expect(hint).not_to_have_text(re.compile("ahead"), timeout=SOON_MS)
-    assert httpx.get(f"{service}/v1/jobs/{jobs[2]}/queue").json()["jobs_ahead"] == 0
-    httpx.post(f"{service}/v1/jobs/{jobs[2]}/cancel")
+    assert HTTP.get(f"{service}/v1/jobs/{jobs[2]}/queue").json()["jobs_ahead"] == 0
+    HTTP.post(f"{service}/v1/jobs/{jobs[2]}/cancel")

@@ -7,12 +7,12 @@ import time
 from pathlib import Path
 
 import av
-import httpx
 import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, open_page, until
 from tests.e2e.studio import FILM_MS, SOON_MS, frames_of
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -24,9 +24,9 @@ def film(service: str, video: str) -> str:
         "method": "abstraction", "inputs": {"video": video}, "params": {"lines": "off"}, "name": "Field",
         "labels": {"scene": "12"},
     }  # fmt: skip
-    job = str(httpx.post(f"{service}/v1/jobs", json=body).json()["id"])
+    job = str(HTTP.post(f"{service}/v1/jobs", json=body).json()["id"])
     deadline = time.monotonic() + FILM_MS / 1000
-    while httpx.get(f"{service}/v1/jobs/{job}").json()["state"] != "succeeded":
+    while HTTP.get(f"{service}/v1/jobs/{job}").json()["state"] != "succeeded":
         assert time.monotonic() < deadline
         time.sleep(0.3)
     return job
@@ -56,7 +56,7 @@ def test_a_finished_film_is_saved_in_another_format(
 
 
 def test_exports_are_not_among_the_works(watched: Watched, service: str, film: str) -> None:
-    made = httpx.post(f"{service}/v1/jobs/{film}/exports", json={"format": "gif"}).json()
+    made = HTTP.post(f"{service}/v1/jobs/{film}/exports", json={"format": "gif"}).json()
     page = watched.page
     page.goto(f"{service}/#/jobs")
     expect(page.locator(f".work a[href='#/jobs/{film}']")).to_be_visible(timeout=SOON_MS)
@@ -81,9 +81,9 @@ def test_works_are_found_by_label(watched: Watched, service: str, film: str) -> 
 
 def test_the_search_finds_works_that_no_page_has_shown(watched: Watched, service: str, film: str, video: str) -> None:
     body = {"method": "abstraction", "inputs": {"video": video}, "name": "Crowd"}
-    made = [httpx.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in range(25)]
+    made = [HTTP.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in range(25)]
     for job in made:
-        httpx.post(f"{service}/v1/jobs/{job}/cancel")
+        HTTP.post(f"{service}/v1/jobs/{job}/cancel")
     page = watched.page
     page.goto(f"{service}/#/jobs")
     expect(page.locator(".work:not(.skeleton)")).to_have_count(24, timeout=SOON_MS)
@@ -95,7 +95,7 @@ def test_the_search_finds_works_that_no_page_has_shown(watched: Watched, service
     page.get_by_role("button", name="Show more").click()
     expect(page.locator(".work")).to_have_count(25)
     for job in made:
-        httpx.delete(f"{service}/v1/jobs/{job}")
+        HTTP.delete(f"{service}/v1/jobs/{job}")
 
 
 def test_the_job_page_names_what_was_used(watched: Watched, service: str, film: str) -> None:
@@ -114,11 +114,11 @@ def test_the_job_page_names_what_was_used(watched: Watched, service: str, film: 
 def test_the_worst_moments_of_the_report_are_shown_in_the_player(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     body = {"method": "abstraction", "inputs": {"video": video}, "params": {"temporal": "off"}}
-    job = httpx.post(f"{service}/v1/jobs", json=body | {"output": {"report": True}}).json()["id"]
+    job = HTTP.post(f"{service}/v1/jobs", json=body | {"output": {"report": True}}).json()["id"]
     page.goto(f"{service}/#/jobs/{job}")
     chart = page.get_by_role("group", name="Flicker over time")
     expect(chart).to_be_visible(timeout=FILM_MS)
-    quality = httpx.get(f"{service}/v1/jobs/{job}/files/report").json()["quality"]
+    quality = HTTP.get(f"{service}/v1/jobs/{job}/files/report").json()["quality"]
     bars = chart.get_by_role("button")
     expect(bars).to_have_count(len(quality["samples"]))
     assert chart.locator(".worst").count() == len(quality["worst"]) > 0

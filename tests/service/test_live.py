@@ -23,6 +23,7 @@ from service.settings import Settings
 from tests.service.live import running
 from tests.service.live_client import LiveClient, jpeg, live
 from tests.service.toy_method import Toy
+from tests.waiting import HTTP
 from tests.workers.live_toys import Echo
 from workers.farm import Farm
 
@@ -138,7 +139,7 @@ async def test_a_live_session_runs_from_hello_to_bye(url: str) -> None:
 def free(url: str, timeout_s: float = 5.0, want: int = 2) -> int:
     """Places free, once it is as many as wanted."""
     deadline = time.monotonic() + timeout_s
-    while (found := httpx.get(f"{url}/v1/live").json()["free"]) != want and time.monotonic() < deadline:
+    while (found := HTTP.get(f"{url}/v1/live").json()["free"]) != want and time.monotonic() < deadline:
         time.sleep(0.02)
     return int(found)
 

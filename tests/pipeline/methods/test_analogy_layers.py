@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,12 +31,19 @@ def texture(seed: int, tint: tuple[int, int, int]) -> np.ndarray:
     return np.ascontiguousarray(made // 2 + np.array(tint, np.uint8) + np.uint8(seed))
 
 
-RED, BLUE = texture(0, (120, 0, 0)), texture(0, (0, 0, 120))
+@cache
+def red() -> np.ndarray:
+    return texture(0, (120, 0, 0))
+
+
+@cache
+def blue() -> np.ndarray:
+    return texture(0, (0, 0, 120))
 
 
 def styled() -> dict[str, bytes]:
     return {
-        **scene_files(), "layers/back/style/output.png": png(RED), "layers/front/style/output.png": png(BLUE),
+        **scene_files(), "layers/back/style/output.png": png(red()), "layers/front/style/output.png": png(blue()),
     }  # fmt: skip
 
 
@@ -57,8 +65,8 @@ def test_each_layer_has_its_own_style_within_its_silhouette() -> None:
     out = painted(rendered(styled()))
     for index in range(4):
         mask = front(index)
-        assert colours(out[index][mask][None]) <= colours(BLUE)
-        assert colours(out[index][~mask][None]) <= colours(RED)
+        assert colours(out[index][mask][None]) <= colours(blue())
+        assert colours(out[index][~mask][None]) <= colours(red())
 
 
 def test_layers_are_independent_tasks_with_the_same_bytes_in_any_order() -> None:
@@ -112,7 +120,7 @@ def key_of(index: int, reach: int, tint: tuple[int, int, int]) -> np.ndarray:
 
 def keyed() -> dict[str, bytes]:
     key = key_of(0, 5, (30, 200, 30))
-    return {**scene_files(), "layers/back/style/output.png": png(RED), "layers/front/keyframes/0000.png": png(key)}
+    return {**scene_files(), "layers/back/style/output.png": png(red()), "layers/front/keyframes/0000.png": png(key)}
 
 
 def test_overpaint_moves_with_its_layer() -> None:
@@ -151,7 +159,7 @@ def test_an_unstylised_layer_is_composited_unchanged_and_needs_no_synthesis() ->
     out, source = painted(context), pictures()
     for index in range(4):
         np.testing.assert_array_equal(out[index][front(index)], source[index][front(index)])
-        assert colours(out[index][~front(index)][None]) <= colours(RED)
+        assert colours(out[index][~front(index)][None]) <= colours(red())
 
 
 def test_a_layer_is_multiplied_with_the_layers_behind_it() -> None:
@@ -176,8 +184,8 @@ def test_keyframes_of_an_unstylised_layer_are_rejected() -> None:
 
 def test_a_shot_without_layers_uses_its_vectors_and_emits_its_frames() -> None:
     files = {name: data for name, data in scene_files().items() if name != "shot.json"}
-    context = rendered({**files, "style/output.png": png(RED)})
-    assert colours(painted(context)) <= colours(RED)
+    context = rendered({**files, "style/output.png": png(red())})
+    assert colours(painted(context)) <= colours(red())
     assert not [name for step, name in context.kept if name.startswith("paint")]
     assert len(context.kept["scan", "tones"]["factors"]) == 3
 
