@@ -32,6 +32,9 @@ IN_CHROMIUM = (
         "tests/e2e/test_studio_neighbours.py",
         "tests/e2e/test_studio_sharing.py",
         "tests/e2e/test_works_page.py",
+        "tests/e2e/test_studio_film_here.py",
+        "tests/e2e/test_studio_painting.py",
+        "tests/e2e/test_studio_shots.py",
     ),
 )
 """Two groups of files of about equal duration; the files of a group share the service and the browser of

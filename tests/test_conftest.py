@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import av
 import pytest
 
 from tests.conftest import PARTS, ROOT, TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, _require
-from tests.parallel import LONGEST, arrange
+from tests.parallel import IN_CHROMIUM, LONGEST, arrange
 
 
 def test_the_tiny_clip_has_pictures_and_sound(tiny_clip: Path) -> None:
@@ -50,6 +51,13 @@ def test_the_slowest_files_exist_and_run_first(request: pytest.FixtureRequest) -
     arrange(items)
     places = [LONGEST.index(file) for item in items if (file := item.nodeid.partition("::")[0]) in LONGEST]
     assert places == sorted(places)
+
+
+def test_every_file_that_uses_the_browser_is_in_a_group() -> None:
+    pages = (ROOT / "tests" / "e2e").glob("test_*.py")
+    shared = [path for path in pages if re.search(r"\b(browser: Browser|watched: Watched)\b", path.read_text())]
+    alone = {path.relative_to(ROOT).as_posix() for path in shared if "mark.serial" not in path.read_text()}
+    assert alone == {file for group in IN_CHROMIUM for file in group}
 
 
 def test_an_unknown_part_is_an_error() -> None:
