@@ -12,8 +12,8 @@ from pipeline.jit import kernel
 SMALLEST_RADIUS_PX = 1
 SMALL_RADIUS_PX = 4
 """Largest radius for which testing every disc is faster than distance transforms of the whole frame."""
-SPARSE_RADIUS_PX, SPARSE = 16, 1 / 8
-"""Discs are tested up to this radius if less than this share of the frame is unlabelled."""
+SPARSE = 1 / 8
+"""Discs are tested with any radius if less than this share of the frame is unlabelled."""
 
 
 def radii(unlabelled_px: int) -> list[int]:
@@ -46,74 +46,120 @@ def fill(
     covers their discs. A pixel in the discs of two regions belongs to the first in raster order; an area whose discs
     all lie in those of earlier regions is no region.
     """
-    sparse = radius_px <= SPARSE_RADIUS_PX and pixels.size < SPARSE * labels.size
-    if radius_px <= SMALL_RADIUS_PX or sparse:
+    if radius_px <= SMALL_RADIUS_PX or pixels.size < SPARSE * labels.size:
         return fill_small(labels, blocked, pixels, radius_px, first_label)
     return _fill_large(labels, ((labels == 0) & (blocked == 0)).view(np.uint8), radius_px, first_label)
 
 
 @kernel
-def _disc(radius_px: int) -> NDArray[np.int64]:
-    """Offsets (dy, dx) of the pixels of a disc."""
-    disc = np.empty(((2 * radius_px + 1) ** 2, 2), np.int64)
-    count = 0
+def _half_widths(radius_px: int) -> NDArray[np.int64]:
+    """A disc by its rows: pixels on each side of the middle column, for the rows -radius_px..radius_px."""
+    widths = np.zeros(2 * radius_px + 1, np.int64)
     for dy in range(-radius_px, radius_px + 1):
-        for dx in range(-radius_px, radius_px + 1):
-            if dx * dx + dy * dy <= radius_px * radius_px + radius_px // 2:
-                disc[count, 0], disc[count, 1] = dy, dx
-                count += 1
-    return disc[:count]
+        while (widths[dy + radius_px] + 1) ** 2 + dy * dy <= radius_px * radius_px + radius_px // 2:
+            widths[dy + radius_px] += 1
+    return widths
 
 
 @kernel
 def fill_small(
     labels: Labels, blocked: NDArray[np.uint8], pixels: NDArray[np.int32], radius_px: int, first_label: int
 ) -> int:  # fmt: skip
-    """`fill` for a small radius: test the disc at every free pixel."""
-    disc = _disc(radius_px)
-    height, width = labels.shape
-    free = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = centre, 3 = centre that belongs to a region
+    """`fill` without a pass over the whole frame: tests the rows of the disc at every free pixel."""
+    widths = _half_widths(radius_px)
+    width = labels.shape[1]
+    state = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = centre, 3 = centre that belongs to a region
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
-        free[y, x] = labels[y, x] == 0 and blocked[y, x] == 0
+        state[y, x] = labels[y, x] == 0 and blocked[y, x] == 0
+    reach = _reach(state, pixels)
     for k in range(pixels.size):
         y, x = pixels[k] // width, pixels[k] % width
-        if not free[y, x]:
-            continue
-        fits = True
-        for n in range(disc.shape[0]):
-            j, i = y + disc[n, 0], x + disc[n, 1]
-            if 0 <= j < height and 0 <= i < width and not free[j, i]:
-                fits = False
-                break
-        if fits:
-            free[y, x] = 2
-    stack = np.empty(pixels.size, np.int32)
+        if state[y, x] and _fits(reach, y, x, widths):
+            state[y, x] = 2
+    members = np.empty(pixels.size, np.int32)
     made = 0
     for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        if free[y, x] != 2:
-            continue
-        label = first_label + made
-        covers = False
-        free[y, x] = 3
-        stack[0], depth = pixels[k], 1
-        while depth:
-            depth -= 1
-            y, x = stack[depth] // width, stack[depth] % width
-            for n in range(disc.shape[0]):
-                j, i = y + disc[n, 0], x + disc[n, 1]
-                if j < 0 or i < 0 or j >= height or i >= width:
-                    continue
-                if labels[j, i] == 0:
-                    labels[j, i] = label
-                    covers = True
-                if abs(disc[n, 0]) + abs(disc[n, 1]) == 1 and free[j, i] == 2:
-                    free[j, i] = 3
-                    stack[depth] = j * width + i
-                    depth += 1
-        made += covers
+        if state[pixels[k] // width, pixels[k] % width] == 2:
+            count = _connected(state, pixels[k], members)
+            made += _cover(labels, state, members[:count], widths, first_label + made)
     return made
+
+
+@kernel
+def _reach(state: NDArray[np.uint8], pixels: NDArray[np.int32]) -> NDArray[np.uint16]:
+    """Number of free pixels from a free pixel, itself included, to the nearer obstacle in its row.
+
+    The frame's border is no obstacle.
+    """
+    width = state.shape[1]
+    flat, reach = state.reshape(state.size), np.zeros(state.size, np.uint16)
+    far = 65535
+    for k in range(pixels.size):
+        at = pixels[k]
+        if flat[at]:
+            before = far if at % width == 0 else int(reach[at - 1])
+            reach[at] = min(before + 1, far) if before else 1
+    run = far
+    for k in range(pixels.size - 1, -1, -1):
+        at = pixels[k]
+        if flat[at]:
+            last = at % width == width - 1
+            run = far if last else (min(run + 1, far) if flat[at + 1] else 1)
+            reach[at] = min(int(reach[at]), run)
+    return reach.reshape(state.shape)
+
+
+@kernel
+def _fits(reach: NDArray[np.uint16], y: int, x: int, widths: NDArray[np.int64]) -> bool:
+    """Whether a disc with its middle at a free pixel contains no obstacle."""
+    radius = widths.size // 2
+    for n in range(widths.size):
+        row = y + n - radius
+        if 0 <= row < reach.shape[0] and reach[row, x] <= widths[n]:
+            return False
+    return True
+
+
+@kernel
+def _connected(state: NDArray[np.uint8], start: int, members: NDArray[np.int32]) -> int:
+    """Mark the centres that are connected to `start` as 3, and write their flat indices; returns their number."""
+    height, width = state.shape
+    state[start // width, start % width] = 3
+    members[0], count, done = start, 1, 0
+    while done < count:
+        y, x = members[done] // width, members[done] % width
+        done += 1
+        for j, i in ((y - 1, x), (y, x - 1), (y, x + 1), (y + 1, x)):
+            if 0 <= j < height and 0 <= i < width and state[j, i] == 2:
+                state[j, i] = 3
+                members[count] = j * width + i
+                count += 1
+    return count
+
+
+@kernel
+def _cover(
+    labels: Labels, state: NDArray[np.uint8], centres: NDArray[np.int32], widths: NDArray[np.int64], label: int
+) -> bool:
+    """Label what the discs of connected centres cover and no earlier region does; False if that is nothing."""
+    height, width = labels.shape
+    radius, covers = widths.size // 2, False
+    for at in centres:
+        y, first = at // width, at % width
+        if first > 0 and state[y, first - 1] == 3:
+            continue  # the centres of a row that follow each other are drawn together
+        last = first
+        while last + 1 < width and state[y, last + 1] == 3:
+            last += 1
+        for n in range(widths.size):
+            row = y + n - radius
+            if 0 <= row < height:
+                for x in range(max(first - widths[n], 0), min(last + widths[n] + 1, width)):
+                    if labels[row, x] == 0:
+                        labels[row, x] = label
+                        covers = True
+    return covers
 
 
 def _fill_large(labels: Labels, free: NDArray[np.uint8], radius_px: int, first_label: int) -> int:
