@@ -102,15 +102,19 @@ class ImportanceTracker:
         flow: Flow | None = None,
         cut: bool = False,
         mask: Plane | Mask | None = None,
+        faces_in: NDArray[np.uint8] | None = None,
     ) -> Plane:
-        """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`."""
+        """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`.
+
+        `faces_in`: the gray frame in which faces are searched, uint8 (height, width); None = `image`.
+        """
         _check_shape(image, self._size, "image")
         if cut:
             self._age = 0
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self._size, self.map_size)
-        importance = self._combine(image, moving)
+        importance = self._combine(image, moving, faces_in)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
@@ -139,14 +143,16 @@ class ImportanceTracker:
         mask = np.array(state["mask"], np.float32)
         self._mask = mask if mask.size else None
 
-    def _combine(self, image: NDArray[np.uint8], flow: Flow | None) -> Plane:
+    def _combine(self, image: NDArray[np.uint8], flow: Flow | None, faces_in: NDArray[np.uint8] | None) -> Plane:
         if self._age % CUES_EVERY_FRAMES == 0:
             gain = np.float32(1) if self._age == 0 else self._gain
             small = _shrink_gray(image, self._small)
             self._cues = self._cues + gain * (self._saliency_and_motion(small, flow) - self._cues)
         if self._params.face <= 0:
             return self._cues
-        self._gray = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+        if faces_in is None:
+            faces_in = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+        self._gray = faces_in
         self._faces.step(self._gray, flow, self._age)
         if not len(self._faces.faces):
             return self._cues

@@ -79,7 +79,7 @@ class FrameAnalyzer:
         gray = planes[0]
         fresh = self._begins_shot(frame)
         flow = self._flow(gray, fresh)
-        importance = self.background(self._importance, gray, flow, fresh, mask)
+        importance = self.background(self._importance, frame, gray, flow, fresh, mask)
         back, planes, residual = self._denoise(planes, flow)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         edge_map = self.background(self._edges, lightness, importance)
@@ -100,11 +100,14 @@ class FrameAnalyzer:
             return rgb_to_lab8(np.asarray(smooth, np.uint8))
 
     def _importance(
-        self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
+        self, frame: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
     ) -> Plane:  # fmt: skip
         self._search_faces()  # still due from the previous frame
         with self.clock("importance"):
-            importance = self.importance.step_coarse(gray, flow, fresh, mask)
+            sharp = None
+            if self.params.face_importance > 0:  # the blur hides small faces
+                sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
+            importance = self.importance.step_coarse(gray, flow, fresh, mask, sharp)
         self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
         return importance
 

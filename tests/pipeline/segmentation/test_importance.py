@@ -76,6 +76,14 @@ def test_a_face_of_30_px_is_important_from_the_first_frame_on() -> None:
     assert plane.mean() < 0.03
 
 
+def test_faces_are_searched_in_a_sharper_picture_if_there_is_one() -> None:
+    tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
+    sharp = np.asarray(cv2.cvtColor(portrait(), cv2.COLOR_RGB2GRAY), np.uint8)
+    plane = tracker.step_coarse(gray_like(sharp), faces_in=sharp)
+    assert plane[FACE_AT[1] * plane.shape[0] // 240, FACE_AT[0] * plane.shape[1] // 320] > 0.9
+    assert not ImportanceTracker(ONLY_FACES, FACE_SIZE).step_coarse(gray_like(sharp)).any()
+
+
 def test_a_face_moves_with_the_flow_between_detections() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     tracker.step(portrait())
