@@ -89,11 +89,12 @@ _BACKENDS = ("account", "container", "object")
 
 _RING = """import sys
 from swift.common.ring import RingBuilder
-kind, port, path = sys.argv[1:]
-builder = RingBuilder(part_power=4, replicas=1, min_part_hours=0)
-builder.add_dev({"id": 0, "region": 1, "zone": 1, "ip": "127.0.0.1", "port": int(port), "device": "d1", "weight": 1.0})
-builder.rebalance(seed=1)
-builder.get_ring().save(path)
+for port, path in zip(sys.argv[1::2], sys.argv[2::2]):
+    builder = RingBuilder(part_power=4, replicas=1, min_part_hours=0)
+    device = {"id": 0, "region": 1, "zone": 1, "ip": "127.0.0.1", "port": int(port), "device": "d1", "weight": 1.0}
+    builder.add_dev(device)
+    builder.rebalance(seed=1)
+    builder.get_ring().save(path)
 """
 
 
@@ -123,12 +124,11 @@ class Swift:
             text = _COMMON + (_PROXY if kind == "proxy" else _BACK)
             conf = text.format(port=port, user=_user(), folder=self.folder, kind=kind)
             (self.folder / f"{kind}.conf").write_text(conf)
-        for kind in _BACKENDS:
-            self._make_ring(kind)
+        self._make_rings()
 
-    def _make_ring(self, kind: str) -> None:
+    def _make_rings(self) -> None:
         """Run Swift in a separate process: it loads eventlet, which leaves a green `http.server` behind in ours."""
-        given = [kind, str(self._ports[kind]), str(self.folder / f"{kind}.ring.gz")]
+        given = [word for kind in _BACKENDS for word in (str(self._ports[kind]), str(self.folder / f"{kind}.ring.gz"))]
         subprocess.run([sys.executable, "-W", "ignore", "-c", _RING, *given], check=True)
 
     @property
