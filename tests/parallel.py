@@ -39,10 +39,12 @@ IN_CHROMIUM = (
 )
 """Two groups of files of about equal duration; the files of a group share the service and the browser of
 tests/e2e/conftest.py."""
+ON_RAY = ("tests/workers/test_ray_nodes.py", "tests/workers/test_preview_ray.py", "tests/workers/test_ray_pool.py")
+"""Files that start clusters, one after the other."""
 LONGEST = (
     *IN_CHROMIUM[0],
     *IN_CHROMIUM[1],
-    "tests/workers/test_ray_nodes.py",
+    *ON_RAY,
     "tests/deploy/test_entrypoint.py",
     "tests/workers/test_real_stores.py",
     "tests/e2e/test_rolling_upgrade.py",
@@ -72,8 +74,8 @@ def arrange(items: list[pytest.Item]) -> None:
 
 
 class Scheduling(LoadFileScheduling):
-    """A file is one unit of work, and so is each group of files in Chromium."""
+    """A file is one unit of work, and so is each group of files."""
 
     def _split_scope(self, nodeid: str) -> str:
         file = super()._split_scope(nodeid)
-        return next((group[0] for group in IN_CHROMIUM if file in group), file)
+        return next((group[0] for group in (*IN_CHROMIUM, ON_RAY) if file in group), file)

@@ -27,7 +27,7 @@ from workers.previews.model import LayerSources, PreviewQuery, Record
 from workers.previews.service import PreviewService
 from workers.settings import FarmSettings
 
-pytestmark = [pytest.mark.real("ray"), pytest.mark.serial]
+pytestmark = pytest.mark.real("ray")
 
 LIMIT_BYTES = 64 << 20
 VIDEO = "video.mp4"

@@ -17,7 +17,7 @@ from workers.farm import Farm
 from workers.pools.artefact_cache import SharedArtefacts
 from workers.settings import FarmSettings
 
-pytestmark = [pytest.mark.real("ray"), pytest.mark.serial]
+pytestmark = pytest.mark.real("ray")
 
 
 class Watched(DiskBlobs):
