@@ -125,6 +125,7 @@ class Method:
         cpu_growth: exponent with which CPU seconds a frame grow with its pixels, measured there too; below 1 where
             parts work at a fixed size.
         input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
+        input_examples: documents to begin with, by input name: frame count of the video -> name -> document.
         input_checks: checks of those documents, by input name.
     """
 
@@ -145,6 +146,7 @@ class Method:
     cpu_s_per_megapixel: ClassVar[float] = 1.0
     cpu_growth: ClassVar[float] = 1.0
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
+    input_examples: ClassVar[Mapping[str, Callable[[int], Mapping[str, JsonSchema]]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
 
     def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:

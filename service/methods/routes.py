@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Query
 from starlette.responses import Response
 
 from pipeline.errors import did_you_mean
@@ -22,6 +22,8 @@ router = APIRouter(prefix="/v1/methods", tags=["methods"])
 Name = Annotated[str, Path(max_length=64, description="A method's name.")]
 
 InputName = Annotated[str, Path(max_length=64, description="The name of one of its inputs.")]
+
+Frames = Annotated[int, Query(ge=1, le=10_000_000, description="Frames of the video.")]
 
 PICTURE: Responses = {
     200: {"description": "The picture", "content": {"image/jpeg": {}, "image/svg+xml": {}}},
@@ -57,6 +59,18 @@ def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> Json
             remedy=f"There are: {', '.join(schemas) or 'none'}.",
         )  # fmt: skip
     return schemas[input_name]()
+
+
+@router.get("/{name}/inputs/{input_name}/examples")
+def get_input_examples(name: Name, input_name: InputName, _caller: Reader, frames: Frames) -> Json:
+    """Documents to begin with, by name, for a video of so many frames."""
+    examples = _find(name).input_examples
+    if input_name not in examples:
+        raise NotFound(
+            "The method has no examples for such an input.", field="input_name", value=input_name,
+            remedy=f"There are: {', '.join(examples) or 'none'}.",
+        )  # fmt: skip
+    return dict(examples[input_name](frames))
 
 
 def _find(name: str) -> Method:

@@ -15,7 +15,9 @@ from tests.e2e.studio import (
     choose_style,
     draw,
     frames_of,
+    layer_of,
     on_stage,
+    open_project,
     render,
     rendered_by_command,
     result,
@@ -92,3 +94,27 @@ def test_one_object_in_fine_strokes_and_the_rest_in_rings_that_turn(
     assert all(np.ptp(frame) > 50 for frame in frames)
     request = HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]
     assert (request["method"], request["labels"]["project"]) == ("multistyle", project)
+
+
+def test_an_effect_is_edited_like_a_design_of_ones_own(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "multistyle", params={"effect": "emphasis"})
+    before = stored(service, project)
+    page.get_by_label("Begin with an effect").select_option("rack-focus")
+    saved(page)
+    layer = layer_of(stored(service, project))
+    design = httpx.get(f"{service}/v1/methods/multistyle/inputs/design/examples?frames={FRAMES}").json()["rack-focus"]
+    assert (layer["regions"], layer["style_keys"]) == (design["regions"], design["keys"])
+    assert layer["params"] == {}
+    page.get_by_role("button", name="background", exact=True).click()
+    page.keyboard.press("End")
+    page.get_by_label("Stroke width", exact=True).fill("30")
+    saved(page)
+    keys = layer_of(stored(service, project))["style_keys"]
+    (changed,) = [key for key in keys if (key["region"], key["frame"]) == ("background", LAST)]
+    assert changed["set"]["size"] == 30
+    assert httpx.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    until(page, lambda: stored(service, project) == before)
+    watched.check()

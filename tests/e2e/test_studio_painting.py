@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 
-from tests.e2e.pages import HEIGHT, WIDTH, Watched, until
+from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched, until
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -17,6 +20,7 @@ from tests.e2e.studio import (
     draw_with_pen,
     frames_of,
     layer_of,
+    on_stage,
     open_project,
     render,
     result,
@@ -72,3 +76,48 @@ def test_a_smudge_carries_paint_and_is_undone_exported_and_rendered(watched: Wat
     film = frames_of(result(service, render(page)))
     assert np.array_equal(film[4], decoded(png))
     watched.check()
+
+
+def test_fill_picker_eraser_and_import_change_the_key(
+    watched: Watched, service: str, video: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy", params={}, inputs={})
+
+    def picture() -> NDArray[np.int64]:
+        saved(page)
+        document = stored(service, project)
+        return decoded(asset(service, document, layer_of(document)["keys"][0]["image"])).astype(int)
+
+    def colour_at(x: float, y: float) -> list[int]:
+        found: list[int] = picture()[int(y * HEIGHT), int(x * WIDTH)].tolist()
+        return found
+
+    start_painting(page)
+    page.keyboard.press("g")
+    page.mouse.click(*on_stage(page, 0.9, 0.9))
+    assert colour_at(0.05, 0.05) == [0x20, 0x40, 0xFF], "the field is one colour, around the disc"
+    disc = colour_at(9 / 22, 0.5)
+    assert disc != [0x20, 0x40, 0xFF]
+    page.keyboard.press("i")
+    page.mouse.click(*on_stage(page, 9 / 22, 0.5))
+    page.keyboard.press("b")
+    assert page.locator(".brush-settings input[type=color]").input_value() == "#" + bytes(disc).hex()
+    draw(page, (0.7, 0.8), (0.95, 0.8))
+    assert colour_at(0.85, 0.8) == disc
+    page.keyboard.press("e")
+    draw(page, (0.85, 0.7), (0.85, 0.95))
+    erased = colour_at(0.85, 0.8)
+    assert erased not in (disc, [0x20, 0x40, 0xFF]), "the video's frame is seen again"
+
+    page.keyboard.press("End")
+    for name, size in (("small", (WIDTH - 2, HEIGHT)), ("right", (WIDTH, HEIGHT))):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((size[1], size[0], 3), (30, 20, 200), np.uint8))
+    page.get_by_label("Import a painted frame").set_input_files(tmp_path / "small.png")
+    expect(page.get_by_text("has 94 × 64 pixels, the video has 96 × 64")).to_be_visible(timeout=SOON_MS)
+    page.get_by_label("Import a painted frame").set_input_files(tmp_path / "right.png")
+    expect(page.get_by_role("button", name=f"Key at frame {FRAMES}")).to_be_visible(timeout=SOON_MS)
+    saved(page)
+    document = stored(service, project)
+    imported = decoded(asset(service, document, layer_of(document)["keys"][1]["image"]))
+    assert (imported == (200, 20, 30)).all()

@@ -63,3 +63,15 @@ def test_a_preview_accepts_a_design_and_the_regions_of_an_accessible_job(
     answer = client.post("/v1/previews", json={**ask, "design": {"version": 1}, "artefacts_of": job})
     assert (answer.status_code, answer.headers["content-type"]) == (200, "image/png")
     assert client.post("/v1/previews", json={**ask, "artefacts_of": "job_none"}).status_code == 404
+
+
+def test_examples_of_a_design_are_sound_and_as_long_as_the_video(client: TestClient) -> None:
+    found: dict[str, Any] = dict(Multistyle.input_examples["design"](90))
+    assert set(found) == {"rack-focus", "emphasis", "calm-to-stress"}
+    for document in found.values():
+        jsonschema.validate(document, Multistyle.input_schemas["design"]())
+    assert max(key["frame"] for key in found["calm-to-stress"]["keys"]) == 89
+    at = "/v1/methods/toy/inputs/video/examples"
+    assert client.get(at, params={"frames": 0}).status_code == 422
+    missing = client.get(at, params={"frames": 9})
+    assert missing.status_code == 404 and missing.json()["remedy"] == "There are: none."

@@ -24,6 +24,7 @@ from pipeline.methods.base import (
     resources_per_pixel,
 )
 from pipeline.methods.multistyle.design import check, schema
+from pipeline.methods.multistyle.effects import documents
 from pipeline.methods.multistyle.orientation_picture import DIRECTIONS
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.plan import (
@@ -83,6 +84,7 @@ class Multistyle(Method):
     )
 
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = {"design": schema}
+    input_examples: ClassVar[Mapping[str, Callable[[int], Mapping[str, JsonSchema]]]] = {"design": documents}
     input_checks: ClassVar[Mapping[str, InputCheck]] = {"design": check}
 
     def single_frame_params(self, params: MultistyleParams) -> MultistyleParams:

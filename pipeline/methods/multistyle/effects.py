@@ -41,6 +41,12 @@ def document(effect: Effect, frames: int) -> JsonObject:
             return {"version": 1}
 
 
+def documents(frames: int) -> dict[str, JsonObject]:
+    """Every effect as a design document, by its name."""
+    chosen: tuple[Effect, ...] = get_args(Effect)
+    return {effect: document(effect, frames) for effect in chosen if effect != "none"}
+
+
 def effect_design(effect: Effect, frames: int) -> Design | None:
     """The effect's design; None for the effect `none`."""
     return None if effect == "none" else Design.model_validate(document(effect, frames))

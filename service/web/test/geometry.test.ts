@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { Pattern, Point } from "../src/designer/document";
 import * as g from "../src/designer/geometry";
-import { floodRuns, runsOf, widthAt } from "../src/designer/strokes";
+import { floodRuns, rowsOf, runsOf, widthAt } from "../src/designer/strokes";
 
 test("a fitted picture is whole and centred", () => {
   const view = g.fitView({ width: 200, height: 100 }, { width: 400, height: 400 }, 10);
@@ -71,6 +71,16 @@ test("a fill stops at another colour", () => {
   for (const wall of [1, 4, 7]) pixels[4 * wall] = 255;
   expect(floodRuns(pixels, { width: 3, height: 3 }, [0, 0], 10)).toEqual([0, 1, 3, 1, 6, 1]);
   expect(runsOf(new Uint8Array([0, 1, 1, 0, 1]))).toEqual([1, 2, 4, 1]);
+});
+
+test("a run of filled pixels goes on in the next rows", () => {
+  const pieces = [
+    [8, 0, 2],
+    [0, 1, 10],
+    [0, 2, 3],
+    [5, 4, 1],
+  ];
+  expect(rowsOf([8, 15, 45, 1], 10)).toEqual(pieces);
 });
 
 test("pressure widens a stroke", () => {

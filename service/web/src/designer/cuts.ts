@@ -1,13 +1,13 @@
 /** Where the shots of the video begin: the service looks through a short video by itself, through a long one when asked. */
 
-import { computed, effect, type ReadonlySignal, signal } from "@preact/signals";
+import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { isAbort } from "../shared/api";
 import { preview } from "./api";
 import type { Store } from "./store";
 
-/** A video of at most this many frames is looked through once the first picture of the stage is there. */
+/** A video of at most this many frames is looked through once the playhead has rested: it takes the processors. */
 const SHORT_FRAMES = 1500;
-const REST_MS = 1500;
+const REST_MS = 3000;
 
 export interface Cuts {
   /** Share of the video that was looked through; null: nobody looks. */
@@ -38,8 +38,18 @@ export function followCuts(store: Store): Cuts {
     stop();
     known.value = false;
     store.cuts.value = [];
-    if (available && store.frames <= SHORT_FRAMES) timer = window.setTimeout(find, REST_MS);
+    if (available) findAtRest();
   });
+  const disposeFrame = effect(() => {
+    store.frame.value;
+    untracked(findAtRest);
+  });
+
+  function findAtRest(): void {
+    clearTimeout(timer);
+    const open = store.previews.peek() && !known.peek() && done.peek() === null;
+    if (open && store.frames <= SHORT_FRAMES) timer = window.setTimeout(find, REST_MS);
+  }
 
   function stop(): void {
     clearTimeout(timer);
@@ -81,6 +91,7 @@ export function followCuts(store: Store): Cuts {
     find,
     close() {
       dispose();
+      disposeFrame();
       stop();
     },
   };

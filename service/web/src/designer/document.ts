@@ -284,6 +284,19 @@ export const tubesOf = (
   partsOf: (object: number) => readonly number[],
 ): number[] => [...new Set([...tubes, ...objects.flatMap(partsOf)])].sort((a, b) => a - b);
 
+/** A design document of the method multistyle. */
+export interface Design {
+  regions?: Record<string, Region>;
+  keys?: StyleKey[];
+  directions?: DirectionKey[];
+}
+
+/** The layer with another design, instead of its own and of the effect that its parameters name. */
+export function withDesign(layer: Layer, { regions = {}, keys = [], directions = [] }: Design): Layer {
+  const { effect: _effect, ...params } = layer.params ?? {};
+  return { ...layer, params, regions, style_keys: keys, directions };
+}
+
 /** Take a tube out of a region and add it to the region `name`, which `splitRegion` has made of another part of it. */
 export function moveTube(layer: Layer, owner: string, tube: number, name: string): Layer {
   const { [owner]: whole, [name]: part } = layer.regions ?? {};

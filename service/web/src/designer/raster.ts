@@ -9,6 +9,7 @@ import {
   type FillStroke,
   type KeyPicture,
   type PictureLayer,
+  rowsOf,
   type Sample,
   type SmudgeStroke,
   type Stroke,
@@ -69,10 +70,7 @@ export function drawStroke(context: Context, stroke: Stroke, size: Size): void {
 function drawFill(context: Context, { color, opacity, runs }: FillStroke, { width }: Size): void {
   context.fillStyle = color;
   context.globalAlpha = opacity;
-  for (let i = 0; i < runs.length; i += 2) {
-    const start = runs[i] ?? 0;
-    context.fillRect(start % width, Math.floor(start / width), runs[i + 1] ?? 0, 1);
-  }
+  for (const [x, y, length] of rowsOf(runs, width)) context.fillRect(x, y, length, 1);
 }
 
 interface Drawn {

@@ -1,8 +1,12 @@
 /** Regions of a multistyle layer: their styles over time, and the directions of their strokes. */
 
+import { useEffect, useState } from "preact/hooks";
+import * as api from "../shared/api";
+import { humanise } from "../shared/format";
 import type { Json, Schema } from "../shared/types";
 import { editElements, pattern, presentKey, REST, selectedElement } from "./direction-tool";
 import {
+  type Design,
   type Ease,
   keyAt,
   type Layer,
@@ -13,6 +17,7 @@ import {
   removeRegion,
   type StyleKey,
   trackOf,
+  withDesign,
 } from "./document";
 import { Icon, IconButton } from "./icon";
 import { objectCount, type RegionsState, regionsState } from "./region-tool";
@@ -23,10 +28,42 @@ import { shownParameter } from "./style-lane";
 export function RegionsSection({ store }: { store: Store }) {
   return (
     <>
+      <Effects store={store} />
       <RegionList store={store} />
       <StyleKeys store={store} />
       <Directions store={store} />
     </>
+  );
+}
+
+/** Ready-made designs, which are edited like one's own. */
+function Effects({ store }: { store: Store }) {
+  const [effects, setEffects] = useState<Record<string, Design>>({});
+  const { frames } = store;
+  useEffect(() => {
+    const controller = new AbortController();
+    const path = api.url`/v1/methods/multistyle/inputs/design/examples?frames=${frames}`;
+    api.get<Record<string, Design>>(path, controller.signal).then(setEffects, () => {});
+    return () => controller.abort();
+  }, [frames]);
+  const use = (name: string) => {
+    const design = effects[name];
+    if (design) store.editLayer(`Begin with ${humanise(name)}`, (layer) => withDesign(layer, design));
+    store.region.value = "";
+  };
+  if (!Object.keys(effects).length) return null;
+  return (
+    <label class="inline-field">
+      Begin with an effect
+      <select value="" onChange={(event) => use(event.currentTarget.value)}>
+        <option value="">choose one</option>
+        {Object.keys(effects).map((name) => (
+          <option key={name} value={name}>
+            {humanise(name)}
+          </option>
+        ))}
+      </select>
+    </label>
   );
 }
 

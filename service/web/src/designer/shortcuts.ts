@@ -63,7 +63,9 @@ export function installShortcuts({ store, stage, playback, tools }: ShortcutPart
 
   function onkey(event: KeyboardEvent): void {
     const target = event.target as Element;
-    const typing = target.closest("input:not([type=range], [type=checkbox], [type=radio]), textarea, select, dialog");
+    const typing = target.closest(
+      "input:not([type=range], [type=checkbox], [type=radio], [type=color]), textarea, select, dialog",
+    );
     if (typing) return;
     if (event.ctrlKey || event.metaKey) {
       undoKeys(event);

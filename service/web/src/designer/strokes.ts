@@ -20,7 +20,7 @@ export interface FillStroke {
   kind: "fill";
   color: string;
   opacity: number;
-  /** Start index and length of each run of filled pixels, row by row. */
+  /** Start index and length of each run of filled pixels; one may go on over several rows. */
   runs: readonly number[];
 }
 
@@ -112,6 +112,22 @@ export function floodRuns(
     }
   }
   return runsOf(filled);
+}
+
+/** The pieces of runs that lie in one row each: left, top, length. A run goes on in the next row. */
+export function rowsOf(runs: readonly number[], width: number): [x: number, y: number, length: number][] {
+  const pieces: [number, number, number][] = [];
+  for (let i = 0; i < runs.length; i += 2) {
+    let start = runs[i] ?? 0;
+    const end = start + (runs[i + 1] ?? 0);
+    while (start < end) {
+      const x = start % width;
+      const length = Math.min(end - start, width - x);
+      pieces.push([x, (start - x) / width, length]);
+      start += length;
+    }
+  }
+  return pieces;
 }
 
 /** Start and length of each run of non-zero values. */
