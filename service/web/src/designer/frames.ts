@@ -39,6 +39,8 @@ interface Media {
   video: string;
   /** Address of one frame as a picture. */
   still(frame: number): string;
+  /** Whether the video is turned by its metadata. */
+  turned: boolean;
 }
 
 /** `onshown` is called whenever another frame can be drawn. */
@@ -48,6 +50,7 @@ export function openFrames(asset: Asset, onshown: () => void): FrameSource {
     fps: asset.info.fps || 25,
     video: mayPlay(asset) ? api.paths.content(asset.id) : "",
     still: (frame: number) => api.paths.frame(asset.id, frame, SERVICE_SIDE_PX),
+    turned: Boolean(asset.info.rotation_deg),
   };
   return open(media, onshown);
 }
@@ -60,6 +63,7 @@ export function openFilm(job: Job, of: Asset, onshown: () => void): FilmSource {
     fps: of.info.fps || 25,
     video: plays ? api.paths.result(job.id) : "",
     still: (frame: number) => api.url`/v1/jobs/${job.id}/frames/${frame}`,
+    turned: false,
   };
   return open(media, onshown);
 }
@@ -112,6 +116,8 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
   let seeking = -1;
   let shown = -1;
   let fallback: FilmSource | null = null;
+  /** The shown frame; null: the video itself is drawn. */
+  let still: ImageBitmap | null = null;
 
   function next(): void {
     if (playing || seeking >= 0 || wanted === shown || video.readyState < 1) return;
@@ -120,8 +126,12 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
   }
 
   video.addEventListener("loadedmetadata", () => (video.videoWidth ? next() : useService()));
-  video.addEventListener("seeked", () => {
-    if (seeking >= 0) shown = seeking;
+  video.addEventListener("seeked", async () => {
+    const frame = seeking;
+    const taken = frame >= 0 && !playing ? await stillOf(video, media).catch(() => null) : null;
+    still?.close();
+    still = playing ? null : taken;
+    if (frame >= 0) shown = frame;
     seeking = -1;
     onshown();
     next();
@@ -145,17 +155,19 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
     },
     get picture() {
       if (fallback) return fallback.picture;
-      return shown >= 0 ? video : null;
+      return shown >= 0 ? (still ?? video) : null;
     },
     seek(frame) {
       wanted = frame;
       if (fallback) fallback.seek(frame);
       else next();
     },
-    copy: () => (fallback ? fallback.copy() : createImageBitmap(video)),
+    copy: () => (fallback ? fallback.copy() : createImageBitmap(still ?? video)),
     play(from) {
       if (fallback || shown < 0) return false;
       playing = true;
+      still?.close();
+      still = null;
       video.currentTime = seekTime(from, fps);
       video.play().catch(() => {
         playing = false;
@@ -174,11 +186,31 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
     },
     close() {
       fallback?.close();
+      shown = -1;
+      still?.close();
       if (video.src.startsWith("blob:")) URL.revokeObjectURL(video.src);
       video.removeAttribute("src");
       video.load();
     },
   };
+}
+
+/**
+ * The video's present frame. Where the browser can, its pixels are copied: Chromium keeps every frame of a video that is drawn,
+ * 9 MB each of 1080p.
+ */
+async function stillOf(video: HTMLVideoElement, { turned }: Media): Promise<ImageBitmap> {
+  if (turned || !("VideoFrame" in window)) return createImageBitmap(video);
+  const frame = new VideoFrame(video);
+  try {
+    const { width, height } = frame.visibleRect ?? { width: 0, height: 0 };
+    if (width !== video.videoWidth || height !== video.videoHeight) return await createImageBitmap(video);
+    const pixels = new Uint8ClampedArray(4 * width * height);
+    await frame.copyTo(pixels, { format: "RGBA" });
+    return await createImageBitmap(new ImageData(pixels, width, height));
+  } finally {
+    frame.close();
+  }
 }
 
 function serviceFrames(media: Media, onshown: () => void): FilmSource {

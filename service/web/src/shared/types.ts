@@ -12,6 +12,7 @@ export interface AssetInfo {
   frames?: number;
   fps?: number;
   duration_s?: number;
+  rotation_deg?: number;
   /** What is wrong with the file, one sentence; empty: nothing. */
   damage?: string;
 }
