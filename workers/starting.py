@@ -1,10 +1,13 @@
-"""A faster start of a process that imports hundreds of modules."""
+"""The start of a process that imports hundreds of modules and loads kernels."""
 
 from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+WARM_UP_THREAD = "impasto-warm-up"
+"""Name of the thread that loads kernels beside the start."""
 
 
 @contextmanager

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import errno
 import gc
+import logging
+import os
 import sys
+import threading
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.exceptions import Abort, TyperException
@@ -14,6 +17,7 @@ from typer.exceptions import Abort, TyperException
 from impasto.cli import doctor, jobs, keys, live, methods, ops, render, report, scene, serve, worker
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
+from workers.starting import WARM_UP_THREAD
 
 app = typer.Typer(
     name="impasto",
@@ -97,5 +101,18 @@ def _system(error: OSError) -> ImpastoError:
 def main() -> None:
     """Entry point of the `impasto` command."""
     status = run(sys.argv[1:])
+    if any(thread.name == WARM_UP_THREAD for thread in threading.enumerate()):
+        _end_at_once(status)
     gc.freeze()  # without a search for cycles among all objects, the process ends 0.3 s sooner
     sys.exit(status)
+
+
+def _end_at_once(status: int) -> NoReturn:
+    """End the process while a thread still loads kernels, as after Ctrl-C in the first second.
+
+    The interpreter would end that thread in the middle of C++ code, and the C++ library then aborts the process.
+    """
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)

@@ -103,7 +103,7 @@ def test_an_effect_is_edited_like_a_design_of_ones_own(watched: Watched, service
     page.get_by_label("Begin with an effect").select_option("rack-focus")
     saved(page)
     layer = layer_of(stored(service, project))
-    design = httpx.get(f"{service}/v1/methods/multistyle/inputs/design/examples?frames={FRAMES}").json()["rack-focus"]
+    design = HTTP.get(f"{service}/v1/methods/multistyle/inputs/design/examples?frames={FRAMES}").json()["rack-focus"]
     assert (layer["regions"], layer["style_keys"]) == (design["regions"], design["keys"])
     assert layer["params"] == {}
     page.get_by_role("button", name="background", exact=True).click()
@@ -113,7 +113,7 @@ def test_an_effect_is_edited_like_a_design_of_ones_own(watched: Watched, service
     keys = layer_of(stored(service, project))["style_keys"]
     (changed,) = [key for key in keys if (key["region"], key["frame"]) == ("background", LAST)]
     assert changed["set"]["size"] == 30
-    assert httpx.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []
+    assert HTTP.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []
     page.keyboard.press("Control+z")
     page.keyboard.press("Control+z")
     until(page, lambda: stored(service, project) == before)

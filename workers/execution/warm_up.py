@@ -17,6 +17,7 @@ from pipeline.errors import ImpastoError
 from pipeline.frames import Frame
 from pipeline.methods import methods
 from pipeline.methods.base import Method, Params
+from workers.starting import WARM_UP_THREAD
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +57,7 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
 
 def begin_warm_up(chosen: Method, params: Params) -> None:
     """`warm_up` on a thread, beside the start of a job; `finish_warm_up` waits for it."""
-    thread = threading.Thread(target=_practise, args=(chosen, params), name="impasto-warm-up", daemon=True)
+    thread = threading.Thread(target=_practise, args=(chosen, params), name=WARM_UP_THREAD, daemon=True)
     _practised.set()
     _begun.append(thread)
     thread.start()

@@ -28,6 +28,7 @@ from workers.pools.local_pool import TaskRunner
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.previews.engine import PreviewEngine
 from workers.previews.model import PreviewQuery, Record
+from workers.starting import WARM_UP_THREAD
 
 CONTROL = "control"
 RENDER_NICENESS = 10
@@ -50,7 +51,7 @@ class _RenderActor:
         self._cache = ArtefactCache(blobs)
         self._runner = make_runner(self._cache)
         warm_up = partial(self._runner.warm_up, lambda: False)
-        threading.Thread(target=warm_up, name="impasto-warm-up", daemon=True).start()
+        threading.Thread(target=warm_up, name=WARM_UP_THREAD, daemon=True).start()
 
     def run(
         self, order: TaskOrder, given: Mapping[str, ObjectRef]
@@ -106,7 +107,7 @@ class _LiveActor:
 
         This runs at a low priority: seconds of imports and compilation would delay the frames of running sessions.
         """
-        thread = threading.Thread(target=self._get_ready, name="impasto-warm-up")
+        thread = threading.Thread(target=self._get_ready, name=WARM_UP_THREAD)
         thread.start()
         thread.join()
         self._server = LiveWorkerServer(self._here, RAY.util.get_node_ip_address(), self._secret)
@@ -150,7 +151,7 @@ class _PreviewActor:
         self._runs: dict[int, Generator[Record]] = {}
         self._ended: OrderedDict[int, None] = OrderedDict()
         if warms_up:
-            threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True).start()
+            threading.Thread(target=self._warm_up, name=WARM_UP_THREAD, daemon=True).start()
 
     def _warm_up(self) -> None:
         with contextlib.suppress(OSError):

@@ -16,6 +16,7 @@ from workers.model import TaskOrder, TaskOutcome
 from workers.operations import Slot
 from workers.pools.base import Report, Tell
 from workers.pools.machine import Machine
+from workers.starting import WARM_UP_THREAD
 
 _STOP_CHECK_S = 0.2
 """Interval at which an attempt that waits for memory checks whether it was stopped, seconds."""
@@ -65,7 +66,7 @@ class LocalPool:
         self._lock = threading.Lock()
         self._threads: list[threading.Thread] = []
         self._stopping = threading.Event()
-        self._warming = threading.Thread(target=self._warm_up, name="impasto-warm-up", daemon=True)
+        self._warming = threading.Thread(target=self._warm_up, name=WARM_UP_THREAD, daemon=True)
         self._listen: Listen = lambda report: None
         self._node = socket.gethostname()
         self._drained = False
