@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import numpy as np
 from docs.pictures import (
     CLIPS,
     DOCS,
+    GAP_PX,
     LIMIT_BYTES,
     MEDIA,
     PAINTINGS,
@@ -80,9 +81,15 @@ METHODS = {
     "analogy": "Style by example: The Starry Night",
 }  # fmt: skip
 
+DETAILS = {"harbour": (16, 1080, (1000, 430)), "coffee": (104, 720, (430, 120))}
+"""Scene -> its frame, the height at which it is painted, px, and the left upper corner of the detail (x, y), px."""
+DETAIL_PX = (448, 336)
+"""(width, height) of a detail; it is shown pixel for pixel."""
+
 PRESETS = ("bird", "harbour")
 PICTURES = [
-    *(f"methods_{name}" for name in ALIKE), *SCENES, *(f"presets_{name}" for name in PRESETS),
+    *(f"methods_{name}" for name in ALIKE), *(f"details_{name}" for name in DETAILS), *SCENES,
+    *(f"presets_{name}" for name in PRESETS),
     *(f"colours_{name}" for name in PAINTINGS), "hero", "methods",
 ]  # fmt: skip
 
@@ -124,11 +131,14 @@ def _picture(name: str, media: Path) -> Frame:
     if name == "hero":
         return hero(media)
     if name == "methods":
-        return grid(list(_alike("bird", media, 540).values())[1:], 2, list(METHODS.values()), width=1200)
+        tiles = _alike("bird", media, ALIKE["bird"], 540)
+        return grid(list(tiles.values())[1:], 2, list(METHODS.values()), width=1200)
     if kind == "methods":
-        tiles = _alike(rest, media, 360)
+        tiles = _alike(rest, media, ALIKE[rest], 360)
         names = ["original", *METHODS.values(), "The Starry Night"]
         return grid([*tiles.values(), _cropped(painting(media, EXEMPLAR), 1.78)], 2, names)
+    if kind == "details":
+        return details(rest, media)
     if kind == "presets":
         return presets(SCENES[rest], media)
     if kind == "colours":
@@ -152,16 +162,26 @@ def _interleaved(pairs: Sequence[tuple[Frame, Frame]], columns: int) -> list[Fra
     return [pair[side] for row in rows for side in (0, 1) for pair in row]
 
 
-def _alike(name: str, media: Path, height: int) -> dict[str, Frame]:
-    """A frame as it is and as each method paints it in its film."""
-    pick = ALIKE[name]
+def _alike(
+    name: str, media: Path, pick: int, height: int, methods: Iterable[str] = tuple(METHODS)
+) -> dict[str, Frame]:  # fmt: skip
+    """A frame as it is and as each of these methods paints it in its film."""
     source = list(frames(CLIPS[SCENES[name].clip], media, max(0, pick - 11), pick + 1, height))
     tiles = {"original": source[-1]}
-    for method in METHODS:
+    for method in methods:
         exemplar = media / "style" / "paintings" / f"{EXEMPLAR}.jpg"
         films = film(source, method, style_output=exemplar) if method == "analogy" else film(source, method)
         tiles[method] = films[-1]
     return tiles
+
+
+def details(name: str, media: Path) -> Frame:
+    """A detail of one frame as it is and as the methods that need no painting paint it, pixel for pixel."""
+    pick, height, (x, y) = DETAILS[name]
+    width, rows = DETAIL_PX
+    tiles = _alike(name, media, pick, height, [method for method in METHODS if method != "analogy"])
+    shown = [np.ascontiguousarray(tile[y : y + rows, x : x + width]) for tile in tiles.values()]
+    return grid(shown, 2, ["original", *list(METHODS.values())[:3]], width=2 * width + GAP_PX)
 
 
 def presets(scene: Scene, media: Path) -> Frame:
@@ -214,7 +234,7 @@ def _split(left: Frame, right: Frame, share: float, slant: float = 0.22) -> Fram
 
 def page() -> str:
     """docs/gallery.md."""
-    return "\n".join([*_head(), *_methods(), *_clips(), *_presets(), *_colours(), ""])
+    return "\n".join([*_head(), *_methods(), *_details(), *_clips(), *_presets(), *_colours(), ""])
 
 
 def _head() -> Iterator[str]:
@@ -230,6 +250,15 @@ def _methods() -> Iterator[str]:
     for name in ALIKE:
         yield from ("", f"![The same frame in every method: {name}](gallery/methods_{name}.jpg)", "")
         yield f"<sub>{CLIPS[SCENES[name].clip].credit} *The Starry Night*, Vincent van Gogh, 1889: public domain.</sub>"
+
+
+def _details() -> Iterator[str]:
+    yield from ("", "## Pixel for pixel")
+    for name, (pick, height, _) in DETAILS.items():
+        clip = CLIPS[SCENES[name].clip]
+        yield from ("", f"![A detail of frame {pick} in three methods: {name}](gallery/details_{name}.jpg)", "")
+        yield f"Frame {pick} of {clip.title.lower()}, painted at a height of {height} px; the detail is not scaled.  "
+        yield f"<sub>{clip.credit}</sub>"
 
 
 def _clips() -> Iterator[str]:
