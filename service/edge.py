@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.errors import SECURITY_HEADERS
 from service.ops.metrics import HttpMetrics
 from service.uploads.headers import VERSION
-from workers.log_context import here, log_extra, working_for
+from workers.process.log_context import here, log_extra, working_for
 
 PAGE_CSP = (
     "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; "

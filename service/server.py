@@ -19,11 +19,11 @@ from service.connections import ConnectionGuard, connection_limit
 from service.repeats import RepeatFilter
 from service.settings import Settings
 from service.sockets import guarded
-from workers.descriptors import raise_descriptor_limit
 from workers.farm import Farm, open_farm
-from workers.free_memory import return_free_memory_regularly
-from workers.logs import set_up_logs
-from workers.starting import without_garbage_collection
+from workers.process.descriptors import raise_descriptor_limit
+from workers.process.free_memory import return_free_memory_regularly
+from workers.process.logs import set_up_logs
+from workers.process.starting import without_garbage_collection
 
 ACCEPTED_AT_ONCE = 64
 """Connections that asyncio accepts in one turn of its loop, before the guard can close any."""

@@ -17,7 +17,7 @@ from typer.exceptions import Abort, TyperException
 from impasto.cli import doctor, jobs, keys, live, methods, ops, render, report, scene, serve, worker
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
-from workers.starting import WARM_UP_THREAD
+from workers.process.starting import WARM_UP_THREAD
 
 app = typer.Typer(
     name="impasto",

@@ -30,7 +30,7 @@ from impasto.cli.options import (
     takes_options,
 )
 from pipeline.errors import BadInput
-from workers.starting import without_garbage_collection
+from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder

@@ -10,7 +10,7 @@ import typer
 
 from impasto.cli.console import print_status
 from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
-from workers.starting import without_garbage_collection
+from workers.process.starting import without_garbage_collection
 
 EPILOG = """[bold]Examples[/bold]
 

@@ -15,7 +15,7 @@ import typer
 
 from impasto.cli.console import print_status
 from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
-from workers.starting import without_garbage_collection
+from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from service.settings import Settings
@@ -64,11 +64,11 @@ def worker(options: WorkerOptions) -> None:
     """
     from impasto.settings import load
     from service.settings import Settings
-    from workers.descriptors import raise_descriptor_limit
     from workers.extras import need
-    from workers.free_memory import return_free_memory_regularly
-    from workers.logs import set_up_logs
     from workers.pools.ray_node import RayNode
+    from workers.process.descriptors import raise_descriptor_limit
+    from workers.process.free_memory import return_free_memory_regularly
+    from workers.process.logs import set_up_logs
 
     settings = load(
         Settings,

@@ -19,8 +19,8 @@ from service.settings import Settings
 from service.webhooks.connect import open_pool
 from service.webhooks.secrets import WebhookSecrets
 from workers.errors import NotFound
-from workers.log_context import log_extra
 from workers.model import Delivery
+from workers.process.log_context import log_extra
 from workers.store.webhooks import Webhooks
 
 log = logging.getLogger(__name__)

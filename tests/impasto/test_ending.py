@@ -10,7 +10,7 @@ import sys, threading, time
 import cv2
 import numpy as np
 from impasto.cli import app
-from workers.starting import WARM_UP_THREAD
+from workers.process.starting import WARM_UP_THREAD
 
 def load():
     picture = np.zeros((600, 600, 3), np.uint8)

@@ -20,9 +20,9 @@ from impasto.ops import Ops
 from impasto.problems import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
 from tests.conftest import TINY_FRAMES
-from workers.descriptors import MAX_DESCRIPTORS
 from workers.errors import IdempotencyMismatch, NotFound
 from workers.pools.machine import usable_cpus
+from workers.process.descriptors import MAX_DESCRIPTORS
 
 Serve = Callable[..., str]
 

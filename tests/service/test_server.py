@@ -20,7 +20,7 @@ from pipeline.errors import BadParameter
 from service.repeats import BURST
 from service.server import make_server, serve
 from service.settings import Settings
-from workers.descriptors import MAX_DESCRIPTORS
+from workers.process.descriptors import MAX_DESCRIPTORS
 
 PROGRAM = """
 import sys

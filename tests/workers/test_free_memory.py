@@ -11,7 +11,7 @@ _PROGRAM = """
 import sys, time
 import numpy as np
 import psutil
-from workers.free_memory import return_free_memory_regularly
+from workers.process.free_memory import return_free_memory_regularly
 
 rss = psutil.Process().memory_info
 blocks = [np.ones(64 * 1024, np.uint8) for _ in range(2048)]  # 128 MiB, each too small for pages of its own

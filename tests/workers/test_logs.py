@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from workers.log_context import belong, here, log_extra, working_for
-from workers.logs import OURS, attempt_facts, captured, set_up_logs, shortened
+from workers.process.log_context import belong, here, log_extra, working_for
+from workers.process.logs import OURS, attempt_facts, captured, set_up_logs, shortened
 from workers.settings import FarmSettings
 
 LOG = logging.getLogger("workers.test")

@@ -31,10 +31,10 @@ from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.reuse import Reads, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
 from workers.jobs.frame_window import WindowImages, window_document, window_index
-from workers.log_context import belong
-from workers.logs import attempt_facts
 from workers.model import FAIL, TaskOrder
 from workers.pools.base import Tell
+from workers.process.log_context import belong
+from workers.process.logs import attempt_facts
 from workers.scheduling.planning import video_info
 
 PART = "part:"

@@ -30,9 +30,9 @@ from workers.execution.usage import METER
 from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
 from workers.jobs.state_machine import ASSEMBLE
-from workers.logs import AttemptLog, captured, set_up_logs
 from workers.model import TaskOrder, TaskOutcome
 from workers.pools.base import Tell
+from workers.process.logs import AttemptLog, captured, set_up_logs
 from workers.settings import FarmSettings
 
 _LOG = logging.getLogger(__name__)

@@ -17,7 +17,7 @@ from pipeline.errors import ImpastoError
 from pipeline.frames import Frame
 from pipeline.methods import methods
 from pipeline.methods.base import Method, Params
-from workers.starting import WARM_UP_THREAD
+from workers.process.starting import WARM_UP_THREAD
 
 log = logging.getLogger(__name__)
 

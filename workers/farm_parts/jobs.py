@@ -13,9 +13,9 @@ from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.preview import PreviewAsk
 from workers.jobs import state_machine as machine
-from workers.log_context import log_extra
 from workers.model import Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.previews.service import PreviewService
+from workers.process.log_context import log_extra
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
 from workers.store import Store

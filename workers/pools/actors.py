@@ -17,7 +17,6 @@ from ray.exceptions import RayError
 
 from pipeline.errors import Cancelled
 from workers.blobs.base import Blobs
-from workers.free_memory import return_free_memory_regularly
 from workers.live.channel import Address, LiveWorkerServer
 from workers.live.local_workers import SessionRenderer
 from workers.live.model import LiveOrder
@@ -28,7 +27,8 @@ from workers.pools.local_pool import TaskRunner
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.previews.engine import PreviewEngine
 from workers.previews.model import PreviewQuery, Record
-from workers.starting import WARM_UP_THREAD
+from workers.process.free_memory import return_free_memory_regularly
+from workers.process.starting import WARM_UP_THREAD
 
 CONTROL = "control"
 RENDER_NICENESS = 10

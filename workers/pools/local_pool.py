@@ -16,7 +16,7 @@ from workers.model import TaskOrder, TaskOutcome
 from workers.operations import Slot
 from workers.pools.base import Report, Tell
 from workers.pools.machine import Machine
-from workers.starting import WARM_UP_THREAD
+from workers.process.starting import WARM_UP_THREAD
 
 _STOP_CHECK_S = 0.2
 """Interval at which an attempt that waits for memory checks whether it was stopped, seconds."""

@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from pipeline.errors import StorageError
 from workers.faults import failed_outcome, is_final, is_resource_away
 from workers.jobs import state_machine as machine
-from workers.log_context import log_extra
 from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
+from workers.process.log_context import log_extra
 from workers.scheduling import step_planner
 from workers.scheduling.flights import Flight, facts_of, log_end, lost_outcome, stalled_outcome
 from workers.scheduling.orders import Orders

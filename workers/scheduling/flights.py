@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from workers.log_context import LogContext, log_extra
 from workers.model import Fault, TaskOutcome
 from workers.pools.base import Report
+from workers.process.log_context import LogContext, log_extra
 
 log = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ import time
 from pipeline.errors import ImpastoError, StorageError
 from workers.faults import fault_from
 from workers.jobs.frame_window import window_inputs
-from workers.log_context import log_extra
+from workers.process.log_context import log_extra
 from workers.scheduling.planning import plan_step
 from workers.store import StepToPlan, Store
 

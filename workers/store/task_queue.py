@@ -12,9 +12,9 @@ from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, 
 from pipeline.errors import StorageError
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import StateEvent
-from workers.log_context import log_extra
 from workers.model import PEAK_MEMORY, TaskOutcome, TaskState
 from workers.operations import DrainScope
+from workers.process.log_context import log_extra
 from workers.store import fair_scheduler, schema
 from workers.store.base import Clock, StorePart
 from workers.store.claims import Claim, ClaimFailed, claim_in

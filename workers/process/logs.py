@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from workers.log_context import LogContext, here, of, working_for
+from workers.process.log_context import LogContext, here, of, working_for
 from workers.settings import FarmSettings
 
 OURS = ("impasto", "service", "workers", "pipeline")

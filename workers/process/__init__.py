@@ -1,0 +1,1 @@
+"""The process that everything runs in: its descriptors, memory, start and log."""
