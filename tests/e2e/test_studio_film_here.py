@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +65,7 @@ def test_a_finished_film_is_played_on_the_stage(watched: Watched, service: str, 
     watched.check()
 
 
-def test_a_film_is_cancelled_in_the_studio_and_found_again_after_a_reload(
+def test_a_film_is_seen_on_the_stage_while_it_is_painted_found_after_a_reload_and_cancelled(
     watched: Watched, service: str, tmp_path: Path
 ) -> None:
     page = watched.page
@@ -76,10 +77,19 @@ def test_a_film_is_cancelled_in_the_studio_and_found_again_after_a_reload(
     expect(state).to_be_visible(timeout=SOON_MS)
     page.reload()
     expect(state.get_by_role("progressbar")).to_be_visible(timeout=SOON_MS)
+    views, hint = page.get_by_role("group", name="View"), page.locator(".stage-hint")
+    views.get_by_role("button", name="Original").click()
+    source = stage_picture(page)
     expect(state.get_by_role("img", name="The newest finished frame")).to_be_visible(timeout=FILM_MS)
+    state.get_by_role("button", name="Show it on the stage").click()
+    expect(hint).to_contain_text("The newest finished frame of the film, which is being painted")
+    expect(hint).to_contain_text(re.compile(r"\d %$"))
+    assert np.abs(stage_picture(page) - source).mean() > 2, "another picture than the video's frame"
     state.get_by_role("button", name="Cancel").click()
     expect(state).to_contain_text("Cancelled", timeout=SOON_MS)
     (job,) = HTTP.get(f"{service}/v1/projects/{project}/jobs").json()["items"]
     assert job["job"]["state"] == "cancelled"
+    expect(views.get_by_role("button", name="Compare")).to_have_attribute("aria-pressed", "true")
+    expect(views.get_by_role("button", name="Film")).to_be_hidden()
     state.get_by_role("button", name="Close this message").click()
     expect(state).to_be_hidden()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, make_clip
+from tests.e2e.pages import FPS, FRAMES, HEIGHT, WIDTH, Watched, make_clip, make_three_things
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -152,6 +153,37 @@ def test_a_region_is_selected_split_merged_and_painted(
     assert [(key["region"], key["frame"]) for key in layer["style_keys"]] == [("region-2", 4), ("region-2", FRAMES - 1)]
     assert [key["region"] for key in layer["directions"]] == ["rest"]
     assert result(service, render(page)) == rendered_by_command(service, project, tmp_path)
+
+
+def test_a_stroke_with_alt_takes_parts_out_of_a_region(watched: Watched, service: str, tmp_path: Path) -> None:
+    page = watched.page
+    path = make_three_things(tmp_path / "three.mp4")
+    video = HTTP.post(f"{service}/v1/assets", files={"file": (path.name, path.read_bytes())}).json()["id"]
+    project = open_project(page, service, video, "multistyle", frame=2)
+    page.get_by_role("button", name="Pick regions").click()
+    expect(page.get_by_text(re.compile(r"Pick one of the \d+ objects"))).to_be_visible(timeout=SOON_MS)
+    disc, bar, field = (0.25, 0.5), (0.75, 0.5), (0.5, 0.1)
+
+    def regions() -> dict[str, set[int]]:
+        saved(page)
+        found = layer_of(stored(service, project)).get("regions", {})
+        return {name: set(region.get("objects") or region["tubes"]) for name, region in found.items()}
+
+    page.mouse.click(*on_stage(page, *disc))
+    page.keyboard.down("Shift")
+    for thing in (bar, field):
+        page.mouse.click(*on_stage(page, *thing))
+    page.keyboard.up("Shift")
+    whole = regions()
+    assert {name: len(parts) for name, parts in whole.items()} == {"region": 3}
+    page.keyboard.down("Alt")
+    draw(page, disc, (0.5, 0.5))
+    page.keyboard.up("Alt")
+    apart = regions()
+    assert {name: len(parts) for name, parts in apart.items()} == {"region": 1, "region-2": 2}
+    assert not apart["region"] & apart["region-2"], "the bar has stayed; the disc and the field have left"
+    page.keyboard.press("Control+z")
+    assert regions() == whole, "the stroke is one step"
 
 
 def test_a_corrected_result_frame_becomes_a_second_keyframe(

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
-from playwright.sync_api import expect
+from pathlib import Path
 
-from tests.e2e.pages import Watched
+import pytest
+from playwright.sync_api import Request, expect
+
+from tests.e2e.pages import Watched, make_clip
 from tests.e2e.studio import SOON_MS, draw, layer_of, open_project, saved, start_painting, stored
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -28,6 +31,42 @@ def test_neighbours_follow_a_stroke_that_is_not_uploaded_yet(watched: Watched, s
     saved(page)
     expect(page.get_by_role("button", name="Key at frame 5")).to_be_visible(timeout=SOON_MS)
     assert [key["frame"] for key in layer_of(stored(service, project))["keys"]] == [4]
+
+
+def test_a_frame_near_a_key_is_painted_at_full_size_when_one_rests_on_it(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    """The stage's previews have at most 960 px."""
+    page = watched.page
+    wide = make_clip(tmp_path / "wide.mp4", size=(1000, 96), frames=9)
+    video = HTTP.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
+    project = open_project(page, service, video, "analogy", frame=3)
+    full: list[int] = []
+
+    def note(request: Request) -> None:
+        if request.url.endswith("/paint") and request.post_data_json["max_side_px"] == 1000:
+            full.append(request.post_data_json["frame"])
+
+    page.on("request", note)
+    canvas, hint = page.locator(".stage-canvas"), page.locator(".stage-hint")
+    start_painting(page)
+    box = canvas.bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.3 * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], middle, steps=6)
+    page.mouse.up()
+    saved(page)
+    assert [key["frame"] for key in layer_of(stored(service, project))["keys"]] == [3]
+    page.keyboard.press("v")
+    page.keyboard.press("End")
+    expect(hint).to_have_text("Preview at 96 % of full size", timeout=90_000)
+    page.wait_for_timeout(1500)
+    assert full == [], "it is five frames away from the key"
+    page.get_by_role("slider", name="Frame", exact=True).press("Home")
+    expect(hint).to_have_text("Preview at 100 % of full size", timeout=90_000)
+    assert full == [0]
 
 
 COUNT_VIDEOS = """const make = document.createElement.bind(document);

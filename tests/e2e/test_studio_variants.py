@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from playwright.sync_api import expect
 
 from pipeline.quality.coherence import measure_pair
@@ -16,6 +17,7 @@ from tests.e2e.studio import (
     FILM_MS,
     SOON_MS,
     decoded,
+    draw,
     frames_of,
     on_stage,
     open_project,
@@ -81,6 +83,28 @@ def test_variants_are_compared_on_a_frame_and_as_films(watched: Watched, service
     page.goto(f"{service}/#/jobs/{ids[0]}")
     page.get_by_role("link", name="Compare variants").click()
     page.wait_for_url(f"**/#/compare/{ids[0]},{ids[1]}")
+
+
+def test_the_divider_of_the_stage_is_dragged(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    open_project(page, service, video, "abstraction")
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-result", "final", timeout=FILM_MS)
+
+    def disc() -> NDArray[np.int64]:
+        """The left half of the disc, on the screen."""
+        page.wait_for_timeout(300)
+        (left, top), (right, bottom) = on_stage(page, 0.27, 0.3), on_stage(page, 0.41, 0.7)
+        box = {"x": left, "y": top, "width": right - left, "height": bottom - top}
+        return decoded(page.screenshot(clip=box)).astype(int)
+
+    source = disc()
+    draw(page, (0.5, 0.5), (0.1, 0.6))
+    painted = disc()
+    assert abs(painted - source).mean() > 0.5, "right of the divider is the painting"
+    draw(page, (0.1, 0.5), (0.9, 0.6))
+    assert (disc() == source).all(), "left of it is the video's frame, where it was"
+    page.get_by_role("group", name="View").get_by_role("button", name="Painted").click()
+    assert (disc() == painted).all()
 
 
 def flickers(source: Path, film: bytes) -> dict[int, float]:

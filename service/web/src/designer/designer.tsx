@@ -311,7 +311,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
             </p>
           )}
         </header>
-        <StageBar store={store} onfull={() => designer.showFull().catch(notify)} />
+        <StageBar store={store} films={designer.films} onfull={() => designer.showFull().catch(notify)} />
         <div class="designer-stage" style={{ "--ratio": store.size.width / store.size.height }}>
           <Toolbar store={store} clusters={designer.clusters} stage={() => designer.stage} />
           <StageCanvas designer={designer} />

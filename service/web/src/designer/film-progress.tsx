@@ -1,7 +1,5 @@
-/** The film that is painted now: how far it is, its newest frame, and, once it is finished, the way to see it. */
+/** The film that is painted now: how far it is, its newest frame, and the way to see it on the stage. */
 
-import { useEffect, useState } from "preact/hooks";
-import * as api from "../shared/api";
 import { percent } from "../shared/format";
 import { notify } from "../shared/notices";
 import type { Job } from "../shared/types";
@@ -10,13 +8,12 @@ import type { Films } from "./films";
 import { IconButton } from "./icon";
 import type { Store } from "./store";
 
-const PICTURE_MS = 1000;
-
 export function FilmProgress({ store, films }: { store: Store; films: Films }) {
   const state = films.current.value;
   if (!state) return null;
   const { job, queue } = state;
   const [first, end] = job.request.frames ?? [0, store.frames];
+  const newest = films.newest.value;
   const show = () => {
     store.tool.value = "pan";
     store.goTo(Math.min(Math.max(first, store.frame.value), end - 1));
@@ -24,7 +21,7 @@ export function FilmProgress({ store, films }: { store: Store; films: Films }) {
   };
   return (
     <section class="film-progress" aria-label="The film" data-state={job.state}>
-      <NewestFrame job={job} />
+      {newest && <img src={newest.src} alt="The newest finished frame" />}
       <div class="film-progress-text">
         <strong>{isFinal(job) ? stateWord(job) : percent(job.progress)}</strong>
         <span>{isFinal(job) ? endText(job) : progressText(job, queue)}</span>
@@ -32,8 +29,8 @@ export function FilmProgress({ store, films }: { store: Store; films: Films }) {
         {!isFinal(job) && <progress max={1} value={job.progress} aria-label="Progress of the film" />}
       </div>
       <div class="actions">
-        {job.state === "succeeded" && (
-          <button type="button" class="button small primary" onClick={show}>
+        {(newest || job.state === "succeeded") && (
+          <button type="button" class={`button small ${newest ? "" : "primary"}`} onClick={show}>
             Show it on the stage
           </button>
         )}
@@ -54,28 +51,4 @@ export function FilmProgress({ store, films }: { store: Store; films: Films }) {
 function endText({ error, request }: Job): string {
   if (error) return [error.message, error.remedy].filter(Boolean).join(" ");
   return request.frames ? `Frames ${request.frames[0] + 1} to ${request.frames[1]}` : "";
-}
-
-/** The newest finished frame, while the film is painted. */
-function NewestFrame({ job }: { job: Job }) {
-  const [picture, setPicture] = useState("");
-  const painted = !isFinal(job) && job.results.includes("preview");
-  useEffect(() => {
-    if (!painted) return;
-    const controller = new AbortController();
-    let timer = 0;
-    const load = async () => {
-      const url = await api.objectUrl(api.paths.file(job.id, "preview"), controller.signal).catch(() => "");
-      if (controller.signal.aborted) return URL.revokeObjectURL(url);
-      if (url) setPicture(url);
-      timer = window.setTimeout(load, PICTURE_MS);
-    };
-    load();
-    return () => {
-      controller.abort();
-      clearTimeout(timer);
-    };
-  }, [job.id, painted]);
-  useEffect(() => () => URL.revokeObjectURL(picture), [picture]);
-  return painted && picture ? <img src={picture} alt="The newest finished frame" /> : null;
 }

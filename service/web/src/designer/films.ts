@@ -35,6 +35,9 @@ export interface PlayedFilm {
 export class Films {
   /** The newest film of the shot that was submitted or found unfinished in this visit. */
   readonly current = signal<FilmState | null>(null);
+  /** The newest finished frame of that film while it is painted; null: there is none. */
+  readonly newest = signal<HTMLImageElement | null>(null);
+  private loading = false;
   private watching = new AbortController();
   private source: { job: string; frames: FilmSource } | null = null;
   private readonly dispose: () => void;
@@ -45,7 +48,7 @@ export class Films {
   ) {
     this.dispose = effect(() => {
       const film = store.film.value;
-      if (!film || store.stageView.value !== "film") this.closeSource();
+      if (!film || this.newest.value || store.stageView.value !== "film") this.closeSource();
       else this.open(film).seek(store.frame.value - firstOf(film));
     });
   }
@@ -77,14 +80,15 @@ export class Films {
   }
 
   async cancel(): Promise<void> {
-    const { current } = this;
-    if (current.value) current.value = { job: await api.act(current.value.job.id, "cancel"), queue: null };
+    const { value } = this.current;
+    if (value) this.follow(await api.act(value.job.id, "cancel"), null);
   }
 
   /** Take the finished, failed or cancelled film off the panel. */
   dismiss(): void {
     this.watching.abort();
     this.current.value = null;
+    this.showNewest(null);
   }
 
   /** The picture of the film at the shown frame, while the stage shows the film; null: it has none, or not yet. */
@@ -115,18 +119,51 @@ export class Films {
     this.dispose();
     this.watching.abort();
     this.closeSource();
+    this.showNewest(null);
   }
 
   private watch(job: Job): void {
     this.watching.abort();
     this.watching = new AbortController();
+    const { signal } = this.watching;
+    this.showNewest(null);
     this.current.value = { job, queue: null };
     const onchange = (now: Job, queue: Queue | null) => {
       if (now.state !== this.current.peek()?.job.state) announce(`The film: ${stateWord(now)}`);
-      this.current.value = { job: now, queue };
-      if (now.state === "succeeded") this.store.film.value = now;
+      this.follow(now, queue);
+      if (!isFinal(now) && now.results.includes("preview")) this.loadNewest(now.id, signal);
     };
-    watchJob(job.id, { onchange }, this.watching.signal);
+    watchJob(job.id, { onchange }, signal);
+  }
+
+  private follow(job: Job, queue: Queue | null): void {
+    this.current.value = { job, queue };
+    if (job.state === "succeeded") this.store.film.value = job;
+    if (isFinal(job)) this.showNewest(null);
+  }
+
+  private async loadNewest(job: string, signal: AbortSignal): Promise<void> {
+    if (this.loading) return;
+    this.loading = true;
+    const picture = new Image();
+    try {
+      picture.src = await api.objectUrl(api.paths.file(job, "preview"), signal);
+      await picture.decode();
+      const state = this.current.peek();
+      if (signal.aborted || !state || isFinal(state.job)) URL.revokeObjectURL(picture.src);
+      else this.showNewest(picture);
+    } catch {
+      URL.revokeObjectURL(picture.src); // the next change of the film asks again
+    }
+    this.loading = false;
+  }
+
+  private showNewest(picture: HTMLImageElement | null): void {
+    const { stageView, film } = this.store;
+    URL.revokeObjectURL(this.newest.peek()?.src ?? "");
+    this.newest.value = picture;
+    if (!picture && !film.peek() && stageView.peek() === "film") stageView.value = "compare";
+    this.redraw();
   }
 
   private open(film: Job): FilmSource {

@@ -82,14 +82,18 @@ export function mountStage(
     context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * x, ratio * y);
     context.imageSmoothingEnabled = scale < 3;
     const key = !store.compared.value && painting() ? paint.shown() : null;
+    const newest = newestFrame();
     if (!key || !keys.raster.covers(key.picture)) drawSource();
-    if (store.compared.value) drawCompared(store.compared.value);
+    if (newest) drawWhole(newest);
+    else if (store.compared.value) drawCompared(store.compared.value);
     else if (painting()) drawKey(key);
     else if (store.stageView.value === "film") drawFilm();
     else drawPainted();
-    for (const overlay of overlays) overlay(context);
     const px = 1 / scale;
-    drawOutlines(context, store, px);
+    if (!newest) {
+      for (const overlay of overlays) overlay(context);
+      drawOutlines(context, store, px);
+    }
     tool()?.draw?.(context, px);
     canvas.dataset.frame = String(scrubbed() ? store.frame.value : frames.shown);
     canvas.dataset.exact = String(frames.shown === store.frame.value);
@@ -98,10 +102,14 @@ export function mountStage(
     canvas.dataset.result = store.results.value.get(store.frame.value)?.final ? "final" : "";
   }
 
-  function drawSource(): void {
+  function drawWhole(picture: CanvasImageSource): void {
     const { width, height } = store.size;
+    context?.drawImage(picture, 0, 0, width, height);
+  }
+
+  function drawSource(): void {
     const picture = scrubbed() ?? frames.picture;
-    if (picture) context?.drawImage(picture, 0, 0, width, height);
+    if (picture) drawWhole(picture);
   }
 
   /** The small picture of the wanted frame, while the exact one is not there. */
@@ -131,9 +139,14 @@ export function mountStage(
   }
 
   function drawFilm(): void {
-    const { width, height } = store.size;
     const picture = films.picture();
-    if (picture) context?.drawImage(picture, 0, 0, width, height);
+    if (picture) drawWhole(picture);
+  }
+
+  /** What the stage shows of a film that is being painted. It is seldom the shown frame, so that no mark fits it. */
+  function newestFrame(): CanvasImageSource | null {
+    const shown = store.stageView.value === "film" && store.tool.value === "pan" && !store.compared.value;
+    return shown ? films.newest.value : null;
   }
 
   function drawCompared({ left, right }: { left: ImageBitmap; right: ImageBitmap }): void {

@@ -1,8 +1,9 @@
 /** The tools beside the stage, and the settings of the brush. */
 
+import { percent } from "../shared/format";
 import type { IconName } from "../shared/icons";
 import type { Clusters } from "./clusters";
-import { filmHas } from "./films";
+import { type Films, filmHas } from "./films";
 import { IconButton } from "./icon";
 import { scribbled } from "./keys";
 import { regionsState } from "./region-tool";
@@ -89,18 +90,18 @@ const VIEWS: [StageView, string][] = [
 ];
 
 /** Above the stage: what it shows, or the brush while one paints. */
-export function StageBar({ store, onfull }: { store: Store; onfull(): void }) {
+export function StageBar({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
   const painting = ["label", "brush", "eraser", "smudge", "fill"].includes(store.tool.value);
   return (
     <div class="stage-bar">
-      {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} />}
-      <StageState store={store} onfull={onfull} />
+      {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} films={films} />}
+      <StageState store={store} films={films} onfull={onfull} />
     </div>
   );
 }
 
-function ViewSwitch({ store }: { store: Store }) {
-  const views = VIEWS.filter(([view]) => view !== "film" || store.film.value);
+function ViewSwitch({ store, films }: { store: Store; films: Films }) {
+  const views = VIEWS.filter(([view]) => view !== "film" || store.film.value || films.newest.value);
   return (
     <div class="views" role="group" aria-label="View">
       {views.map(([view, title]) => (
@@ -203,28 +204,35 @@ function ScribbleSwitch({ store }: { store: Store }) {
   );
 }
 
-const filmHint = (store: Store): string =>
-  filmHas(store, store.frame.value) ? "The newest film" : "The newest film has no such frame: this is the video's";
+function filmHint(store: Store, films: Films): string {
+  if (films.newest.value) return "The newest finished frame of the film, which is being painted";
+  return filmHas(store, store.frame.value)
+    ? "The newest film"
+    : "The newest film has no such frame: this is the video's";
+}
 
 /** Whether a preview is on its way, and at which scale the shown one is. */
-function StageState({ store, onfull }: { store: Store; onfull(): void }) {
+function StageState({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
   const result = store.results.value.get(store.frame.value);
   const film = store.stageView.value === "film" && store.tool.value === "pan";
   const scale =
     store.tool.value === "loupe"
       ? "The loupe shows the film at 100 % of full size"
       : film
-        ? filmHint(store)
+        ? filmHint(store, films)
         : result && store.tool.value === "pan"
           ? `Preview at ${Math.round(100 * result.scale)} % of full size`
           : "";
   const text = store.problem.value || store.busy.value || scale;
   const painting = PAINT_TOOLS.includes(store.tool.value);
+  /** The film that is being painted; its progress changes too often to be read aloud. */
+  const painted = film && films.newest.value && text === scale ? films.current.value?.job : null;
   const small = !painting && !film && text === scale && (result?.scale ?? 1) < 0.999;
   return (
     <>
       <p class={`stage-hint ${store.problem.value ? "wrong" : ""}`} role="status">
         {text}
+        {painted && <span aria-hidden="true"> · {percent(painted.progress)}</span>}
       </p>
       {small && (
         <button type="button" class="button small" onClick={onfull}>
