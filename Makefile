@@ -1,6 +1,6 @@
 # Two commands set everything up on a machine with python3 and make: `make demo` and `make test`.
 PYTHON ?= python3
-TEST_JOBS ?= 3
+TEST_JOBS ?= 4
 MINUTES ?= 5
 SEED ?= 0
 VENV := .venv
