@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,8 +86,8 @@ class Sampler:
             "service: threads": own.num_threads(),
             "decoder processes: number": len(children),
             "decoder processes: RSS, MiB": sum(map(_rss, children)) / 2**20,
-            "database, MiB": _size(self._home.glob("impasto.db*")) / 2**20,
-            "blobs, MiB": _size(self._home.glob("blobs/**/*")) / 2**20,
+            "database, MiB": sum(map(_size, self._home.glob("impasto.db*"))) / 2**20,
+            "blobs, MiB": folder_size(self._home / "blobs") / 2**20,
             "answer of /healthz on the event loop, ms": 1000 * self._answer_s("/healthz"),
             "answer of /v1/jobs, ms": 1000 * self._answer_s("/v1/jobs?limit=20"),
         }
@@ -108,11 +109,13 @@ def _rss(process: psutil.Process) -> int:
         return 0
 
 
-def _size(paths: object) -> int:
-    total = 0
-    for path in paths:  # type: ignore[attr-defined]
-        try:
-            total += path.stat().st_size if path.is_file() else 0
-        except OSError:
-            continue
-    return total
+def _size(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except OSError:  # deleted meanwhile
+        return 0
+
+
+def folder_size(folder: Path) -> int:
+    """Bytes of all files of a folder from which others delete folders meanwhile; `Path.glob` would raise then."""
+    return sum(_size(Path(place, name)) for place, _, names in os.walk(folder) for name in names)

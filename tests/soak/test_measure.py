@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
 from tests.soak.load import failures
-from tests.soak.measure import Series, trend
+from tests.soak.measure import Series, folder_size, trend
 
 
 def _series(per_hour: float, noise: float) -> Series:
@@ -37,3 +39,23 @@ def test_few_samples_have_no_trend() -> None:
 def test_failures_are_answers_that_blame_the_service_and_failed_jobs() -> None:
     done = Counter({"polls": 3, "fault: GET /: 500": 1, "job of steady: failed": 2, "job of steady: succeeded": 1})
     assert failures(done) == {"fault: GET /: 500": 1, "job of steady: failed": 2}
+
+
+def test_a_folder_is_measured_while_others_delete_from_it(tmp_path: Path) -> None:
+    (tmp_path / "kept").write_bytes(bytes(7))
+    over = threading.Event()
+
+    def make_and_delete() -> None:
+        while not over.is_set():
+            for number in range(20):
+                (tmp_path / str(number)).mkdir()
+            for number in range(20):
+                (tmp_path / str(number)).rmdir()
+
+    other = threading.Thread(target=make_and_delete)
+    other.start()
+    try:
+        assert [folder_size(tmp_path) for _ in range(2000)] == [7] * 2000
+    finally:
+        over.set()
+        other.join()
