@@ -97,6 +97,7 @@ def painted_key(page: Page, address: str) -> None:
         stroke(page, radius)
     around = page.get_by_role("group", name="Frames painted from this key").get_by_role("button")
     expect(around).to_have_count(7, timeout=SLOW_MS)
+    around.last.evaluate("element => element.scrollIntoView({ block: 'end' })")
     expect(page.locator(".save-status")).to_have_text("Saved", timeout=SLOW_MS)
     shoot(page, "key")
 
