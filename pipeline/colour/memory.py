@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.background import INLINE, Background
 from pipeline.frames import Flow, Frame, Labels
 from pipeline.jit import kernel
-from pipeline.places import set_places
+from pipeline.nonzero import nonzero_positions
 
 MOVING_SHARE = 180
 """Weight of the past at moving borders relative to that elsewhere, in 1/256."""
@@ -69,7 +69,7 @@ def _keep_moving(mask: NDArray[np.uint8], flow: Flow) -> None:
     height, width = mask.shape
     places = np.empty(width, np.int32)
     for y in range(height):
-        for x in places[: set_places(mask[y], places)]:
+        for x in places[: nonzero_positions(mask[y], places)]:
             if flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
                 mask[y, x] = 0
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.jit import kernel
-from pipeline.places import set_places
+from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Lab8, Means, Sums, means_of, move
 
 _BINS = 1400
@@ -27,7 +27,7 @@ def unlabelled(labels: Labels) -> NDArray[np.int32]:
         row = labels[y]
         for x in range(width):  # this vectorises
             flags[x] = np.uint8(row[x] == 0)
-        count = set_places(flags, found, y * width, count)
+        count = nonzero_positions(flags, found, y * width, count)
     return found[:count]
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
-from pipeline.places import set_places
+from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 from pipeline.segmentation.regions import Lab8, Means, colour_difference
 
@@ -186,7 +186,7 @@ def _morphological(labels: Labels, out: Labels) -> None:
             below = np.int32(under[x] == own) + np.int32(under[x + 1] == own) + np.int32(under[x + 2] == own)
             alike = above + below + np.int32(row[x] == own) + np.int32(row[x + 2] == own)
             apart[x] = np.uint8(alike <= 3)  # otherwise no other label can have 5 of 8
-        few = set_places(apart, places, y * width + 1, few)
+        few = nonzero_positions(apart, places, y * width + 1, few)
         if few >= BATCH or y == height - 2:
             _filter_places(labels, places[:few], out)
             few = 0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.jit import kernel
-from pipeline.places import set_places
+from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Means
 
 _LONGEST_CHAIN = 2
@@ -57,7 +57,7 @@ def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
         for x in range(1, width - 1):  # this vectorises
             inside = (max(here[x - 1], here[x + 1]) < 255) | (max(over[x], under[x]) < 255)
             between[x] = np.uint8((here[x] == 255) & inside)
-        for x in places[: set_places(between, places)]:
+        for x in places[: nonzero_positions(between, places)]:
             across = max(lengths[y, x - 1], lengths[y, x + 1]) < 255 and row[x - 1] == row[x + 1]
             along = max(lengths[y - 1, x], lengths[y + 1, x]) < 255 and above[x] == below[x]
             if across:
@@ -75,7 +75,7 @@ def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths
         row = labels[y]
         for x in range(1, width):  # this vectorises
             changes[x] = row[x] != row[x - 1]
-        count = set_places(changes, places)
+        count = nonzero_positions(changes, places)
         start = 0  # of the run before the next change
         chain = -1  # first pixel of the thin regions since the last wide one; -1 = the row's first region
         for k in range(count):
@@ -98,7 +98,7 @@ def _divide_columns(labels: Labels, means: Means, widest: int, out: Labels, leng
         row, above = labels[y], labels[y - 1]
         for x in range(width):  # this vectorises
             changes[x] = row[x] != above[x]
-        for x in places[: set_places(changes, places)]:
+        for x in places[: nonzero_positions(changes, places)]:
             if chains[x] < 0 or y - starts[x] > widest:
                 if 0 < chains[x] < starts[x]:
                     _divide_chain(labels[:, x], chains[x], starts[x], means, widest, out[:, x], lengths[:, x])

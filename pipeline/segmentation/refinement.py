@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.background import INLINE, Background
 from pipeline.frames import Labels
 from pipeline.jit import kernel
-from pipeline.places import set_places
+from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
 
 BATCH = 512
@@ -190,7 +190,7 @@ def merge_table(
         for x in range(width - 1):  # this vectorises
             edge[x] = (row[x] != row[x + 1]) | (row[x] != low[x])
         edge[width - 1] = row[width - 1] != low[width - 1]
-        for x in places[: set_places(edge, places)]:
+        for x in places[: nonzero_positions(edge, places)]:
             own = row[x]
             for other in (row[min(x + 1, width - 1)], low[x]):
                 if other == own or not (mergeable[own] or mergeable[other]):

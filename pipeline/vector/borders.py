@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
-from pipeline.places import set_places
+from pipeline.nonzero import nonzero_positions
 
 Positions = NDArray[np.float32]
 """float32 (nodes, 2): x, y in px of the label map."""
@@ -124,7 +124,7 @@ def _find(labels: Labels, edges: NDArray[np.void], lattice: NDArray[np.int32], r
             kinds[x] = np.uint8(inside & (row[x] != row[x - 1])) | (np.uint8(crossed & (row[x] != above[x])) << 1)
         kinds[0] = np.uint8(inside) | (np.uint8(crossed & (row[0] != above[0])) << 1)
         kinds[width] = 0
-        for x in places[: set_places(kinds, places)]:
+        for x in places[: nonzero_positions(kinds, places)]:
             if here[x] < 0:
                 here[x] = nodes
                 lattice[nodes, 0], lattice[nodes, 1] = x, y

@@ -1,4 +1,4 @@
-"""Where the painted exemplars are: in the user's cache folder, painted once for all services of this machine."""
+"""Files of the painted exemplars. They are in the user's cache folder, so that all services of a machine share them."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ def painted(name: str, facts: object, paint: Callable[[], bytes]) -> Path:
     """
     file = folder() / f"{hashlib.sha256(repr(facts).encode()).hexdigest()[:12]}-{name}"
     if not file.is_file():
+        data = paint()
         with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
-            part.write(paint())
+            part.write(data)
         Path(part.name).replace(file)
     return file
 
 
 @cache
 def folder() -> Path:
-    """The folder of this version of the program, which is named after its text."""
+    """The cache folder of this version of the program; its name is the hash of the program's files."""
     made = cache_folder() / "styles" / _program()
     made.mkdir(parents=True, exist_ok=True)
     os.utime(made)

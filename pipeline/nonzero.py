@@ -1,4 +1,4 @@
-"""Positions of the set pixels of a row, for loops that visit only these."""
+"""Positions of the non-zero values of a row, for loops that visit only these."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.jit import kernel
 
 
 @kernel
-def set_places(flags: NDArray[np.uint8], places: NDArray[np.int32], offset: int = 0, count: int = 0) -> int:
+def nonzero_positions(flags: NDArray[np.uint8], places: NDArray[np.int32], offset: int = 0, count: int = 0) -> int:
     """Append `offset` + the indices of the non-zero `flags` to `places[count:]`; returns the new count.
 
     Args:
