@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Path, Query
 from starlette.responses import Response
@@ -16,6 +17,8 @@ from service.methods.thumbnail import thumbnail
 from service.schemas import Responses
 from workers.errors import NotFound
 from workers.model import Json
+
+T = TypeVar("T")
 
 router = APIRouter(prefix="/v1/methods", tags=["methods"])
 
@@ -52,25 +55,14 @@ def get_thumbnail(name: Name, _caller: Reader) -> Response:
 @router.get("/{name}/inputs/{input_name}/schema")
 def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> Json:
     """The JSON Schema of a document that the method takes as input."""
-    schemas = _find(name).input_schemas
-    if input_name not in schemas:
-        raise NotFound(
-            "The method publishes no schema for such an input.", field="input_name", value=input_name,
-            remedy=f"There are: {', '.join(schemas) or 'none'}.",
-        )  # fmt: skip
-    return schemas[input_name]()
+    return _of_input(_find(name).input_schemas, input_name, "The method publishes no schema for such an input.")()
 
 
 @router.get("/{name}/inputs/{input_name}/examples")
 def get_input_examples(name: Name, input_name: InputName, _caller: Reader, frames: Frames) -> Json:
     """Documents to begin with, by name, for a video of so many frames."""
-    examples = _find(name).input_examples
-    if input_name not in examples:
-        raise NotFound(
-            "The method has no examples for such an input.", field="input_name", value=input_name,
-            remedy=f"There are: {', '.join(examples) or 'none'}.",
-        )  # fmt: skip
-    return dict(examples[input_name](frames))
+    examples = _of_input(_find(name).input_examples, input_name, "The method has no examples for such an input.")
+    return dict(examples(frames))
 
 
 def _find(name: str) -> Method:
@@ -80,3 +72,10 @@ def _find(name: str) -> Method:
         raise NotFound(
             f"Unknown method {name!r}.", field="name", value=name, remedy=did_you_mean(name, methods(), "methods")
         ) from None
+
+
+def _of_input(offered: Mapping[str, T], input_name: str, missing: str) -> T:
+    if input_name not in offered:
+        remedy = f"There are: {', '.join(offered) or 'none'}."
+        raise NotFound(missing, field="input_name", value=input_name, remedy=remedy)
+    return offered[input_name]
