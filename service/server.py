@@ -21,7 +21,7 @@ from service.settings import Settings
 from service.sockets import guarded
 from workers.farm import Farm, open_farm
 from workers.process.descriptors import raise_descriptor_limit
-from workers.process.free_memory import return_free_memory_regularly
+from workers.process.free_memory import limit_free_memory
 from workers.process.logs import set_up_logs
 from workers.process.starting import without_garbage_collection
 
@@ -45,7 +45,7 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
         OSError: the address cannot be bound.
     """
     set_up_logs(settings).addFilter(RepeatFilter())
-    return_free_memory_regularly()
+    limit_free_memory()
     with without_garbage_collection():
         farm = open_farm(settings)
     try:

@@ -67,7 +67,7 @@ def worker(options: WorkerOptions) -> None:
     from workers.extras import need
     from workers.pools.ray_node import RayNode
     from workers.process.descriptors import raise_descriptor_limit
-    from workers.process.free_memory import return_free_memory_regularly
+    from workers.process.free_memory import limit_free_memory
     from workers.process.logs import set_up_logs
 
     settings = load(
@@ -82,7 +82,7 @@ def worker(options: WorkerOptions) -> None:
     )
     set_up_logs(settings)
     raise_descriptor_limit()
-    return_free_memory_regularly()
+    limit_free_memory()
     if options.ray_address is not None:
         need("cluster", "--ray-address", options.ray_address)
         node = RayNode(

@@ -27,7 +27,7 @@ from workers.pools.local_pool import TaskRunner
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.previews.engine import PreviewEngine
 from workers.previews.model import PreviewQuery, Record
-from workers.process.free_memory import return_free_memory_regularly
+from workers.process.free_memory import limit_free_memory
 from workers.process.starting import WARM_UP_THREAD
 
 CONTROL = "control"
@@ -46,7 +46,7 @@ class _RenderActor:
 
     def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
         os.nice(RENDER_NICENESS)
-        return_free_memory_regularly()
+        limit_free_memory()
         self._monitor = AttemptMonitor()
         self._cache = ArtefactCache(blobs)
         self._runner = make_runner(self._cache)
@@ -100,7 +100,7 @@ class _LiveActor:
         self._make_painter, self._secret = make_painter, secret
         self._painter: SessionRenderer | None = None
         self._server: LiveWorkerServer | None = None
-        return_free_memory_regularly()
+        limit_free_memory()
 
     def warm_up(self) -> Address:
         """Import and compile everything; then return the address of the frame server.
@@ -146,7 +146,7 @@ class _PreviewActor:
     """
 
     def __init__(self, make_engine: bytes, warms_up: bool) -> None:
-        return_free_memory_regularly()
+        limit_free_memory()
         self._engine = cast(PreviewEngine, ray.cloudpickle.loads(make_engine)())
         self._runs: dict[int, Generator[Record]] = {}
         self._ended: OrderedDict[int, None] = OrderedDict()
