@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import importlib
 import os
 import re
 import shutil
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -132,9 +134,22 @@ def _text(file: Path) -> bytes:
     return file.read_bytes()
 
 
+@cache
+def _load_numba() -> None:
+    """Load what Numba loads at the first kernel, without scipy.linalg: it takes 0.2 s of CPU time, and only matrix
+    products need it. It is an optional part of Numba, which few installations have."""
+    if "scipy.linalg" not in sys.modules:
+        sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # its import raises ImportError
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules["scipy.linalg"]
+
+
 def _locked(compile_for: Callable[P, T], folder: Path) -> Callable[P, T]:
     def compile_locked(*args: P.args, **kwargs: P.kwargs) -> T:
         _use(folder)
+        _load_numba()
         with _COMPILE_LOCK.acquired(folder):
             return compile_for(*args, **kwargs)
 

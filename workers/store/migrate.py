@@ -1,7 +1,7 @@
 """Bring a database to the newest schema version.
 
-Alembic takes 0.2 s of CPU time to import and 10 ms to find that nothing is to be done, and most processes find the
-database up to date. The version is therefore compared first.
+Alembic takes 0.2 s of CPU time to import, and the upgrade of an empty database 0.2 s more. An empty database therefore
+gets its tables from `schema.metadata`, the version of a database is compared first, and Alembic upgrades the others.
 """
 
 from __future__ import annotations
@@ -9,11 +9,19 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from sqlalchemy import Connection, inspect, text
+from sqlalchemy import Column, Connection, MetaData, PrimaryKeyConstraint, String, Table, insert, inspect, select
 
 from pipeline.errors import StorageError
+from workers.store.schema import metadata
 
 FOLDER = Path(__file__).parent / "migrations"
+_VERSION = Table(
+    "alembic_version",
+    MetaData(),
+    Column("version_num", String(32), nullable=False),
+    PrimaryKeyConstraint("version_num", name="alembic_version_pkc"),
+)
+"""Alembic's own table, of one row."""
 
 
 def migrate(connection: Connection) -> None:
@@ -22,8 +30,15 @@ def migrate(connection: Connection) -> None:
     Raises:
         StorageError: the database is of a newer version than this program.
     """
-    if version_of(connection) == newest_version():
-        return
+    if not inspect(connection).get_table_names():
+        metadata.create_all(connection)
+        _VERSION.create(connection)
+        connection.execute(insert(_VERSION).values(version_num=newest_version()))
+    elif version_of(connection) != newest_version():
+        _upgrade(connection)
+
+
+def _upgrade(connection: Connection) -> None:
     from alembic import command
     from alembic.config import Config
     from alembic.util.exc import CommandError
@@ -39,10 +54,10 @@ def migrate(connection: Connection) -> None:
 
 
 def version_of(connection: Connection) -> str | None:
-    """The schema version of a database; None for an empty one."""
-    if not inspect(connection).has_table("alembic_version"):
+    """The schema version of a database; None if it has none."""
+    if not inspect(connection).has_table(_VERSION.name):
         return None
-    found = connection.execute(text("SELECT version_num FROM alembic_version")).scalar()
+    found = connection.execute(select(_VERSION.c.version_num)).scalar()
     return None if found is None else str(found)
 
 
