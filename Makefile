@@ -37,6 +37,7 @@ demo: web ## start the embedded service, render a sample through the real API
 
 test: install ## every test, in TEST_JOBS processes; those whose real part is missing are skipped, with the reason
 	$(BIN)/python -m service.bundle npm test
+	$(BIN)/python -m tests.prepare
 	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m serial $$(grep -rlF mark.serial tests --include='test_*.py')
 

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from pipeline.errors import BadInput
 from pipeline.video.stills import encode_png
@@ -26,6 +26,7 @@ OWNER = "styles"
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff"})
 MOST_FILES = 500
 _CREDIT_CHARACTERS = 300
+_What: TypeAlias = Literal["painting", "source"]
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,9 @@ class StyleLibrary:
         """The painting scaled to fit; JPEG."""
         return self._farm.assets.frame(self.painting(style_id).id, 0, max_side_px)
 
-    def _painted(self, one: Exemplar, what: Literal["painting", "source"]) -> Path:
-        """The file of an exemplar, painted now if it is not there."""
+    def _painted(self, one: Exemplar, what: _What) -> Path:
         with self._painting:
-            return painted(f"{one.name}-{what}.png", (one, exemplars.SIZE), lambda: _png(one, what))
+            return paint_exemplar(one, what)
 
     def _added(self, path: Path, filename: str, owner: str) -> Asset:
         facts = path.stat()
@@ -107,7 +107,12 @@ class StyleLibrary:
         return asset
 
 
-def _png(one: Exemplar, what: Literal["painting", "source"]) -> bytes:
+def paint_exemplar(one: Exemplar, what: _What) -> Path:
+    """The file of an exemplar, or of the picture that it is painted from; painted now if it is not there."""
+    return painted(f"{one.name}-{what}.png", (one, exemplars.SIZE), lambda: _png(one, what))
+
+
+def _png(one: Exemplar, what: _What) -> bytes:
     return encode_png(one.painting() if what == "painting" else one.source())
 
 
