@@ -7,6 +7,8 @@ of rows. A hit of a piece is only a candidate; `FaceDetector.confirm` searches i
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -41,6 +43,8 @@ _WINDOW_COST = {"frontal": 1.0, "left": 2.0, "right": 2.0, "tilted left": 1.3, "
 """Cost of testing a window, relative to the frontal cascade's."""
 _LARGE, _LARGE_REPEATS = 4.0, 4
 """Frontal faces of this size, relative to the smallest, are searched this often in a search: they cost little."""
+_idle: dict[str, list[cv2.CascadeClassifier]] = {kind: [] for kind in _CASCADES}
+"""Cascades that no search uses at present. To read one from disk takes 10 to 20 ms; a search needs one for itself."""
 
 
 class Piece(NamedTuple):
@@ -54,10 +58,7 @@ class Piece(NamedTuple):
 
 
 class FaceDetector:
-    """Face detector, whose cascades are read from disk on first use. Not thread-safe."""
-
-    def __init__(self) -> None:
-        self._cascades: dict[str, cv2.CascadeClassifier] = {}
+    """Face detector. Its cascades are read from disk on first use and shared by all detectors of the process."""
 
     def candidates(self, gray: Gray, piece: Piece) -> Boxes:
         """Groups of the windows that the cascade accepts, the largest groups first.
@@ -86,15 +87,14 @@ class FaceDetector:
     def _hits(self, gray: Gray, piece: Piece, step: float) -> NDArray[np.int32]:
         """Windows that the cascade accepts, int32 (n, 4): left, top, width, height in px, in sorted order."""
         kind = "profile" if piece.pose in ("left", "right") else "frontal"
-        if kind not in self._cascades:
-            self._cascades[kind] = _load_cascade(kind)
         turned, back = _posed(gray, piece.pose)
         # Set per thread. Otherwise the cascade opens the system's OpenCL loader, which then hides the registered
         # runtimes.
         cv2.ocl.setUseOpenCL(False)
-        found = self._cascades[kind].detectMultiScale(
-            turned[piece.top : piece.bottom], step, 0, minSize=(piece.least,) * 2, maxSize=(piece.most,) * 2
-        )
+        with _cascade(kind) as cascade:
+            found = cascade.detectMultiScale(
+                turned[piece.top : piece.bottom], step, 0, minSize=(piece.least,) * 2, maxSize=(piece.most,) * 2
+            )
         hits = np.array(found, np.float64).reshape(-1, 4)
         centres = (hits[:, :2] + hits[:, 2:] / 2 + (0, piece.top)) @ back[:, :2].T + back[:, 2]
         hits[:, :2] = centres - hits[:, 2:] / 2
@@ -187,6 +187,18 @@ def _group(hits: NDArray[np.int32], least: int) -> tuple[Boxes, NDArray[np.int64
     boxes[:, :2] += boxes[:, 2:] / 2
     order = np.lexsort(boxes.T)
     return boxes[order], np.array(counts, np.int64).reshape(-1)[order]
+
+
+@contextmanager
+def _cascade(kind: str) -> Iterator[cv2.CascadeClassifier]:
+    """A cascade for one search. After an error it is not used again. Raises DeviceError."""
+    idle = _idle[kind]
+    try:
+        cascade = idle.pop()
+    except IndexError:
+        cascade = _load_cascade(kind)
+    yield cascade
+    idle.append(cascade)
 
 
 def _load_cascade(kind: str) -> cv2.CascadeClassifier:
