@@ -86,15 +86,16 @@ def trace_from(
     rules = rules or TraceRules()
     guide = np.zeros((1, 1, 3), np.uint8) if rules.reference is None else rules.reference
     under = np.zeros((1, 1, 7), np.float32) if rules.canvas is None else rules.canvas
-    points, counts = np.empty((len(starts), MAX_POINTS, 2), np.float32), np.empty(len(starts), np.int32)
+    steps = np.ceil(length_px * _HALF / np.maximum(starts.radius_px, _ONE)).max(initial=1)
+    most = min(2 * int(steps) + 1, MAX_POINTS - 1)
+    points, counts = np.empty((len(starts), most, 2), np.float32), np.empty(len(starts), np.int32)
     limits = _Rules(
         guide, under, rules.reference is not None, rules.canvas is not None, np.float32(rules.edge * rules.edge),
         np.float32(rules.min_length), np.float32(rules.curvature),
     )  # fmt: skip
     first = np.ascontiguousarray(starts.points[:, 0])
     _trace(_Starts(first, starts.radius_px, length_px, starts.targets), field, limits, points, counts)
-    longest = int(counts.max(initial=1))
-    return replace(starts, points=np.ascontiguousarray(points[:, :longest]), counts=counts)
+    return replace(starts, points=points, counts=counts)
 
 
 @kernel
@@ -121,7 +122,7 @@ def _trace(
     starts: _Starts, field: Direction, rules: _Rules, points: NDArray[np.float32], counts: NDArray[np.int32]
 ) -> None:
     height, width = field.shape[:2]
-    most = points.shape[1] // 2 - 1
+    most = points.shape[1] // 2
     reference, canvas, curvature = rules.reference, rules.canvas, rules.curvature
     line = np.empty((2, points.shape[1], 2), np.float32)
     for k in range(len(starts.xy)):
@@ -171,11 +172,14 @@ def _trace(
                 ends[side] += 1
         n = 0
         for i in range(ends[1] - 1, -1, -1):
-            points[k, n] = line[1, i]
+            points[k, n, 0] = line[1, i, 0]  # a copy of a slice takes longer than a step
+            points[k, n, 1] = line[1, i, 1]
             n += 1
-        points[k, n] = starts.xy[k]
+        points[k, n, 0] = starts.xy[k, 0]
+        points[k, n, 1] = starts.xy[k, 1]
         n += 1
         for i in range(ends[0]):
-            points[k, n] = line[0, i]
+            points[k, n, 0] = line[0, i, 0]
+            points[k, n, 1] = line[0, i, 1]
             n += 1
         counts[k] = n

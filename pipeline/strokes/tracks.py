@@ -105,20 +105,27 @@ def advect(tracks: StrokeTracks, flow: Flow, hidden: Mask | None = None) -> Stro
     """
     height, width = flow.shape[:2]
     x, y = nearest(tracks.seeds.xy, flow.shape)
-    xy = tracks.seeds.xy + _bilinear(flow, tracks.seeds.xy)
+    xy = np.empty_like(tracks.seeds.xy)
+    _moved(tracks.seeds.xy, flow, xy)
     leaving = tracks.leaving if hidden is None else tracks.leaving | hidden[y, x]
     inside = (xy[:, 0] >= 0) & (xy[:, 1] >= 0) & (xy[:, 0] <= width - 1) & (xy[:, 1] <= height - 1)
-    return replace(tracks, seeds=Seeds(xy.astype(np.float32), tracks.seeds.ids), leaving=leaving)[inside]
+    return replace(tracks, seeds=Seeds(xy, tracks.seeds.ids), leaving=leaving)[inside]
 
 
-def _bilinear(flow: Flow, xy: Points) -> Points:
+@kernel
+def _moved(xy: Points, flow: Flow, out: Points) -> None:
+    """Fill `out` with the points moved along the flow, interpolated bilinearly."""
     height, width = flow.shape[:2]
-    left = np.clip(np.floor(xy), 0, [max(width - 2, 0), max(height - 2, 0)]).astype(np.intp)
-    a, b = (xy - left).astype(np.float32).T[..., None]
-    column, row = left.T
-    top = flow[row, column] * (1 - a) + flow[row, column + 1] * a
-    bottom = flow[row + 1, column] * (1 - a) + flow[row + 1, column + 1] * a
-    return np.asarray(top * (1 - b) + bottom * b, np.float32)
+    one = np.float32(1)
+    for k in range(len(xy)):
+        left = min(max(int(np.floor(xy[k, 0])), 0), max(width - 2, 0))
+        top = min(max(int(np.floor(xy[k, 1])), 0), max(height - 2, 0))
+        right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+        a, b = xy[k, 0] - np.float32(left), xy[k, 1] - np.float32(top)
+        for c in range(2):
+            above = flow[top, left, c] * (one - a) + flow[top, right, c] * a
+            below = flow[bottom, left, c] * (one - a) + flow[bottom, right, c] * a
+            out[k, c] = xy[k, c] + (above * (one - b) + below * b)
 
 
 def update(

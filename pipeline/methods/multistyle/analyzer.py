@@ -218,7 +218,9 @@ def _enlarged_flow(flow: Flow, size: tuple[int, int]) -> Flow:
     if (flow.shape[1], flow.shape[0]) == size:
         return flow
     scale = np.array([size[0] / flow.shape[1], size[1] / flow.shape[0]], np.float32)
-    return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR) * scale, np.float32)
+    wide = np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    wide *= scale
+    return wide
 
 
 def _trust(changed: Mask, size: tuple[int, int]) -> Plane:
