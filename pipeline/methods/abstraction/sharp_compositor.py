@@ -19,6 +19,7 @@ from pipeline.segmentation.motion import backward_maps, past_weights
 from pipeline.segmentation.ramps import divide_ramps
 from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
 from pipeline.vector.fill import fill_regions
+from pipeline.vector.simplify import simplify_borders
 from pipeline.vector.smoothing import smooth_borders
 
 SIGMA_SHARE, LIMIT_SHARE = 0.45, 0.4
@@ -30,6 +31,12 @@ LEAST_LIMIT_PX = 0.75
 """Smallest displacement limit: enough to straighten the steps of a slanting border."""
 LEAST_REACH_PX = 2
 """Smallest distance, px of the label map, from which a border is moved under a line: a slanting border has steps."""
+SIMPLE_SIGMA_SHARE, SIMPLE_LIMIT_SHARE = 3.0, 2.5
+"""The same for borders through shading, where the picture has no edge (`simplify_borders`)."""
+MOST_SIGMA_PX = 20.0
+"""Largest standard deviation of that smoothing, px: its cost grows with the square."""
+CONTRAST_SHARE = 1 / 180
+"""Distance at which the colours on both sides of a border are compared, as a fraction of the height."""
 RAMP_SIGMAS = 3.5
 """Extent of the thin regions that are divided (`divide_ramps`), in standard deviations of the blur before analysis."""
 
@@ -50,6 +57,9 @@ class SharpCompositor(Compositor):
             self.sigma_px = max(LEAST_SIGMA_PX, self.sigma_px)
         self.widest_ramp_px = round(RAMP_SIGMAS * analysis_blur_px(sizes.work))
         self.limit_px = max(LEAST_LIMIT_PX, LIMIT_SHARE * radius_px)
+        self.reach_px = max(LEAST_REACH_PX, round(CONTRAST_SHARE * sizes.work[1]))
+        self.simple_sigma_px = min(SIMPLE_SIGMA_SHARE * radius_px, MOST_SIGMA_PX)
+        self.simple_limit_px = SIMPLE_LIMIT_SHARE * radius_px
 
     def prepare(self, analysis: FrameAnalysis) -> None:
         """Start the work that needs no regions: warp the previous output to the current frame."""
@@ -83,7 +93,10 @@ class SharpCompositor(Compositor):
         if ink is not None:
             drawn = shrink_mask(ink, self.sizes)
             borders = tuck_borders(borders, drawn, max(LEAST_REACH_PX, math.ceil(self.limit_px)))
-        return smooth_borders(borders, self.sigma_px, self.limit_px)
+        borders = smooth_borders(borders, self.sigma_px, self.limit_px)
+        if not self.simple_sigma_px:
+            return borders
+        return simplify_borders(borders, analysis.lab, self.reach_px, self.simple_sigma_px, self.simple_limit_px)
 
     def _blend(self, picture: Frame, labels: Labels, analysis: FrameAnalysis) -> Frame:
         """Cross-fade from the previous colours where the source agrees with its past, so that regions do not pop."""
