@@ -103,11 +103,11 @@ class LabelMattes:
 
     def _coefficients(self, mask: Plane) -> NDArray[np.float32]:
         """Linear model of the matte by colour: float32 (h', w', 4), factors of red, green, blue, and the constant."""
-        mean = _box_mean(mask)
-        covariance = _box_mean(self._guide * mask[..., None]) - self._mean * mean[..., None]
-        factors = np.einsum("yxij,yxj->yxi", self._inverse, covariance)
-        constant = mean - (factors * self._mean).sum(axis=-1)
-        return _box_mean(np.dstack([factors, constant]).astype(np.float32))
+        masked = np.empty_like(self._guide)
+        _multiply(self._guide, mask, masked)
+        model = np.empty((*mask.shape, 4), np.float32)
+        _fit(self._inverse, self._mean, _box_mean(mask), _box_mean(masked), model)
+        return _box_mean(model)
 
     @cached_property
     def _planes(self) -> tuple[dict[int, Plane], Plane]:
@@ -153,7 +153,8 @@ def _box_mean(plane: NDArray[np.float32]) -> NDArray[np.float32]:
 def _near_border(mask: Plane) -> NDArray[np.bool_]:
     """Pixels within BAND of a border of the mask."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * BAND + 1, 2 * BAND + 1))
-    return np.asarray(cv2.dilate(mask, disc) != cv2.erode(mask, disc), np.bool_)
+    own = mask.astype(np.uint8)
+    return np.asarray(cv2.dilate(own, disc) != cv2.erode(own, disc), np.bool_)
 
 
 @kernel
@@ -173,6 +174,34 @@ def _invert(matrices: NDArray[np.float32], out: NDArray[np.float32]) -> None:
             inverse[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]) * scale
             inverse[1, 2] = inverse[2, 1] = (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]) * scale
             inverse[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]) * scale
+
+
+@kernel
+def _multiply(guide: NDArray[np.float32], mask: Plane, out: NDArray[np.float32]) -> None:
+    """Colours times mask."""
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            for c in range(3):
+                out[y, x, c] = guide[y, x, c] * mask[y, x]
+
+
+@kernel
+def _fit(
+    inverse: NDArray[np.float32], guide: NDArray[np.float32], mask: Plane, masked: NDArray[np.float32],
+    out: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Factors of the colours and the constant, from the local means of the guide, the mask and their product."""
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            mean = mask[y, x]
+            red, green, blue = guide[y, x, 0], guide[y, x, 1], guide[y, x, 2]
+            with_red, with_green = masked[y, x, 0] - red * mean, masked[y, x, 1] - green * mean
+            with_blue = masked[y, x, 2] - blue * mean
+            for c in range(3):
+                out[y, x, c] = (
+                    inverse[y, x, c, 0] * with_red + inverse[y, x, c, 1] * with_green + inverse[y, x, c, 2] * with_blue
+                )
+            out[y, x, 3] = mean - (out[y, x, 0] * red + out[y, x, 1] * green + out[y, x, 2] * blue)
 
 
 @kernel
