@@ -107,7 +107,11 @@ _POLL_S = 5.0
 
 @contextmanager
 def opened(home: Path, workers: int) -> Iterator[Farm]:
-    """A started farm at `home` with `workers` local workers. It is stopped at the end of the block."""
+    """A started farm at `home` with local workers. It is stopped at the end of the block.
+
+    Args:
+        workers: tasks at once; 0: as many as the machine has processors and memory for.
+    """
     from workers.farm import open_farm
     from workers.settings import FarmSettings
 

@@ -43,7 +43,7 @@ impasto render clip.mp4 -o cartoon.mp4 --input reference=great_wave.jpg --param 
 
 impasto render clip.mp4 -o cartoon.mp4 --overwrite      replaces the file of an earlier render
 
-impasto render clip.mp4 -o frames/ --seed 7 --workers 2
+impasto render clip.mp4 -o frames/ --seed 7 --workers 1      one task at a time: less memory
 
 impasto render photo.jpg -o painted.png
 
@@ -94,7 +94,9 @@ class RenderOptions:
     ] = ""
     on_damage: DamageOption = DamagePolicy.WARN
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
-    workers: Annotated[int, typer.Option(min=1, max=256, help="Tasks at once. Never changes a byte.")] = 1
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Tasks at once; else the whole machine. Never changes a byte.")
+    ] = None
     raw: Annotated[
         str, typer.Option(metavar="WxH[@FPS]", help="Pipes carry raw RGB frames of this size, not YUV4MPEG2.")
     ] = ""
@@ -120,7 +122,7 @@ def _render_pipe(options: RenderOptions) -> None:
         from impasto.cli.piping import PipeOrder
 
     without_pipes = {
-        "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers != 1,
+        "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers is not None,
         "--frames": bool(options.frames), "--estimate": options.estimate,
     }  # fmt: skip
     _check_pipe_options(without_pipes)

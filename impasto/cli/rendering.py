@@ -102,8 +102,11 @@ def _check_inputs(chosen: Method, params: Params, paths: Mapping[str, Path]) -> 
             )
 
 
-def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
+def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json:
     """Render in this command's own workspace and return the summary that `--json` prints.
+
+    Args:
+        workers: tasks at once; None: as many as the machine has processors and memory for.
 
     Raises: BadInput (an input or output cannot be used), Interrupted, JobFailed, Conflict (the same render is running).
     """
@@ -117,7 +120,7 @@ def run(order: RenderOrder, workers: int, home: Path, show: Show) -> Json:
         with workspace(home, key) as place:
             _check_consent(order, place)
             _warm_up(order.request)
-            with private_farm.opened(place.folder, workers) as farm:
+            with private_farm.opened(place.folder, workers or 0) as farm:
                 job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key).id, show)
                 remember(home, order.request, video, job)
                 place.consent()  # from here on, the outputs that exist are our own

@@ -20,6 +20,8 @@ import pytest
 
 from impasto.cli.app import run
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
+from workers.farm import Farm, open_farm
+from workers.settings import FarmSettings
 
 LONG_FRAMES = 300
 LONG_SIZE = (192, 128)
@@ -106,7 +108,7 @@ def test_no_temporary_files_are_left(cartoon: tuple[Path, dict[str, Any]]) -> No
 def test_a_folder_gets_lossless_frames_independent_of_the_number_of_workers(
     render: Here, tiny_clip: Path, tmp_path: Path
 ) -> None:
-    assert render(tiny_clip, "-o", f"{tmp_path}/one/")["frames"] == TINY_FRAMES
+    assert render(tiny_clip, "-o", f"{tmp_path}/one/", "--workers", "1")["frames"] == TINY_FRAMES
     render(tiny_clip, "-o", f"{tmp_path}/two/", "--workers", "2")
     names = [f"{index:04d}.png" for index in range(TINY_FRAMES)]
     assert sorted(p.name for p in (tmp_path / "one").iterdir()) == names
@@ -114,6 +116,21 @@ def test_a_folder_gets_lossless_frames_independent_of_the_number_of_workers(
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
     first = cv2.imread(str(tmp_path / "one" / "0000.png"), cv2.IMREAD_UNCHANGED)
     assert first.shape == (TINY_HEIGHT, TINY_WIDTH, 3)
+
+
+def test_a_render_uses_the_whole_machine_unless_a_number_of_workers_is_given(
+    render: Here, tiny_clip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[int] = []
+
+    def watched(settings: FarmSettings) -> Farm:
+        used.append(settings.workers)
+        return open_farm(settings)
+
+    monkeypatch.setattr("workers.farm.open_farm", watched)
+    render(tiny_clip, "-o", f"{tmp_path}/whole/")
+    render(tiny_clip, "-o", f"{tmp_path}/three/", "--workers", "3")
+    assert used == [0, 3]
 
 
 def test_an_estimate_uses_the_methods_figures_then_earlier_renders(
