@@ -65,9 +65,20 @@ class RasterOptions:
 
 def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
     """Make a buffer without paint."""
-    out = np.zeros((*shape[:2], 5), np.float32)
-    out[..., TRANSMITTANCE] = 1
+    out = np.empty((*shape[:2], 5), np.float32)
+    clear(out)
     return out
+
+
+@kernel
+def clear(buffer: FrontToBack) -> None:
+    """Remove all paint, in place."""
+    height, width = buffer.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            for c in range(TRANSMITTANCE):
+                buffer[y, x, c] = _ZERO
+            buffer[y, x, TRANSMITTANCE] = _ONE
 
 
 def streamlines_forward(
@@ -108,13 +119,16 @@ def in_bands(paint_band: Callable[[int, int], None], height: int, threads: int) 
         list(pool.map(paint_band, edges[:-1], edges[1:]))
 
 
-def composite_over(buffer: FrontToBack, ground: NDArray[np.float32]) -> NDArray[np.float32]:
+def composite_over(
+    buffer: FrontToBack, ground: NDArray[np.float32], out: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
     """Composite the buffer over the ground: float32 (h, w, 4), red, green, blue and paint height; input of `emboss`.
 
     Args:
         ground: float32 (h, w, 3), RGB 0..255.
+        out: array for the result; None = a new one.
     """
-    out = np.empty((*buffer.shape[:2], 4), np.float32)
+    out = np.empty((*buffer.shape[:2], 4), np.float32) if out is None else out
     _composite(buffer, ground, out)
     return out
 

@@ -19,7 +19,14 @@ from pipeline.strokes.paper import settle_pigment
 from pipeline.strokes.raster import paint
 from pipeline.strokes.seeds import StyleField
 from pipeline.strokes.streamlines_backward import colour_order, streamlines_backward
-from pipeline.strokes.streamlines_forward import RasterOptions, composite_over, empty_buffer, streamlines_forward
+from pipeline.strokes.streamlines_forward import (
+    FrontToBack,
+    RasterOptions,
+    clear,
+    composite_over,
+    empty_buffer,
+    streamlines_forward,
+)
 from pipeline.strokes.trace import TraceRules, trace_from
 from pipeline.strokes.tracks import fade
 
@@ -57,6 +64,7 @@ class Painter:
         self.params, self.size, self.seed, self.clock, self.threads = params, size, seed, clock, threads
         self.accumulated = accumulated_frames(params)
         self.past: list[tuple[StrokeAnalysis, Painting]] = []
+        self.scratch: tuple[FrontToBack, Canvas] | None = None  # kept from frame to frame: new memory must be paged in
 
     def paint(self, analysis: StrokeAnalysis) -> Frame:
         """Paint a frame: uint8 (h, w, 3)."""
@@ -120,13 +128,16 @@ class Painter:
 
     def _implicit(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Front to back: from the finest layer down to the ground."""
-        buffer = empty_buffer(ground.shape)
+        if self.scratch is None:
+            self.scratch = empty_buffer(ground.shape), np.empty((*ground.shape[:2], 4), np.float32)
+        buffer, canvas = self.scratch
+        clear(buffer)
         for index in reversed(range(len(analysis.layers))):
             layer = analysis.layers[index]
             with self.clock(f"layer {index + 1}"):
                 strokes, options = fade(layer.dots(), layer.values("presence")), self._options(analysis, layer)
                 streamlines_forward(buffer, strokes, direction, layer.values("length_px"), self._order(layer), options)
-        return composite_over(buffer, ground)
+        return composite_over(buffer, ground, canvas)
 
     def _literal(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Back to front: each pixel takes the topmost disc on its streamline (kagaya2011video, eq. 5)."""
