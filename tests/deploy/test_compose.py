@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 import yaml
-from compose_spec import PyCompose
 
 from service.settings import Settings
 from tests.deploy.dockerfile import stages
@@ -45,6 +44,8 @@ def services() -> dict[str, Any]:
 
 
 def test_it_matches_the_specification() -> None:
+    from compose_spec import PyCompose  # 0.3 s, which every process of the suite would spend
+
     found = PyCompose.from_yaml(yaml.safe_dump(yaml.safe_load(filled(TEXT, GIVEN))))
     names = {"postgres", "s3", "bucket", "head", "worker", "service", "prometheus", "grafana"}
     assert set(found.service_names()) == names

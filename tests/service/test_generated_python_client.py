@@ -12,8 +12,6 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from openapi_python_client import Config, MetaType, generate
-from openapi_python_client.config import ConfigFile
 
 from service.app import openapi_document
 from service.settings import Settings
@@ -28,6 +26,9 @@ KEY = "a-long-secret-of-the-operator"
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The folder of the generated package, which can be imported while the tests of this module run."""
+    from openapi_python_client import Config, MetaType, generate  # half a second, which every process would spend
+    from openapi_python_client.config import ConfigFile
+
     folder = tmp_path_factory.mktemp("client")
     (folder / "openapi.json").write_text(json.dumps(openapi_document()))
     config = Config.from_sources(

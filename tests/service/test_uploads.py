@@ -8,12 +8,11 @@ import http.client
 import os
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import pytest
 from fastapi.testclient import TestClient
-from tusclient.client import TusClient
 from tusclient.exceptions import TusCommunicationError, TusUploadFailed
 
 from service.settings import Settings
@@ -21,6 +20,9 @@ from service.uploads.store import Upload, UploadStore
 from tests.service.conftest import CLIP, open_client
 from tests.service.driven_farm import DrivenFarm
 from tests.service.live import running
+
+if TYPE_CHECKING:
+    from tusclient.client import TusClient
 
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = TUS | {"Content-Type": "application/offset+octet-stream"}
@@ -295,9 +297,16 @@ def clip(tmp_path: Path) -> Path:
     return path
 
 
+def _tus(url: str) -> TusClient:
+    """tuspy for the service at `url`. It imports aiohttp: 0.6 s, which every process of the suite would spend."""
+    from tusclient.client import TusClient
+
+    return TusClient(f"{url}/v1/uploads")
+
+
 def test_tuspy_uploads_in_checksummed_chunks(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     with running(settings, farm) as url:
-        uploader = TusClient(f"{url}/v1/uploads").uploader(
+        uploader = _tus(url).uploader(
             str(clip), chunk_size=70_000, metadata={"filename": "clip.mp4"}, upload_checksum=True
         )
         uploader.upload()
@@ -308,13 +317,13 @@ def test_tuspy_uploads_in_checksummed_chunks(settings: Settings, farm: DrivenFar
 
 def test_tuspy_resumes_after_a_service_restart(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     with running(settings, farm) as url:
-        uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip), chunk_size=70_000)
+        uploader = _tus(url).uploader(str(clip), chunk_size=70_000)
         uploader.upload(stop_at=140_000)
         path = urlsplit(uploader.url).path
     with pytest.raises(TusCommunicationError):
         uploader.upload()
     with running(settings, farm) as url:
-        again = TusClient(f"{url}/v1/uploads").uploader(str(clip), url=url + path, chunk_size=70_000)
+        again = _tus(url).uploader(str(clip), url=url + path, chunk_size=70_000)
         assert again.offset == 140_000
         again.upload()
         assert farm.assets.get(again.request.response_headers["impasto-asset"])
@@ -323,13 +332,13 @@ def test_tuspy_resumes_after_a_service_restart(settings: Settings, farm: DrivenF
 def test_a_broken_connection_keeps_the_received_bytes(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
     data = clip.read_bytes()
     with running(settings, farm) as url:
-        uploader = TusClient(f"{url}/v1/uploads").uploader(str(clip))
+        uploader = _tus(url).uploader(str(clip))
         uploader.set_url(uploader.create_url())
         _send_and_hang_up(uploader.url, data, sent=100_000)
         deadline = time.monotonic() + 5
         while uploader.get_offset() < 100_000 and time.monotonic() < deadline:
             time.sleep(0.02)
-        resumed = TusClient(f"{url}/v1/uploads").uploader(str(clip), url=uploader.url, retries=3, retry_delay=0)
+        resumed = _tus(url).uploader(str(clip), url=uploader.url, retries=3, retry_delay=0)
         assert resumed.offset == 100_000
         resumed.upload()
         assert resumed.request.response_headers["impasto-asset"].endswith(hashlib.sha256(data).hexdigest())
@@ -350,6 +359,6 @@ def test_tuspy_learns_that_its_file_is_no_video(settings: Settings, farm: Driven
     fake = tmp_path / "clip.mp4"
     fake.write_bytes(b"#!/bin/sh\n")
     with running(settings, farm) as url, pytest.raises(TusUploadFailed) as failure:
-        TusClient(f"{url}/v1/uploads").uploader(str(fake)).upload()
+        _tus(url).uploader(str(fake)).upload()
     assert failure.value.status_code == 422
     assert b"unreadable-media" in failure.value.response_content
