@@ -1,7 +1,8 @@
 """`python -m tests.prepare`: fills the caches that tests share, before tests run in several processes.
 
-Compiled kernels of every method, and the exemplars of the style library. On a machine that has neither, tests that
-start together would wait a minute for them, longer than many of them allow. Where both are there, it ends at once.
+Compiled kernels and thumbnails of every method, and the exemplars of the style library. On a machine that has none,
+tests that start together would wait a minute for them, longer than many of them allow. Where all are there, it ends at
+once.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 
 from pipeline.methods import BUILT_IN, method
+from service.methods.thumbnail import thumbnail
+from service.painted import folder
 from service.styles.exemplars import EXEMPLARS
 from service.styles.library import paint_exemplar
-from service.styles.painted import folder
 from tests.regression.cases import CASES
 from tests.regression.digests import render
 from workers.execution.warm_up import warm_up
@@ -39,6 +41,7 @@ def main() -> int:
 def _kernels(name: str) -> None:
     """Compile what the method needs: as a live session, and in the first recorded case of each clip."""
     chosen = method(name)
+    thumbnail(name)
     warm_up(chosen, chosen.Params())
     for case in {case.clip: case for case in reversed(CASES.values()) if case.method == name}.values():
         render(case)

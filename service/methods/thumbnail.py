@@ -11,10 +11,12 @@ from zlib import crc32
 import cv2
 
 from pipeline.errors import ImpastoError
-from pipeline.frames import Frame
+from pipeline.methods import BUILT_IN
 from pipeline.methods import method as find_method
 from pipeline.methods.base import Method
+from pipeline.methods.live import Session
 from pipeline.scenes import scene
+from service.painted import painted
 
 log = logging.getLogger(__name__)
 
@@ -22,6 +24,7 @@ SIZE = (320, 180)
 SCENE = "harbour"
 FRAMES = 3
 """Frames after which a causal method's temporal filters have settled."""
+JPEG_QUALITY = 88
 
 
 @dataclass(frozen=True)
@@ -32,33 +35,31 @@ class Picture:
 
 @cache
 def thumbnail(name: str) -> Picture:
-    """The thumbnail of the method `name`, 320x180 px, rendered once per process.
+    """The thumbnail of the method `name`, 320x180 px. Those of built-in methods are rendered once on a machine.
 
     Raises: BadParameter if there is no such method.
     """
     method = find_method(name)
     try:
-        frame = _render(method)
-    except ImpastoError:  # for example without a compute device, which listing methods must not need
-        log.warning("No thumbnail of %s", method.name, exc_info=True)
-        frame = None
-    return _card(method) if frame is None else _photo(frame)
+        if (session := method.stream(method.Params(), SIZE, 0, {})) is None:
+            return _card(method)
+        data = _kept(name, session) if name in BUILT_IN else _rendered(session)
+    except (ImpastoError, OSError):  # for example without a compute device, which listing methods must not need
+        log.warning("No thumbnail of %s", name, exc_info=True)
+        return _card(method)
+    return Picture(data, "image/jpeg")
 
 
-def _render(method: Method) -> Frame | None:
-    session = method.stream(method.Params(), SIZE, 0, {})
-    if session is None:
-        return None
-    made: Frame | None = None
+def _kept(name: str, session: Session) -> bytes:
+    facts = (SCENE, SIZE, FRAMES, JPEG_QUALITY)
+    return painted(f"thumbnail-{name}.jpg", facts, lambda: _rendered(session)).read_bytes()
+
+
+def _rendered(session: Session) -> bytes:
     source = scene(SCENE, SIZE, FRAMES)
-    for index in range(FRAMES):
-        made = session.step(source.image(index))
-    return made
-
-
-def _photo(frame: Frame) -> Picture:
-    _, data = cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])
-    return Picture(data.tobytes(), "image/jpeg")
+    *_, frame = (session.step(source.image(index)) for index in range(FRAMES))
+    _, data = cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return data.tobytes()
 
 
 def _card(method: Method) -> Picture:

@@ -14,9 +14,9 @@ from typing import Literal, TypeAlias
 
 from pipeline.errors import BadInput
 from pipeline.video.stills import encode_png
+from service.painted import painted
 from service.styles import exemplars
 from service.styles.exemplars import EXEMPLARS, Exemplar
-from service.styles.painted import painted
 from workers.errors import NotFound
 from workers.farm import Farm
 from workers.model import Asset

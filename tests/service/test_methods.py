@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
 from fastapi.testclient import TestClient
+
+from service import painted
+from service.methods import thumbnail as thumbnails
 
 
 def test_a_method_description_contains_everything_for_a_form(client: TestClient) -> None:
@@ -29,6 +34,31 @@ def test_the_thumbnail_is_an_image_for_every_title(client: TestClient) -> None:
     answer = client.get("/v1/methods/toy/thumbnail")
     assert answer.headers["content-type"].startswith("image/svg+xml")
     assert ElementTree.fromstring(answer.content).tag.endswith("svg")
+
+
+def test_the_thumbnail_of_a_built_in_method_is_rendered_once_on_a_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(painted, "cache_folder", lambda: tmp_path)
+    painted.folder.cache_clear()
+    thumbnails.thumbnail.cache_clear()
+    first = thumbnails.thumbnail("abstraction")
+    monkeypatch.setattr(thumbnails, "_rendered", lambda session: b"rendered again")
+    thumbnails.thumbnail.cache_clear()  # another process
+    assert thumbnails.thumbnail("abstraction") == first and first.media_type == "image/jpeg"
+    assert [file.read_bytes() for file in painted.folder().iterdir()] == [first.data]
+    painted.folder.cache_clear()
+    thumbnails.thumbnail.cache_clear()
+
+
+def test_a_thumbnail_that_cannot_be_written_is_a_drawing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> Path:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(thumbnails, "painted", full)
+    thumbnails.thumbnail.cache_clear()
+    assert thumbnails.thumbnail("abstraction").media_type == "image/svg+xml"
+    thumbnails.thumbnail.cache_clear()
 
 
 def test_an_unknown_method_is_404_with_the_known_names(client: TestClient) -> None:

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
+from service import painted
 from service.app import create_app
 from service.settings import Settings
-from service.styles import exemplars, painted
+from service.styles import exemplars
 from workers.farm import open_farm
 
 

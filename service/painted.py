@@ -1,4 +1,7 @@
-"""Files of the painted exemplars. They are in the user's cache folder, so that all services of a machine share them."""
+"""Files of the pictures that Impasto paints for its own pages: exemplars of the style library, thumbnails of methods.
+
+They are in the user's cache folder, so that all services of a machine share them.
+"""
 
 from __future__ import annotations
 
