@@ -32,8 +32,9 @@ def cluster() -> Iterator[Any]:
     from ray.cluster_utils import Cluster
 
     handler = signal.getsignal(signal.SIGTERM)  # Ray's test cluster takes it
-    unused = {"include_dashboard": False, "include_log_monitor": False, "no_monitor": True}  # nobody asks them
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0, "node_name": "head", **unused})
+    made = Cluster(
+        initialize_head=True, head_node_args={"num_cpus": 0, "node_name": "head", "include_dashboard": False}
+    )
     made.named = {
         name: made.add_node(num_cpus=2, num_gpus=gpus, node_name=name, object_store_memory=80 << 20, memory=2200 << 20)
         for name, gpus in (("east", 0), ("west", 1))
