@@ -143,14 +143,14 @@ def _load_numba() -> None:
         try:
             importlib.import_module("numba.np.arraymath")
         finally:
-            del sys.modules["scipy.linalg"]
+            sys.modules.pop("scipy.linalg", None)
 
 
 def _locked(compile_for: Callable[P, T], folder: Path) -> Callable[P, T]:
     def compile_locked(*args: P.args, **kwargs: P.kwargs) -> T:
         _use(folder)
-        _load_numba()
         with _COMPILE_LOCK.acquired(folder):
+            _load_numba()
             return compile_for(*args, **kwargs)
 
     return compile_locked
