@@ -1,4 +1,4 @@
-"""Simplified borders where the picture has no edge: through shading, a border is one calm curve."""
+"""Stronger smoothing of the borders that divide mere shading, where the picture has no edge."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from pipeline.jit import kernel
 from pipeline.vector.borders import Borders, Positions
 from pipeline.vector.smoothing import diffusion_steps, neighbours_of
 
-FIRM, LOOSE = np.float32(9), np.float32(5)
-"""Contrast across a border, 8-bit CIELAB levels, from which it stays, and below which it is simplified fully."""
+FIXED_FROM, FREE_BELOW = np.float32(9), np.float32(5)
+"""Contrast across a border, 8-bit CIELAB levels: from the first on its nodes stay, below the second they are smoothed
+fully, and in between in proportion."""
 _SIGMA_PX = 2.5
 """Standard deviation of the average of the contrast along borders, px."""
 
@@ -21,7 +22,7 @@ def simplify_borders(
     """Borders that divide a gradient, smoothed along their length.
 
     Regions divide the shading of a wall or a sky where its noise crosses a threshold: such a border is ragged, and a
-    painter would draw one curve. Nodes with contrast across the border stay where they are, and hold the others.
+    painter would draw one curve. Nodes with contrast across the border stay where they are.
 
     Args:
         borders: smoothed (`smooth_borders`).
@@ -33,9 +34,9 @@ def simplify_borders(
     neighbours, inverse_degrees = neighbours_of(borders)
     contrast = _contrast(borders.lattice, borders.edges, lab, reach_px)
     contrast = _averaged(contrast, neighbours, inverse_degrees, diffusion_steps(_SIGMA_PX))
-    looseness = _looseness(contrast, borders.lattice, np.array(borders.size))
+    weights = _weights(contrast, borders.lattice, np.array(borders.size))
     positions = borders.positions.copy()
-    _relax(positions, looseness, neighbours, inverse_degrees, diffusion_steps(sigma_px), np.float32(limit_px))
+    _relax(positions, weights, neighbours, inverse_degrees, diffusion_steps(sigma_px), np.float32(limit_px))
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -70,46 +71,44 @@ def _averaged(
     values: NDArray[np.float32], neighbours: NDArray[np.int32], inverse_degrees: NDArray[np.float32],
     steps: NDArray[np.float32],
 ) -> NDArray[np.float32]:  # fmt: skip
-    now, then = values, np.empty_like(values)
+    now, then = values.copy(), np.empty_like(values)
     for step in steps:
         for n in range(now.shape[0]):
             a, b, c, d = neighbours[n, 0], neighbours[n, 1], neighbours[n, 2], neighbours[n, 3]
             here = now[n]
             around = (now[a] - here) + (now[b] - here) + (now[c] - here) + (now[d] - here)
             then[n] = here + step * inverse_degrees[n] * around
-        now, then = then, np.empty_like(values)
+        now, then = then, now
     return now
 
 
 @kernel
-def _looseness(
-    contrast: NDArray[np.float32], lattice: NDArray[np.int32], size: NDArray[np.int64]
-) -> NDArray[np.float32]:
-    """float32 (nodes,): 1 = no contrast, 0 = an edge, or a node on the frame's border."""
-    looseness = np.zeros_like(contrast)
+def _weights(contrast: NDArray[np.float32], lattice: NDArray[np.int32], size: NDArray[np.int64]) -> NDArray[np.float32]:
+    """float32 (nodes,): 1 = smoothed fully, 0 = stays: on an edge, and on the frame's border."""
+    weights = np.zeros_like(contrast)
     for n in range(contrast.shape[0]):
         if 0 < lattice[n, 0] < size[0] and 0 < lattice[n, 1] < size[1]:
-            looseness[n] = min(max((FIRM - contrast[n]) / (FIRM - LOOSE), np.float32(0)), np.float32(1))
-    return looseness
+            weights[n] = min(max((FIXED_FROM - contrast[n]) / (FIXED_FROM - FREE_BELOW), np.float32(0)), np.float32(1))
+    return weights
 
 
 @kernel
 def _relax(
-    positions: Positions, looseness: NDArray[np.float32], neighbours: NDArray[np.int32],
+    positions: Positions, weights: NDArray[np.float32], neighbours: NDArray[np.int32],
     inverse_degrees: NDArray[np.float32], steps: NDArray[np.float32], limit: np.float32,
 ) -> None:  # fmt: skip
-    """Diffusion along the borders, in place, of loose nodes only."""
-    loose = np.empty(positions.shape[0], np.int32)
+    """Diffuse the nodes whose weight is above 0 along the borders, in place."""
+    free = np.empty(positions.shape[0], np.int32)
     count = 0
     for n in range(positions.shape[0]):
-        if looseness[n] > 0:
-            loose[count] = n
+        if weights[n] > 0:
+            free[count] = n
             count += 1
     before, moved = positions.copy(), np.empty_like(positions)
     for step in steps:
         for k in range(count):
-            n = loose[k]
-            share = step * inverse_degrees[n] * looseness[n]
+            n = free[k]
+            share = step * inverse_degrees[n] * weights[n]
             a, b, c, d = neighbours[n, 0], neighbours[n, 1], neighbours[n, 2], neighbours[n, 3]
             for axis in range(2):
                 here = positions[n, axis]
@@ -117,8 +116,8 @@ def _relax(
                 around += (positions[c, axis] - here) + (positions[d, axis] - here)
                 moved[k, axis] = here + share * around
         for k in range(count):
-            positions[loose[k], 0], positions[loose[k], 1] = moved[k, 0], moved[k, 1]
-    for n in loose[:count]:
+            positions[free[k], 0], positions[free[k], 1] = moved[k, 0], moved[k, 1]
+    for n in free[:count]:
         for axis in range(2):
             place = before[n, axis]
             positions[n, axis] = min(max(positions[n, axis], place - limit), place + limit)

@@ -29,7 +29,7 @@ def limit_free_memory(every_s: float = EVERY_S) -> None:
 
 @cache
 def _return_free_memory_regularly(every_s: float) -> None:
-    """In a thread that ends with the process; a second call changes nothing."""
+    """Start a thread that returns free memory until the process ends; a second call starts none."""
     if (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is None:
         return
 

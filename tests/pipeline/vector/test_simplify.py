@@ -33,7 +33,7 @@ def _simplified(borders: Borders, lab: NDArray[np.uint8]) -> Borders:
 
 
 def _length_px(borders: Borders) -> float:
-    """Of the border between the two regions."""
+    """Length of the border between the two regions."""
     inner = borders.edges[(borders.edges["left"] > 0) & (borders.edges["right"] > 0)]
     steps = borders.positions[inner["start"]] - borders.positions[inner["end"]]
     return float(np.hypot(*steps.T).sum())
