@@ -61,16 +61,22 @@ def test_a_stream_without_further_events_is_204(client: TestClient, farm: Driven
     assert (answer.status_code, answer.content) == (204, b"")
 
 
-def test_new_events_are_sent_and_idle_streams_get_comments(client: TestClient, farm: DrivenFarm, job: str) -> None:
-    def work() -> None:
-        time.sleep(0.7)
-        farm.move(job, RunState.RUNNING)
-        farm.finish(job)
+def test_new_events_are_sent_and_idle_streams_get_comments(
+    client: TestClient, farm: DrivenFarm, job: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[int] = []
+    wait_for_event = farm.jobs.wait_for_event
 
-    worker = threading.Thread(target=work)
-    worker.start()
+    def wait_and_work(job_id: str, after: int, timeout_s: float) -> bool:
+        """The job runs at the stream's third wait for an event: two have ended without one."""
+        waits.append(after)
+        if len(waits) == 3:
+            farm.move(job, RunState.RUNNING)
+            farm.finish(job)
+        return wait_for_event(job_id, after, timeout_s)
+
+    monkeypatch.setattr(farm.jobs, "wait_for_event", wait_and_work)
     events = listen(client, job)
-    worker.join()
     assert [event["data"]["data"]["state"] for event in events if event["event"] == "job.state"] == [
         "queued",
         "running",
