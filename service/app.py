@@ -116,11 +116,9 @@ def _routes() -> FastAPI:
         description=openapi.DESCRIPTION,
         docs_url=None,
         redoc_url=None,
-        generate_unique_id_function=lambda route: route.name,
         lifespan=_lifespan,
+        routes=[route for router in ROUTERS for route in router.routes],
     )
-    for router in ROUTERS:
-        app.include_router(router, responses=errors.PROBLEM_RESPONSES)
     openapi.install(app)
     return app
 

@@ -12,16 +12,17 @@ import zlib
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
+from service.routing import Router
 from service.schemas import FileName, JobId, Listing, Responses, binary
 from service.serving import CONTENT_CSP
 from workers.errors import NotFound
 from workers.farm_parts.stored_file import StoredFile
 
-router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["artefacts"])
+router = Router(prefix="/v1/jobs/{job_id}", tags=["artefacts"])
 
 MAX_ENTRY_BYTES = 256 << 20
 ZIP = "application/zip"

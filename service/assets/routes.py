@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
@@ -16,12 +16,13 @@ from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
 from service.bodies import chunks
 from service.errors import Busy, retry_after
+from service.routing import Router
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
 from service.serving import serve
 from workers.errors import NotFound
 from workers.model import Asset
 
-router = APIRouter(prefix="/v1/assets", tags=["assets"])
+router = Router(prefix="/v1/assets", tags=["assets"])
 
 FRAME_WAIT_S = 3.0
 """How long a request for a frame waits for a slot, seconds."""

@@ -16,17 +16,18 @@ from dataclasses import asdict, dataclass
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, Header, Response
+from fastapi import Header, Response
 from starlette.responses import StreamingResponse
 
 from service.access.depends import Context, Reader, ServiceContext
 from service.errors import Busy, retry_after
 from service.jobs.lookup import find_job
+from service.routing import Router
 from service.schemas import JobId, Responses
 from workers.errors import NotFound
 from workers.model import Event
 
-router = APIRouter(prefix="/v1/jobs", tags=["events"])
+router = Router(prefix="/v1/jobs", tags=["events"])
 
 SLICE_S = 1.0
 """Longest wait of a thread, seconds, after which shutdown and lost clients are checked."""

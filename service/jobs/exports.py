@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 
 from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job, max_active_jobs
 from service.jobs.schemas import ExportIn, JobOut, job_out
+from service.routing import Router
 from service.schemas import JobId, Listing
 
-router = APIRouter(prefix="/v1/jobs/{job_id}/exports", tags=["files"])
+router = Router(prefix="/v1/jobs/{job_id}/exports", tags=["files"])
 
 
 @router.post("", status_code=201, responses={200: {"model": JobOut, "description": "The export made before"}})

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.jobs.schemas import FileOut
+from service.routing import Router
 from service.schemas import Download, FileName, JobId, Listing, binary
 from service.serving import serve
 from workers.errors import Conflict, NotFound
 from workers.model import Job
 
-router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["files"])
+router = Router(prefix="/v1/jobs/{job_id}", tags=["files"])
 
 PLAIN = {
     "result": ("video/mp4", "The finished video"),

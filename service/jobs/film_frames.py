@@ -5,17 +5,18 @@ from __future__ import annotations
 import zipfile
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 
 from service.access.depends import Context, Reader, ServiceContext
 from service.assets.routes import FRAME_WAIT_S
 from service.errors import Busy, retry_after
 from service.jobs.lookup import find_job
+from service.routing import Router
 from service.schemas import JobId, binary
 from workers.errors import NotFound
 from workers.farm_parts.stored_file import StoredFile
 
-router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["files"])
+router = Router(prefix="/v1/jobs/{job_id}", tags=["files"])
 
 ZIP = "application/zip"
 Index = Annotated[int, Path(ge=0, le=10_000_000, description="Which frame of the film, from 0.")]

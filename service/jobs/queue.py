@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fastapi import APIRouter
-
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
+from service.routing import Router
 from service.schemas import JobId
 from workers.model import Job, JobRequest, RunState
 from workers.projects.estimates import SAMPLES, Estimate, estimate, parts, summed
 
-router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
+router = Router(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import Header, Query, Response
 
 from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import check_inputs, find_job, max_active_jobs, max_reopened_jobs, parse_label
 from service.jobs.schemas import JobIn, JobOut, job_out
+from service.routing import Router
 from service.schemas import Cursor, JobId, Limit, Listing
 from service.webhooks.targets import check_target
 
-router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+router = Router(prefix="/v1/jobs", tags=["jobs"])
 
 StateFilter = Literal["active", "queued", "running", "paused", "succeeded", "failed", "cancelled"]
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job, find_task, max_reopened_jobs
 from service.jobs.schemas import LogOut
+from service.routing import Router
 from service.schemas import Cursor, JobId, Limit, Listing, TaskId
 from workers.model import TaskState, TaskView
 
-router = APIRouter(prefix="/v1", tags=["tasks"])
+router = Router(prefix="/v1", tags=["tasks"])
 
 
 @router.get("/jobs/{job_id}/tasks")

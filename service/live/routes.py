@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import cast
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from starlette.websockets import WebSocket
 
 from pipeline.errors import ImpastoError
@@ -17,10 +17,11 @@ from service.live.handshake import caller, subprotocol
 from service.live.messages import VERSION
 from service.live.sessions import LiveSession, Sessions
 from service.live.view_connection import ViewConnection
+from service.routing import Router
 from workers.errors import NotFound
 from workers.live.sessions import RETRY_AFTER_S
 
-router = APIRouter(tags=["live"])
+router = Router(tags=["live"])
 
 
 @dataclass(frozen=True)

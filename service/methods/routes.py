@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, TypeVar
 
-from fastapi import APIRouter, Path, Query
+from fastapi import Path, Query
 from starlette.responses import Response
 
 from pipeline.errors import did_you_mean
@@ -14,13 +14,14 @@ from pipeline.methods.base import Method
 from service.access.depends import Reader
 from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
+from service.routing import Router
 from service.schemas import Responses
 from workers.errors import NotFound
 from workers.model import Json
 
 T = TypeVar("T")
 
-router = APIRouter(prefix="/v1/methods", tags=["methods"])
+router = Router(prefix="/v1/methods", tags=["methods"])
 
 Name = Annotated[str, Path(max_length=64, description="A method's name.")]
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query
+from fastapi import Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.depends import Admin, Context
+from service.routing import Router
 from service.schemas import ID, Cursor, JobId, Limit, Listing
 from workers.operations import AttemptLogView, Drain, DrainScope, Failure, LiveView, NodeView, TimelineBar, WorkerView
 
-router = APIRouter(prefix="/v1/ops", tags=["ops"])
+router = Router(prefix="/v1/ops", tags=["ops"])
 
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_.:@-]{0,119}$"
 WorkerId = Annotated[str, Path(pattern=NAME, description="A worker's id (`dsp_...`).")]

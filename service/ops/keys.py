@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.depends import Admin, Context
 from service.access.keys import Scope
+from service.routing import Router
 from service.schemas import ID, Listing
 from workers.model import ApiKey
 
-router = APIRouter(prefix="/v1/keys", tags=["ops"])
+router = Router(prefix="/v1/keys", tags=["ops"])
 
 Quota = Annotated[int, Field(ge=0, le=2**53)]
 

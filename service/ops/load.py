@@ -7,14 +7,14 @@ import socket
 from dataclasses import dataclass
 
 import psutil
-from fastapi import APIRouter
 
 from service.access.depends import Admin, Context
 from service.ops.load_history import LoadSample
 from service.ops.machine import existing, work_places
+from service.routing import Router
 from workers.pools.machine import usable_cpus
 
-router = APIRouter(prefix="/v1/ops", tags=["ops"])
+router = Router(prefix="/v1/ops", tags=["ops"])
 
 
 @dataclass(frozen=True)

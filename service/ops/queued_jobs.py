@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.errors import ImpastoError
@@ -14,11 +13,12 @@ from service.access.depends import Admin, Context, ServiceContext
 from service.access.keys import Principal
 from service.jobs.lookup import find_job, max_reopened_jobs
 from service.jobs.schemas import JobOut, job_out
+from service.routing import Router
 from service.schemas import ID, JobId
 from workers.faults import fault_from
 from workers.model import MAX_PRIORITY, Fault
 
-router = APIRouter(prefix="/v1/ops/jobs", tags=["ops"])
+router = Router(prefix="/v1/ops/jobs", tags=["ops"])
 
 MOST_JOBS = 200
 Action = Literal["cancel", "pause", "resume", "retry", "delete"]

@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from http import HTTPStatus
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from service.access.depends import Admin, Context, Reader
+from service.routing import Router
 from workers.model import Json
 from workers.operations import Violation
 
-router = APIRouter(tags=["ops"])
+router = Router(tags=["ops"])
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 
 from service.access.depends import Context, Submitter
 from service.errors import Busy, retry_after
 from service.jobs.lookup import check_inputs, find_job
 from service.jobs.schemas import PreviewIn
+from service.routing import Router
 from service.schemas import Responses, binary
 
-router = APIRouter(prefix="/v1/previews", tags=["previews"])
+router = Router(prefix="/v1/previews", tags=["previews"])
 
 PNG: Responses = {200: binary("image/png", "The frame")[200]}
 

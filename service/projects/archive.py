@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse
@@ -17,10 +17,11 @@ from service.bodies import chunks
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import etag, find_project
 from service.projects.schemas import ProjectId, ProjectOut, project_out
+from service.routing import Router
 from service.schemas import binary
 from service.serving import disposition
 
-router = APIRouter(prefix="/v1/projects", tags=["projects"])
+router = Router(prefix="/v1/projects", tags=["projects"])
 
 ZIP = "application/zip"
 _BODY = {"requestBody": {"required": True, "content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}

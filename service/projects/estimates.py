@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.depends import Context, Reader, ServiceContext
@@ -12,6 +11,7 @@ from service.access.keys import Principal
 from service.jobs.lookup import check_inputs
 from service.jobs.schemas import JobIn
 from service.projects.lookup import find_project
+from service.routing import Router
 from workers.model import JobRequest
 from workers.projects.document import FrameRange, Id
 from workers.projects.estimates import SAMPLES, Estimate, estimate, parts, summed
@@ -20,7 +20,7 @@ from workers.projects.materials import Uploaded
 from workers.projects.parsing import parse_document
 from workers.projects.submissions import Selection, submissions
 
-router = APIRouter(prefix="/v1/estimates", tags=["projects"])
+router = Router(prefix="/v1/estimates", tags=["projects"])
 
 
 class EstimateIn(BaseModel):

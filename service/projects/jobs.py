@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import max_active_jobs
 from service.jobs.routes import IdempotencyKey
 from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId, ProjectJobOut, ProjectJobsIn, project_job_out
+from service.routing import Router
 from service.schemas import Listing
 from workers.projects.model import ProjectJob
 
-router = APIRouter(prefix="/v1/projects/{project_id}/jobs", tags=["projects"])
+router = Router(prefix="/v1/projects/{project_id}/jobs", tags=["projects"])
 
 
 @router.post("", status_code=201)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Iterator
 from typing import Annotated, Any, Literal, cast
 
-from fastapi import APIRouter
 from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
@@ -22,6 +21,7 @@ from service.errors import problem
 from service.jobs.lookup import find_job
 from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId
+from service.routing import Router
 from service.schemas import JobId, Responses
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
@@ -29,7 +29,7 @@ from workers.previews.service import PreviewRun
 from workers.projects.document import FrameNumber, FrameRange, Id
 from workers.projects.patching import merged, patched
 
-router = APIRouter(prefix="/v1/projects/{project_id}/previews", tags=["previews"])
+router = Router(prefix="/v1/projects/{project_id}/previews", tags=["previews"])
 
 _BYTES = {"schema": {"type": "string", "format": "binary"}}
 STREAM: Responses = {200: {"description": "Records", "content": {MEDIA_TYPE: _BYTES}}}

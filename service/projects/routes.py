@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi import Body, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, Submitter
 from service.errors import BadJson, UnsupportedMediaType
 from service.projects.lookup import IfMatch, etag, expected_version, find_project
 from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out
+from service.routing import Router
 from service.schemas import Cursor, Limit, Listing, Responses
 from service.serving import not_modified
 from workers.model import Json
@@ -19,7 +20,7 @@ from workers.projects.model import Project
 from workers.projects.parsing import parse_document
 from workers.projects.patching import merged, patched
 
-router = APIRouter(prefix="/v1/projects", tags=["projects"])
+router = Router(prefix="/v1/projects", tags=["projects"])
 
 JSON_PATCH, MERGE_PATCH = "application/json-patch+json", "application/merge-patch+json"
 _PATCHES = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 
 from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import EVERYONE, OPERATOR
@@ -21,12 +21,13 @@ from service.projects.schemas import (
     project_out,
 )
 from service.projects.tokens import Claims, sign, verify
+from service.routing import Router
 from service.schemas import AssetId, JobId, Listing, binary
 from service.serving import serve
 from workers.errors import NotFound
 from workers.projects.model import Project
 
-router = APIRouter(tags=["projects"])
+router = Router(tags=["projects"])
 
 Token = Annotated[str, Path(max_length=1000, description="As the link has it.")]
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 
 from service.access.depends import Context, Reader, Submitter
 from service.projects.lookup import IfMatch, etag, expected_version, find_project
 from service.projects.schemas import LabelIn, ProjectId, ProjectOut, Version, VersionOut, project_out
+from service.routing import Router
 from service.schemas import Cursor, Limit, Listing
 from workers.projects.model import ProjectVersion
 
-router = APIRouter(prefix="/v1/projects/{project_id}/versions", tags=["projects"])
+router = Router(prefix="/v1/projects/{project_id}/versions", tags=["projects"])
 
 
 @router.get("")

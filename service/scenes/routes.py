@@ -7,16 +7,17 @@ from fractions import Fraction
 from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path
+from fastapi import Path
 
 from pipeline.scenes import scene
 from pipeline.video.join import join
 from pipeline.video.writer import SegmentSpec, segment_writer
 from service.access.depends import Context, Submitter
 from service.assets.adopt import adopt_made
+from service.routing import Router
 from workers.model import Asset
 
-router = APIRouter(prefix="/v1/scenes", tags=["assets"])
+router = Router(prefix="/v1/scenes", tags=["assets"])
 
 SIZE = (480, 270)
 """(width, height), px."""

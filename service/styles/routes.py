@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import Path, Query, Response
 
 from service.access.depends import Context, Reader, Submitter
 from service.assets.adopt import check_quota
 from service.assets.routes import FRAME_WAIT_S
 from service.errors import Busy, retry_after
+from service.routing import Router
 from service.schemas import Listing, Responses
 from service.styles.library import StyleOut
 from workers.errors import NotFound
 from workers.model import Asset
 
-router = APIRouter(prefix="/v1/styles", tags=["styles"])
+router = Router(prefix="/v1/styles", tags=["styles"])
 
 StyleId = Annotated[str, Path(pattern=r"^[a-z0-9-]{1,60}$", description="A painting's id, as `GET /v1/styles` has it.")]
 JPEG: Responses = {200: {"description": "The painting", "content": {"image/jpeg": {}}}}

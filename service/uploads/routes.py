@@ -10,13 +10,14 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults
 from service.errors import BodyTooLarge, Locked
+from service.routing import Router
 from service.uploads.headers import (
     BODY_TYPE,
     EXTENSIONS,
@@ -32,7 +33,7 @@ from service.uploads.receive import append, finish
 from service.uploads.store import Upload, UploadStore
 from workers.errors import NotFound, QuotaExceeded
 
-router = APIRouter(prefix="/v1/uploads", tags=["uploads"])
+router = Router(prefix="/v1/uploads", tags=["uploads"])
 
 UploadId = Annotated[str, Path(pattern=r"^[A-Za-z0-9_-]{1,64}$", description="As Location said at creation.")]
 BODY = {"requestBody": {"content": {BODY_TYPE: {"schema": {"type": "string", "format": "binary"}}}}}

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fastapi import APIRouter
-
 from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job
+from service.routing import Router
 from service.schemas import JobId, Listing
 from workers.model import Delivery
 
-router = APIRouter(prefix="/v1", tags=["webhooks"])
+router = Router(prefix="/v1", tags=["webhooks"])
 
 
 @dataclass(frozen=True)

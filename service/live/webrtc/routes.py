@@ -5,20 +5,21 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Annotated, cast
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from pipeline.errors import BadParameter
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.bodies import chunks
 from service.errors import NotInstalled, UnsupportedMediaType
 from service.live.sessions import Sessions
+from service.routing import Router
 from workers.errors import NotFound
 from workers.model import MAX_SEED, Json
 
 if TYPE_CHECKING:
     from service.live.webrtc.peers import Peers
 
-router = APIRouter(include_in_schema=False)
+router = Router(include_in_schema=False)
 
 SDP = "application/sdp"
 MAX_SDP_BYTES = 64 * 1024
