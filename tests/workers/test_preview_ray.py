@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,13 +16,12 @@ import pytest
 
 from pipeline.errors import BadParameter
 from tests.waiting import until
+from tests.workers.watched_engine import Watched
 from workers.blobs.disk import DiskBlobs
 from workers.execution.preview import PreviewAsk, Previews
 from workers.farm import open_farm
 from workers.model import Asset, JobRequest, asset_key
-from workers.previews.engine import PreviewEngine
 from workers.previews.local_runner import LocalRunner
-from workers.previews.memory import Check
 from workers.previews.model import LayerSources, PreviewQuery, Record
 from workers.previews.service import PreviewService
 from workers.settings import FarmSettings
@@ -38,34 +37,6 @@ Made = Callable[..., Any]
 
 def never() -> None:
     """The check of a client that stays."""
-
-
-class Watched(PreviewEngine):
-    """An engine that writes its process's id to a file of each project's name, waits for the file "go" before a record
-    where it is told to, and dies of a query that says so."""
-
-    def __init__(self, blobs: DiskBlobs, notes: Path, limit_bytes: int) -> None:
-        super().__init__(blobs, limit_bytes)
-        self._notes = notes
-
-    def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
-        (self._notes / query.project).write_text(str(os.getpid()))
-        if query.options.get("deadly"):
-            os.kill(os.getpid(), signal.SIGKILL)
-        for number, record in enumerate(super().run(query, check)):
-            if number == query.options.get("waits_at"):
-                (self._notes / "waits").write_text(str(os.getpid()))
-                self._wait(check)
-            yield record
-
-    def _wait(self, check: Check) -> None:
-        try:
-            while not (self._notes / "go").exists():
-                check()
-                threading.Event().wait(0.01)
-        except BaseException:
-            (self._notes / "cancelled").touch()
-            raise
 
 
 @pytest.fixture(scope="module")

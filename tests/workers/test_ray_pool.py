@@ -11,23 +11,12 @@ import pytest
 
 from tests.waiting import until
 from tests.workers.conftest import finished, request_on, result
-from tests.workers.toy import ToyRunner
-from workers.blobs.disk import DiskBlobs
+from tests.workers.toy import ToyRunner, WatchedBlobs
 from workers.farm import Farm
 from workers.pools.artefact_cache import SharedArtefacts
 from workers.settings import FarmSettings
 
 pytestmark = pytest.mark.real("ray")
-
-
-class Watched(DiskBlobs):
-    """Notes which artefacts were fetched from it."""
-
-    def get(self, key: str) -> bytes:
-        if key.endswith(".npz"):
-            with (self.root.parent / "fetched").open("a") as file:
-                file.write(f"{key}\n")
-        return super().get(key)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +26,7 @@ def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
     home = tmp_path_factory.mktemp("ray")
     settings = FarmSettings(home=home, pool="ray", workers=2, reserve_bytes=0, retry_delay_s=0.02)
-    blobs = Watched(settings.blobs_at)
+    blobs = WatchedBlobs(settings.blobs_at)
     farm = Farm(settings, RayPool(blobs, settings, ToyRunner))
     farm.start()
     yield farm

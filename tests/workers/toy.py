@@ -30,6 +30,7 @@ from pipeline.methods.base import (
 )
 from tests.workers.relay_method import Relay
 from workers.blobs.base import Blobs
+from workers.blobs.disk import DiskBlobs
 from workers.faults import failed_outcome
 from workers.jobs.state_machine import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
@@ -185,3 +186,13 @@ def runner_after(slow: Path, blobs: Blobs) -> ToyRunner:
     if slow.exists():
         time.sleep(8)
     return ToyRunner(blobs)
+
+
+class WatchedBlobs(DiskBlobs):
+    """Notes which artefacts were fetched from it."""
+
+    def get(self, key: str) -> bytes:
+        if key.endswith(".npz"):
+            with (self.root.parent / "fetched").open("a") as file:
+                file.write(f"{key}\n")
+        return super().get(key)

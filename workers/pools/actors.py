@@ -10,7 +10,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Generator, Mapping
 from functools import partial
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import ray
 from ray.exceptions import RayError
@@ -25,10 +25,12 @@ from workers.pools.artefact_cache import ArtefactCache
 from workers.pools.attempt_monitor import AttemptMonitor
 from workers.pools.local_pool import TaskRunner
 from workers.pools.ray_types import RAY, Actor, ObjectRef
-from workers.previews.engine import PreviewEngine
 from workers.previews.model import PreviewQuery, Record
 from workers.process.free_memory import limit_free_memory
 from workers.process.starting import WARM_UP_THREAD
+
+if TYPE_CHECKING:  # half a second of imports, which only a preview actor needs
+    from workers.previews.engine import PreviewEngine
 
 CONTROL = "control"
 RENDER_NICENESS = 10
@@ -147,7 +149,7 @@ class _PreviewActor:
 
     def __init__(self, make_engine: bytes, warms_up: bool) -> None:
         limit_free_memory()
-        self._engine = cast(PreviewEngine, ray.cloudpickle.loads(make_engine)())
+        self._engine = cast("PreviewEngine", ray.cloudpickle.loads(make_engine)())
         self._runs: dict[int, Generator[Record]] = {}
         self._ended: OrderedDict[int, None] = OrderedDict()
         if warms_up:
