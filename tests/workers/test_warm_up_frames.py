@@ -20,11 +20,13 @@ def compiled():
 
 warm_up_process()
 warmed = compiled()
-for method in methods().values():
-    for size in ((320, 240), (640, 480)):
+for size in ((320, 240), (640, 480)):
+    shot = scene("cut", size=size, frames=6)
+    frames = [shot.image(index) for index in range(6)]
+    for method in methods().values():
         if session := method.stream(method.Params(), size, 0, {}):
-            for shot in scene("cut", size=size, frames=6):
-                session.step(shot.image)
+            for frame in frames:
+                session.step(frame)
 print(*compiled() - warmed, sep="\\n", end="")
 """
 
