@@ -20,6 +20,16 @@ join() {
         --object-store-memory=$((256 << 20)) "$@"
 }
 
+joined() {
+    # Whether `ray start`, the process $1, has reached the head and started this node's raylet. `ray health-check` says
+    # only that there is a head, after 1.5 s of imports.
+    local child
+    for child in $(cat "/proc/$1/task/"*/children 2>/dev/null); do
+        [[ "$(cat "/proc/$child/comm" 2>/dev/null)" == raylet ]] && return
+    done
+    return 1
+}
+
 case "${1:-}" in
     head)
         shift
@@ -41,7 +51,7 @@ case "${1:-}" in
         export IMPASTO_POOL="${IMPASTO_POOL:-ray}"
         (join --num-cpus=0 --num-gpus=0) &
         ray=$!
-        until ray health-check --address "$IMPASTO_RAY_ADDRESS" >/dev/null 2>&1; do
+        until joined "$ray"; do
             kill -0 "$ray" 2>/dev/null || exit 1
             sleep 1
         done

@@ -45,15 +45,21 @@ class Containers:
             "RAY_AGENT_PORT": str(self.agent_port),
         }
 
-    def start(self, *command: str) -> psutil.Popen:
+    def start(self, *command: str, **changes: str) -> psutil.Popen:
+        """Start a command; its output is in a file that is named after its first argument.
+
+        Args:
+            changes: of its environment.
+        """
         with (self.folder / f"{command[1]}.log").open("wb") as log:
-            process = psutil.Popen(command, env=self.env, stdout=log, stderr=log, cwd=ROOT)
+            process = psutil.Popen(command, env=self.env | changes, stdout=log, stderr=log, cwd=ROOT)
         self._started.append(process)
         return process
 
     def head(self) -> None:
         """Like `entrypoint.sh head`, but with one CPU and with free ports."""
         small = ["--num-cpus=1", "--include-dashboard=false", "--object-store-memory=80000000"]
+        small.append("--include-log-monitor=false")
         where = [f"--port={self.head_port}", f"--temp-dir={self.folder / 'r'}"]
         where.append(f"--dashboard-agent-listen-port={self.agent_port}")
         self.start("ray", "start", "--head", "--block", "--disable-usage-stats", *where, *small)
@@ -84,17 +90,18 @@ def with_no_fuss(act: Callable[[], None]) -> None:
         return
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def containers() -> Iterator[Containers]:
-    """Containers in a folder with a short path: a Unix socket's path has at most 107 bytes, and Ray adds about 75."""
+    """Containers in a folder with a short path (a Unix socket's path has at most 107 bytes, and Ray adds about 75); a
+    head has just been started."""
     with TemporaryDirectory(prefix="imp-", ignore_cleanup_errors=True) as folder:
         found = Containers(Path(folder))
+        found.head()
         yield found
         found.close()
 
 
 def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers, tiny_clip: Path) -> None:
-    containers.head()
     service = containers.service()
     until(containers.ready, 60)
     assert subprocess.run(["healthy.py", "service"], env=containers.env).returncode == 0
@@ -109,6 +116,8 @@ def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers
 
     service = containers.service()
     until(containers.ready, 60)
+    log = containers.folder / "service.log"
+    until(lambda: "Ray runtime started" in log.read_text(), 30)  # until then `ray start` waits 30 s for a lost raylet
     (node,) = [child for child in _tree(service) if child.name() == "raylet"]
     node.kill()
     assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
@@ -129,9 +138,7 @@ def _lines(path: Path) -> list[dict[str, Any]]:
 
 
 def test_a_worker_with_a_wrong_token_cannot_join(containers: Containers) -> None:
-    containers.head()
     until(lambda: subprocess.run(["healthy.py", "worker"], env=containers.env, capture_output=True).returncode == 0, 60)
-    containers.env["RAY_AUTH_TOKEN"] = "fedcba9876543210" * 4
-    intruder = containers.start("entrypoint.sh", "worker")
+    intruder = containers.start("entrypoint.sh", "worker", RAY_AUTH_TOKEN="fedcba9876543210" * 4)
     assert intruder.wait(90) != 0
     assert "InvalidAuthToken" in (containers.folder / "worker.log").read_text()
