@@ -20,11 +20,29 @@ def _tile(seed: int, level: int) -> NDArray[np.float32]:
     """Noise tile with a spectrum of about 1 / f and values of about -1..1; each level halves the bandwidth."""
     random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0x67726169])))
     spectrum = np.fft.rfft2(random.standard_normal((TILE, TILE)))
-    frequency = np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)) * TILE
+    spectrum *= _falling()
+    return np.fft.irfft2(spectrum * _passed(level), s=(TILE, TILE)).astype(np.float32)
+
+
+def _frequency() -> Array:
+    """Periods in a tile, of each value of a spectrum: float64 (TILE, TILE / 2 + 1)."""
+    frequency: Array = np.hypot(np.fft.fftfreq(TILE)[:, None], np.fft.rfftfreq(TILE)) * TILE
+    return frequency
+
+
+@lru_cache(maxsize=1)
+def _falling() -> Array:
+    """The filter of about 1 / f, shape as `_frequency`; it leaves white noise with values of about -1..1."""
+    frequency = _frequency()
     falling = np.where(frequency >= 3, 1.0 / np.maximum(frequency, 1) ** 1.15, 0.0)
-    spectrum *= falling / (2.5 * _deviation(falling))
-    tile = np.fft.irfft2(spectrum * np.exp(-((frequency / (0.25 * TILE / 2**level)) ** 4)), s=(TILE, TILE))
-    return tile.astype(np.float32)
+    return falling / (2.5 * _deviation(falling))
+
+
+@lru_cache(maxsize=_LEVELS)
+def _passed(level: int) -> Array:
+    """The low-pass filter of a level, 0..1, shape as `_frequency`."""
+    passed: Array = np.exp(-((_frequency() / (0.25 * TILE / 2**level)) ** 4))
+    return passed
 
 
 def _deviation(falling: Array) -> float:
