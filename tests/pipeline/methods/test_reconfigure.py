@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import Any
 
 import cv2
@@ -16,9 +17,16 @@ from pipeline.methods.abstraction import Abstraction, AbstractionParams, Abstrac
 SIZE, HALF = (192, 128), (96, 64)
 
 
+@cache
+def picture(index: int) -> Frame:
+    """Frame `index`; it is shared and read-only."""
+    made = pipeline.scenes.scene("portrait", SIZE, frames=12).image(index)
+    made.setflags(write=False)
+    return made
+
+
 def scene(count: int) -> list[Frame]:
-    made = pipeline.scenes.scene("portrait", SIZE, frames=count)
-    return [made.image(index) for index in range(count)]
+    return [picture(index) for index in range(count)]
 
 
 def small(frame: Frame, size: tuple[int, int] = HALF) -> Frame:
