@@ -35,6 +35,7 @@ class RayNode:
         self._command = [
             *(sys.executable, "-c", "from ray.scripts.scripts import main; main()", "start", "--block"),
             *("--address", address, "--node-name", name, "--num-cpus", str(cpus), "--disable-usage-stats"),
+            "--include-log-monitor=false",  # it sends workers' output to drivers, and ours do not ask for it
             *(() if gpus is None else ("--num-gpus", f"{gpus:g}")),
             *(() if memory_gib is None else ("--memory", str(int(memory_gib * (1 << 30))))),
         ]
