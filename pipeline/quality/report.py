@@ -44,10 +44,12 @@ class QualityReport:
     Attributes:
         sampled: measure flicker and edge widths in one part of each pair, at full resolution, and faces in one pair of
             six: about a sixth of the processor time at 1280x720.
+        search_faces: search faces at all.
         palette: colours that the painting was to take on.
     """
 
     sampled: bool = False
+    search_faces: bool = True
     palette: PictureColours | None = None
     _samples: list[_Sample] = field(default_factory=list)
     _widths: list[NDArray[np.float64]] = field(default_factory=list)
@@ -76,7 +78,7 @@ class QualityReport:
             )
         )  # fmt: skip
         self._widths.append(edge_widths(after[1]))
-        if self.sampled and ordinal % FACES_EVERY:
+        if not self.search_faces or (self.sampled and ordinal % FACES_EVERY):
             return
         faces = self._faces.count(source[1], painted[1])
         self._found += faces.found
@@ -89,7 +91,8 @@ class QualityReport:
         """The figures of the whole, rounded: flicker, detail, structure, edge widths (px), faces kept (share), and
         where they apply palette distance and the comparison with frames painted alone.
 
-        A figure is null if nothing was measured: no pair, no edge, no face in the source.
+        A figure is null if nothing was measured: no pair, no edge, no face in the source; so is the number of faces if
+        none were searched.
         """
         if not self._samples:
             return {"pairs": 0, "flicker": None, "detail": None, "structure": None}
@@ -108,7 +111,7 @@ class QualityReport:
             "structure": _rounded(float(np.mean([s.structure for s in self._samples]))),
             "edge_width_px": _rounded(float(np.median(widths))) if len(widths) else None,
             "edge_width_p90_px": _rounded(float(np.quantile(widths, 0.9))) if len(widths) else None,
-            "faces": self._found,
+            "faces": self._found if self.search_faces else None,
             "faces_kept": _rounded(self._kept / self._found) if self._found else None,
             **self._palette_distance(),
             **self._against_frame_by_frame(),

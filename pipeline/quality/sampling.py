@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from pipeline.frames import Frame
 
-SHARE = 0.035
-"""Share of the render's expected processor time that measuring pairs may take."""
+SHARE = 0.04
+"""Share of the render's expected processor time that the report may take."""
 RENDER_S = 1.0
 """Processor time of a render that does not depend on its length, s."""
-PAIR_S, PAIR_S_PER_MEGAPIXEL = 0.11, 0.05
-"""Processor time of one pair, s: measured, see docs/quality.md."""
+PAIR_S, PAIR_S_PER_MEGAPIXEL = 0.04, 0.07
+"""Processor time of one pair, s, without a search for faces: measured, as the next two, see docs/quality.md."""
+FACES_S = 0.19
+"""Processor time of one search for faces, at a width of at most 640 px, s."""
+FIRST_FRAME_S_PER_MEGAPIXEL = 0.7
+"""Processor time that a method takes for the first frame of a video beyond that of a later frame, s."""
 MOST_PAIRS = 60
 MOST_BYTES = 64 << 20
 """Limit of the source frames that a job keeps in memory for its report."""
@@ -33,8 +38,24 @@ def sampled_pairs(frames: int, count: int) -> list[int]:
     return sorted({1 + (2 * i + 1) * pairs // (2 * number) for i in range(number)})
 
 
-def affordable_pairs(frames: int, size: tuple[int, int], cpu_s_per_megapixel: float) -> int:
-    """Number of pairs that a job's report measures: at least 1, at most 60.
+@dataclass(frozen=True)
+class SampleSize:
+    """How much the report of a job measures.
+
+    Attributes:
+        pairs: pairs of frames, at least 1.
+        alone: of these, pairs that are also painted frame by frame.
+        faces: whether faces are searched, in one of `FACES_EVERY` pairs.
+    """
+
+    pairs: int
+    alone: int
+    faces: bool
+
+
+def affordable_sample(frames: int, size: tuple[int, int], cpu_s_per_megapixel: float) -> SampleSize:
+    """What a job's report measures: one pair always; then, as far as `SHARE` of the render's time pays for them, faces,
+    pairs painted frame by frame, and further pairs.
 
     It depends on the video and the method only, so that equal jobs have equal reports.
 
@@ -43,10 +64,17 @@ def affordable_pairs(frames: int, size: tuple[int, int], cpu_s_per_megapixel: fl
         cpu_s_per_megapixel: processor time of the method a frame and megapixel, s.
     """
     megapixels = size[0] * size[1] / 1e6
-    render_s = RENDER_S + cpu_s_per_megapixel * megapixels * frames
-    affordable = SHARE * render_s / (PAIR_S + PAIR_S_PER_MEGAPIXEL * megapixels)
+    pair_s = PAIR_S + PAIR_S_PER_MEGAPIXEL * megapixels
+    alone_s = 2 * (FIRST_FRAME_S_PER_MEGAPIXEL + cpu_s_per_megapixel) * megapixels
+    left_s = SHARE * (RENDER_S + cpu_s_per_megapixel * megapixels * frames) - pair_s
+    faces = left_s >= FACES_S
+    left_s -= FACES_S * faces
+    alone = max(0, min(frames // ALONE_EVERY, MOST_ALONE, int(left_s / alone_s)))
+    left_s -= alone * alone_s
+    affordable = 1 + left_s / (pair_s + faces * FACES_S / FACES_EVERY)
     kept = MOST_BYTES / (6e6 * max(megapixels, 1e-6))
-    return max(1, int(min(affordable, kept, MOST_PAIRS)))
+    pairs = max(1, int(min(affordable, kept, MOST_PAIRS)))
+    return SampleSize(pairs, min(alone, pairs), faces)
 
 
 def job_pairs(frames: int, sheet: Sequence[int], count: int) -> list[int]:

@@ -24,6 +24,7 @@ import pytest
 
 from pipeline.errors import BadMedia
 from pipeline.methods.base import Method, Params, PlanContext, Step, Task, TaskContext, TaskResult
+from pipeline.quality import sampling
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
@@ -31,7 +32,6 @@ from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES
 from tests.e2e.pages import CHROMIUM_ARGS, SHELL
 from workers.blobs.disk import DiskBlobs
-from workers.execution import result_quality
 from workers.execution.renderer import Renderer
 from workers.model import CPU, PEAK_MEMORY, OutputSpec, TaskOrder, TaskOutcome
 
@@ -249,7 +249,8 @@ def _count(context: TaskContext) -> TaskResult:
 def test_a_report_uses_the_frames_of_the_first_step(
     blobs: DiskBlobs, info: MediaInfo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(result_quality, "ALONE_EVERY", 10)
+    for name, value in (("ALONE_EVERY", 10), ("SHARE", 0.5), ("MOST_PAIRS", 4)):
+        monkeypatch.setattr(sampling, name, value)
     output = OutputSpec("mp4", 12, report=True)
     with Renderer(blobs, tmp_path / "scratch", lambda name: Scanning()) as renderer:
         scan = order_of(info, Task("video"), step="scan", output=output)

@@ -12,7 +12,7 @@ from pipeline.methods.base import AnyParams, Method, VideoInfo
 from pipeline.methods.local import Input, LocalContext, run_plan
 from pipeline.quality.palette import PictureColours
 from pipeline.quality.report import FramePair, QualityReport
-from pipeline.quality.sampling import ALONE_EVERY, MOST_ALONE, affordable_pairs, job_pairs
+from pipeline.quality.sampling import SampleSize, affordable_sample, job_pairs
 from pipeline.video.contact import SHEET_TILE_PX, fit, sheet_frames
 from pipeline.video.reader import VideoReader
 from workers.blobs.base import Blobs
@@ -29,8 +29,12 @@ def report_pairs(order: TaskOrder, chosen: Method) -> list[int]:
     video: VideoInfo = video_info(order.input_info["video"])
     if not order.output.report or video.frames < 2:
         return []
-    count = affordable_pairs(video.frames, (video.width, video.height), chosen.cpu_s_per_megapixel)
-    return job_pairs(video.frames, sheet_frames(video.frames), count)
+    return job_pairs(video.frames, sheet_frames(video.frames), sample_size(video, chosen).pairs)
+
+
+def sample_size(video: VideoInfo, chosen: Method) -> SampleSize:
+    """How much the report of a job of this video and method measures."""
+    return affordable_sample(video.frames, (video.width, video.height), chosen.cpu_s_per_megapixel)
 
 
 class ResultQuality:
@@ -53,9 +57,10 @@ class ResultQuality:
     def measure(self, result: Path, params: AnyParams) -> QualityReport:
         """The report of the file `result`. `params`: the method's validated Params."""
         pairs = report_pairs(self._order, self._method)
-        report = QualityReport(sampled=True, palette=self._palette(params))
+        size = sample_size(video_info(self._order.input_info["video"]), self._method)
+        report = QualityReport(sampled=True, search_faces=size.faces, palette=self._palette(params))
         with VideoReader(result) as painted:
-            alone = self._alone(pairs, painted.frames)
+            alone = self._alone(pairs, size.alone)
             sheet = set(sheet_frames(painted.frames))
             for frame in pairs:
                 after = tuple(painted.read(frame - 1, frame + 1)) if frame < painted.frames else ()
@@ -78,9 +83,9 @@ class ResultQuality:
         with self._decoders.reader(self._order.inputs["video"]) as source:
             return tuple(source.read(first + frame - 1, first + frame + 1))
 
-    def _alone(self, pairs: list[int], frames: int) -> set[int]:
-        """Pairs that are also painted frame by frame, evenly spread."""
-        count = min(frames // ALONE_EVERY, MOST_ALONE, len(pairs))
+    def _alone(self, pairs: list[int], most: int) -> set[int]:
+        """Pairs that are also painted frame by frame, evenly spread: at most `most`."""
+        count = min(most, len(pairs))
         drawn = any(spec.kind == "images" and spec.name in self._order.inputs for spec in self._method.inputs)
         return set() if drawn else {pairs[(2 * i + 1) * len(pairs) // (2 * count)] for i in range(count)}
 

@@ -11,7 +11,7 @@ from pipeline.frames import Frame
 from pipeline.quality.coherence import detail, flicker_map, measure_pair, structure
 from pipeline.quality.palette import PictureColours
 from pipeline.quality.report import QualityReport, report_of
-from pipeline.quality.sampling import affordable_pairs, job_pairs, sampled_pairs, tile
+from pipeline.quality.sampling import SampleSize, affordable_sample, job_pairs, sampled_pairs, tile
 from pipeline.scenes import scene
 
 SIZE = (160, 96)
@@ -106,11 +106,13 @@ def test_palette_distance_is_0_for_colours_of_the_picture_and_the_length_of_a_sh
     assert "palette_distance" not in QualityReport().summary()
 
 
-def test_the_number_of_pairs_follows_from_what_the_render_costs() -> None:
+def test_what_a_report_measures_follows_from_what_the_render_costs() -> None:
     hd = (1280, 720)
-    assert affordable_pairs(150, hd, 0.12) == 3 and affordable_pairs(40, hd, 0.12) == 1
-    assert affordable_pairs(10_000, hd, 2.0) == 12, "what is kept of the source is at most 64 MiB"
-    assert affordable_pairs(10_000, (320, 180), 2.0) == 60
+    assert affordable_sample(40, hd, 0.1) == SampleSize(1, 0, faces=False)
+    assert affordable_sample(150, hd, 0.1) == SampleSize(3, 0, faces=True)
+    assert affordable_sample(600, hd, 0.1) == SampleSize(4, 1, faces=True)
+    assert affordable_sample(10_000, hd, 2.0) == SampleSize(12, 3, faces=True), "at most 64 MiB of the source are kept"
+    assert affordable_sample(10_000, (320, 180), 2.0) == SampleSize(60, 3, faces=True)
 
 
 def test_a_jobs_pairs_are_frames_of_its_contact_sheet_where_these_suffice() -> None:

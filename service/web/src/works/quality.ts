@@ -18,7 +18,7 @@ export interface Quality {
   detail: number | null;
   structure: number | null;
   edge_width_px?: number | null;
-  faces?: number;
+  faces?: number | null;
   faces_kept?: number | null;
   palette_distance?: number;
   flicker_of_alone?: number;
