@@ -23,9 +23,9 @@ join() {
 joined() {
     # Whether `ray start`, the process $1, has reached the head and started this node's raylet. `ray health-check` says
     # only that there is a head, after 1.5 s of imports.
-    local child
-    for child in $(cat "/proc/$1/task/"*/children 2>/dev/null); do
-        [[ "$(cat "/proc/$child/comm" 2>/dev/null)" == raylet ]] && return
+    local process
+    for process in /proc/[0-9]*/stat; do
+        [[ "$(cat "$process" 2>/dev/null)" == *" (raylet) "?" $1 "* ]] && return
     done
     return 1
 }
