@@ -33,12 +33,11 @@ if TYPE_CHECKING:  # half a second of imports, which only a preview actor needs
     from workers.previews.engine import PreviewEngine
 
 CONTROL = "control"
-RENDER_NICENESS = 10
-"""Live sessions and the service's answers go before renders."""
+NICENESS = 10
+"""Of processes that render, and of threads that load kernels: frames of live sessions and the service's answers go
+first."""
 FETCH_S = 10.0
 """Beyond this size, the blob store is faster."""
-LOWEST = 19
-"""Niceness of processes that render."""
 _ENDED_RUNS = 1000
 """Ended preview queries that are remembered: the call that ends one may come before the query."""
 
@@ -47,7 +46,7 @@ class _RenderActor:
     """Runs one order at a time; another thread answers questions about its progress."""
 
     def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
-        os.nice(RENDER_NICENESS)
+        os.nice(NICENESS)
         limit_free_memory()
         self._monitor = AttemptMonitor()
         self._cache = ArtefactCache(blobs)
@@ -107,7 +106,9 @@ class _LiveActor:
     def warm_up(self) -> Address:
         """Import and compile everything; then return the address of the frame server.
 
-        This runs at a low priority: seconds of imports and compilation would delay the frames of running sessions.
+        Kernels are loaded at a low priority, since seconds of it would delay the frames of running sessions. Imports
+        are not: at a low priority, beside programs that use all processors, they take more than a minute, and a session
+        may be waiting for this actor.
         """
         thread = threading.Thread(target=self._get_ready, name=WARM_UP_THREAD)
         thread.start()
@@ -116,9 +117,9 @@ class _LiveActor:
         return self._server.address
 
     def _get_ready(self) -> None:
-        with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
         painter = cast(SessionRenderer, ray.cloudpickle.loads(self._make_painter)())
+        with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         painter.warm_up()
         gc.collect()
         gc.freeze()  # imported objects are never garbage; scanning them takes a tenth of a second
@@ -157,7 +158,7 @@ class _PreviewActor:
 
     def _warm_up(self) -> None:
         with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         self._engine.warm_up()
 
     def next_record(self, run_id: int, query: PreviewQuery | None) -> Record | None:
