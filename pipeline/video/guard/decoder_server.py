@@ -8,6 +8,7 @@ ends, and its children end with it.
 from __future__ import annotations
 
 import contextlib
+import logging
 import mmap
 import os
 import signal
@@ -28,6 +29,8 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
 from pipeline.video.media import unreadable
+
+log = logging.getLogger(__name__)
 
 _ROOT = Path(pipeline.__file__).parent.parent
 _ENTRY = """import sys
@@ -224,6 +227,7 @@ def start_decoder(
         return DecoderProcess(role, task, shared_bytes, timeout_s, on_progress=on_progress)
     except (DecoderDied, DecoderNotStarted) as error:
         if isinstance(error, DecoderNotStarted):
+            log.warning("%s The decoder server is started again.", error.message)
             _SERVER.stop()
         return DecoderProcess(role, task, shared_bytes, timeout_s, on_progress=on_progress)
 
