@@ -54,8 +54,8 @@ class SampleSize:
 
 
 def affordable_sample(frames: int, size: tuple[int, int], cpu_s_per_megapixel: float) -> SampleSize:
-    """What a job's report measures: one pair always; then, as far as `SHARE` of the render's time pays for them, faces,
-    pairs painted frame by frame, and further pairs.
+    """The amount that the report of a job measures. One pair is always measured; then, as far as `SHARE` of the
+    render's time pays for them, faces are searched, pairs are painted frame by frame, and further pairs are measured.
 
     It depends on the video and the method only, so that equal jobs have equal reports.
 

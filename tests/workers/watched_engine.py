@@ -15,8 +15,11 @@ from workers.previews.model import PreviewQuery, Record
 
 
 class Watched(PreviewEngine):
-    """An engine that writes its process's id to a file of each project's name, waits for the file "go" before a record
-    where it is told to, and dies of a query that says so."""
+    """A preview engine whose queries can stop it.
+
+    It writes its process's id to a file that has the project's name. The option `waits_at` of a query names the record
+    before which it waits for the file "go"; the option `deadly` makes it kill its process.
+    """
 
     def __init__(self, blobs: DiskBlobs, notes: Path, limit_bytes: int) -> None:
         super().__init__(blobs, limit_bytes)

@@ -34,8 +34,8 @@ if TYPE_CHECKING:  # half a second of imports, which only a preview actor needs
 
 CONTROL = "control"
 NICENESS = 10
-"""Of processes that render, and of threads that load kernels: frames of live sessions and the service's answers go
-first."""
+"""Niceness of processes that render and of threads that load kernels, so that frames of live sessions and the service's
+answers go first."""
 FETCH_S = 10.0
 """Beyond this size, the blob store is faster."""
 _ENDED_RUNS = 1000
