@@ -30,6 +30,7 @@ gc.disable()  # until all tests are imported (pytest_collection_finish): a fifth
 # Services that tests start load the kernels that a test uses; to load all of them takes three seconds a process.
 os.environ.setdefault("IMPASTO_WARM_UP", "false")
 os.environ.setdefault("IMPASTO_LIVE_SPARES", "0")
+os.environ.setdefault("RAY_worker_niceness", "0")  # as in the images; else actors starve beside other programs
 MEDIA = ROOT.parent / "shared" / "media"
 
 

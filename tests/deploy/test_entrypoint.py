@@ -29,7 +29,7 @@ class Containers:
     def __init__(self, folder: Path) -> None:
         self.folder, self.port, self.head_port, self.agent_port = folder, free_port(), free_port(), free_port()
         self.url = f"http://127.0.0.1:{self.port}"
-        self._started: list[psutil.Popen] = []
+        self.started: list[psutil.Popen] = []
         tools = f"{ROOT / 'docker'}:{Path(sys.executable).parent}:{os.environ['PATH']}"
         self.env = {
             **os.environ,
@@ -53,7 +53,7 @@ class Containers:
         """
         with (self.folder / f"{command[1]}.log").open("wb") as log:
             process = psutil.Popen(command, env=self.env | changes, stdout=log, stderr=log, cwd=ROOT)
-        self._started.append(process)
+        self.started.append(process)
         return process
 
     def head(self) -> None:
@@ -71,7 +71,7 @@ class Containers:
         return answers(f"{self.url}/readyz")
 
     def close(self) -> None:
-        for process in self._started:
+        for process in self.started:
             for child in [*_tree(process), process]:
                 with_no_fuss(child.kill)
 
@@ -110,6 +110,7 @@ def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers
     job = client.submit("abstraction", {"video": asset})
     until(lambda: client.job(job["id"])["state"] == "succeeded", 60)
     _check_logs(containers, job["id"])
+    assert {actor.nice() for actor in _render_actors(containers)} == {10}, "NICENESS of workers/pools/actors.py"
     service.send_signal(signal.SIGTERM)
     assert service.wait(40) == 0
     assert not containers.ready()
@@ -121,6 +122,11 @@ def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers
     (node,) = [child for child in _tree(service) if child.name() == "raylet"]
     node.kill()
     assert service.wait(60) == 1, "a service without its node ends, so that it is started again"
+
+
+def _render_actors(containers: Containers) -> list[psutil.Process]:
+    found = [child for process in containers.started for child in _tree(process)]
+    return [child for child in found if "_RenderActor" in child.cmdline()[0]]
 
 
 def _check_logs(containers: Containers, job: str) -> None:

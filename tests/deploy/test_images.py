@@ -50,6 +50,12 @@ def test_an_image_has_a_user_a_health_check_and_no_tools(image: str, device: str
     assert made[-1].base == "${PREFIX}${PYTHON}", "the last stage stands on the plain base, not on the builder"
 
 
+def test_rays_workers_have_the_usual_priority() -> None:
+    assert any("RAY_worker_niceness=0" in value for value in STAGES["base"].all("ENV"))
+    for unit in ("impasto-ray-head", "impasto-ray-worker"):
+        assert "Environment=RAY_worker_niceness=0" in (ROOT / "deploy/systemd" / f"{unit}.service").read_text()
+
+
 def test_the_gpu_variant_names_its_driver_and_the_cpu_variant_brings_a_runtime() -> None:
     assert any("libnvidia-opencl.so.1" in value for value in STAGES["base-gpu"].all("RUN"))
     assert any("compute" in value for value in STAGES["base-gpu"].all("ENV"))

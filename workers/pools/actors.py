@@ -34,19 +34,26 @@ if TYPE_CHECKING:  # half a second of imports, which only a preview actor needs
 
 CONTROL = "control"
 NICENESS = 10
-"""Niceness of processes that render and of threads that load kernels, so that frames of live sessions and the service's
-answers go first."""
+"""Least niceness of processes that render and of threads that load kernels, so that frames of live sessions and the
+service's answers go first. Ray adds 15 on nodes where RAY_worker_niceness is not 0."""
 FETCH_S = 10.0
 """Beyond this size, the blob store is faster."""
 _ENDED_RUNS = 1000
 """Ended preview queries that are remembered: the call that ends one may come before the query."""
 
 
+def _let_others_go_first() -> None:
+    """Raise the niceness of this thread, and of threads that it starts, to `NICENESS`."""
+    thread = threading.get_native_id()
+    with contextlib.suppress(OSError):  # of a thread on Linux; elsewhere it may not be possible
+        os.setpriority(os.PRIO_PROCESS, thread, max(NICENESS, os.getpriority(os.PRIO_PROCESS, thread)))
+
+
 class _RenderActor:
     """Runs one order at a time; another thread answers questions about its progress."""
 
     def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
-        os.nice(NICENESS)
+        _let_others_go_first()
         limit_free_memory()
         self._monitor = AttemptMonitor()
         self._cache = ArtefactCache(blobs)
@@ -118,8 +125,7 @@ class _LiveActor:
 
     def _get_ready(self) -> None:
         painter = cast(SessionRenderer, ray.cloudpickle.loads(self._make_painter)())
-        with contextlib.suppress(OSError):  # of this thread alone, on Linux; elsewhere it may not be possible
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        _let_others_go_first()
         painter.warm_up()
         gc.collect()
         gc.freeze()  # imported objects are never garbage; scanning them takes a tenth of a second
@@ -157,8 +163,7 @@ class _PreviewActor:
             threading.Thread(target=self._warm_up, name=WARM_UP_THREAD, daemon=True).start()
 
     def _warm_up(self) -> None:
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        _let_others_go_first()
         self._engine.warm_up()
 
     def next_record(self, run_id: int, query: PreviewQuery | None) -> Record | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import subprocess
 import sys
 import tempfile
@@ -49,6 +50,7 @@ class RayNode:
             stdout=self._output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            env={"RAY_worker_niceness": "0", **os.environ},  # without it, live sessions have a low priority, too
         )
         return self
 
