@@ -53,7 +53,9 @@ class SampleSize:
     faces: bool
 
 
-def affordable_sample(frames: int, size: tuple[int, int], cpu_s_per_megapixel: float) -> SampleSize:
+def affordable_sample(
+    frames: int, size: tuple[int, int], cpu_s_per_megapixel: float, stand_alone: bool = True
+) -> SampleSize:
     """The amount that the report of a job measures. One pair is always measured; then, as far as `SHARE` of the
     render's time pays for them, faces are searched, pairs are painted frame by frame, and further pairs are measured.
 
@@ -62,6 +64,7 @@ def affordable_sample(frames: int, size: tuple[int, int], cpu_s_per_megapixel: f
     Args:
         size: (width, height), px.
         cpu_s_per_megapixel: processor time of the method a frame and megapixel, s.
+        stand_alone: whether frames of this job can be painted without the others.
     """
     megapixels = size[0] * size[1] / 1e6
     pair_s = PAIR_S + PAIR_S_PER_MEGAPIXEL * megapixels
@@ -69,7 +72,7 @@ def affordable_sample(frames: int, size: tuple[int, int], cpu_s_per_megapixel: f
     left_s = SHARE * (RENDER_S + cpu_s_per_megapixel * megapixels * frames) - pair_s
     faces = left_s >= FACES_S
     left_s -= FACES_S * faces
-    alone = max(0, min(frames // ALONE_EVERY, MOST_ALONE, int(left_s / alone_s)))
+    alone = max(0, min(frames // ALONE_EVERY, MOST_ALONE, int(left_s / alone_s))) if stand_alone else 0
     left_s -= alone * alone_s
     affordable = 1 + left_s / (pair_s + faces * FACES_S / FACES_EVERY)
     kept = MOST_BYTES / (6e6 * max(megapixels, 1e-6))

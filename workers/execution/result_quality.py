@@ -29,12 +29,14 @@ def report_pairs(order: TaskOrder, chosen: Method) -> list[int]:
     video: VideoInfo = video_info(order.input_info["video"])
     if not order.output.report or video.frames < 2:
         return []
-    return job_pairs(video.frames, sheet_frames(video.frames), sample_size(video, chosen).pairs)
+    return job_pairs(video.frames, sheet_frames(video.frames), sample_size(video, order, chosen).pairs)
 
 
-def sample_size(video: VideoInfo, chosen: Method) -> SampleSize:
-    """How much the report of a job of this video and method measures."""
-    return affordable_sample(video.frames, (video.width, video.height), chosen.cpu_s_per_megapixel)
+def sample_size(video: VideoInfo, order: TaskOrder, chosen: Method) -> SampleSize:
+    """How much the report of a job with this video measures. With drawn pictures (keys, masks, label maps), frames do
+    not stand alone."""
+    drawn = any(spec.kind == "images" and spec.name in order.inputs for spec in chosen.inputs)
+    return affordable_sample(video.frames, (video.width, video.height), chosen.cpu_s_per_megapixel, not drawn)
 
 
 class ResultQuality:
@@ -57,10 +59,10 @@ class ResultQuality:
     def measure(self, result: Path, params: AnyParams) -> QualityReport:
         """The report of the file `result`. `params`: the method's validated Params."""
         pairs = report_pairs(self._order, self._method)
-        size = sample_size(video_info(self._order.input_info["video"]), self._method)
+        size = sample_size(video_info(self._order.input_info["video"]), self._order, self._method)
         report = QualityReport(sampled=True, search_faces=size.faces, palette=self._palette(params))
         with VideoReader(result) as painted:
-            alone = self._alone(pairs, size.alone)
+            alone = {pairs[(2 * i + 1) * len(pairs) // (2 * size.alone)] for i in range(size.alone)}  # evenly spread
             sheet = set(sheet_frames(painted.frames))
             for frame in pairs:
                 after = tuple(painted.read(frame - 1, frame + 1)) if frame < painted.frames else ()
@@ -82,12 +84,6 @@ class ResultQuality:
         first = self._order.frames[0] if self._order.frames else 0
         with self._decoders.reader(self._order.inputs["video"]) as source:
             return tuple(source.read(first + frame - 1, first + frame + 1))
-
-    def _alone(self, pairs: list[int], most: int) -> set[int]:
-        """Pairs that are also painted frame by frame, evenly spread: at most `most`."""
-        count = min(most, len(pairs))
-        drawn = any(spec.kind == "images" and spec.name in self._order.inputs for spec in self._method.inputs)
-        return set() if drawn else {pairs[(2 * i + 1) * len(pairs) // (2 * count)] for i in range(count)}
 
     def _painted_alone(self, frame: int, source: FramePair, params: AnyParams) -> FramePair | None:
         """Both frames, each painted by the method as a video of one frame; None if the method cannot."""

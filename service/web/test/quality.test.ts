@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { rows } from "../src/works/quality";
+import { notesOnFaces, rows } from "../src/works/quality";
 
 const measured = { pairs: 2, flicker: 0.714, detail: 1, structure: 0.9, samples: [], worst: [] };
 
@@ -20,4 +20,12 @@ test("what was not measured is left out", () => {
     "Detail",
     "Structure",
   ]);
+});
+
+test("the page says why no faces were counted", () => {
+  expect(notesOnFaces({ ...measured, faces: null })).toEqual([
+    "Faces were not searched: that takes too long beside so short a render.",
+  ]);
+  expect(notesOnFaces({ ...measured, faces: 0 })).toEqual(["No frontal face was found in the source."]);
+  expect(notesOnFaces({ ...measured, faces: 2, faces_kept: 0.5 })).toEqual([]);
 });

@@ -111,6 +111,7 @@ def test_what_a_report_measures_follows_from_what_the_render_costs() -> None:
     assert affordable_sample(40, hd, 0.1) == SampleSize(1, 0, faces=False)
     assert affordable_sample(150, hd, 0.1) == SampleSize(3, 0, faces=True)
     assert affordable_sample(600, hd, 0.1) == SampleSize(4, 1, faces=True)
+    assert affordable_sample(600, hd, 0.1, stand_alone=False) == SampleSize(12, 0, faces=True)
     assert affordable_sample(10_000, hd, 2.0) == SampleSize(12, 3, faces=True), "at most 64 MiB of the source are kept"
     assert affordable_sample(10_000, (320, 180), 2.0) == SampleSize(60, 3, faces=True)
 

@@ -18,6 +18,7 @@ export interface Quality {
   detail: number | null;
   structure: number | null;
   edge_width_px?: number | null;
+  /** Faces found in the source; null: they were not searched. */
   faces?: number | null;
   faces_kept?: number | null;
   palette_distance?: number;
@@ -47,6 +48,7 @@ function content(quality: Quality, showFrame: (frame: number) => void): HTMLElem
     h("h2", {}, "Quality"),
     h("dl", { class: "quality-figures" }, cells),
     h("p", {}, `Flicker of ${count(quality.pairs, "measured frame")}. Select a bar to see its frame.`),
+    ...notesOnFaces(quality).map((note) => h("p", {}, note)),
     chart(quality, showFrame),
     worstMoments(quality, showFrame),
   ];
@@ -68,6 +70,12 @@ export function rows(quality: Quality): Row[] {
   return all.flatMap(([title, value, unit, meaning]): Row[] =>
     value === null || value === undefined ? [] : [[title, `${value.toFixed(2)}${unit}`, meaning]],
   );
+}
+
+/** Why there is no share of faces kept, if so. */
+export function notesOnFaces({ faces }: Quality): string[] {
+  if (faces === null) return ["Faces were not searched: that takes too long beside so short a render."];
+  return faces === 0 ? ["No frontal face was found in the source."] : [];
 }
 
 /** Buttons that show the frames with the most flicker. */
