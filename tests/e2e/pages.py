@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from service import bundle
-from tests.waiting import answers
+from tests.waiting import answers, pause_s
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES, WIDTH, HEIGHT, FPS = 12, 96, 64, 12
@@ -163,10 +163,11 @@ def until(page: Page, condition: Callable[[], bool], seconds: float = SLOW_MS / 
 
     Playwright's own wait_for_function needs `eval`, which the page's policy forbids.
     """
-    deadline = time.monotonic() + seconds
+    start = time.monotonic()
     while not condition():
-        assert time.monotonic() < deadline, "it never came true"
-        page.wait_for_timeout(30)
+        waited_s = time.monotonic() - start
+        assert waited_s < seconds, "it never came true"
+        page.wait_for_timeout(1000 * pause_s(waited_s))
 
 
 def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]]]:
