@@ -1,12 +1,14 @@
 """The importance map I(p), which determines the amount of detail of each pixel (zhang2011online, section 4.1).
 
-It combines three cues, each in [0, 1] with a weight w: faces F (viola2001rapid), static saliency S (hou2007spectral)
-and motion relative to the camera M, by I = 1 - (1 - w_f F)(1 - w_s S)(1 - w_m M). The cues are smoothed over past
-frames. A mask by the user overrides the map where it is given.
+It combines four cues, each in [0, 1] with a weight w: faces F (viola2001rapid), hands and arms H beside them, static
+saliency S (hou2007spectral) and motion relative to the camera M, by
+I = 1 - (1 - w_f F)(1 - w_h H)(1 - w_s S)(1 - w_m M), with w_h a fixed share of w_f. The cues are smoothed over past
+frames; H follows more quickly and moves with the flow, since hands move fast. A mask by the user overrides the map
+where it is given.
 
-Departure: the paper uses faces only, which is `saliency=0, motion=0`; it mentions the other cues as an alternative and
-as future work. It does not smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden
-change of it would show as a sudden change of detail.
+Departure: the paper uses faces only; it mentions the other cues as an alternative and as future work, but not hands.
+It does not smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden change of it
+would show as a sudden change of detail.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.segmentation.faces import FaceTracker
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
+from pipeline.segmentation.skin import skin_beside_faces
 
 MAP_SIDE_PX = 96
 """Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
@@ -30,6 +33,10 @@ SALIENCY_SIDE_PX = 256
 """Longer side of the picture of which saliency is computed, px."""
 CUES_EVERY_FRAMES = 3
 """Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
+HANDS = 0.8
+"""Importance of hands relative to that of faces."""
+HANDS_RISE, HANDS_FALL = 0.6, 0.2
+"""Share a frame by which the cue of hands rises where one is found, and falls where none is."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,7 @@ class ImportanceTracker:
         self._gray: NDArray[np.uint8] | None = None  # of the frame whose faces are still to be searched
         self._age = 0
         self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
+        self._hands: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._mask: Plane | None = None
 
     def step(
@@ -91,7 +99,7 @@ class ImportanceTracker:
         Raises:
             BadFrame: a wrong shape, dtype or range.
         """
-        coarse = self.step_coarse(image, flow, cut, mask)
+        coarse = self.step_coarse(image, flow, cut, mask, colours=image if image.ndim == 3 else None)
         self.continue_search()
         stretched = np.asarray(cv2.resize(coarse, self._size, interpolation=cv2.INTER_LINEAR), np.float32)
         return np.clip(stretched, 0, 1, out=stretched)
@@ -103,10 +111,12 @@ class ImportanceTracker:
         cut: bool = False,
         mask: Plane | Mask | None = None,
         faces_in: NDArray[np.uint8] | None = None,
+        colours: Frame | None = None,
     ) -> Plane:
         """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`.
 
-        `faces_in`: the gray frame in which faces are searched, uint8 (height, width); None = `image`.
+        `faces_in`: the gray frame in which faces are searched, uint8 (height, width); None = `image`. `colours`: the
+        RGB frame in which hands are searched; None: they are not.
         """
         _check_shape(image, self._size, "image")
         if cut:
@@ -114,7 +124,7 @@ class ImportanceTracker:
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self._size, self.map_size)
-        importance = self._combine(image, moving, faces_in)
+        importance = self._combine(image, moving, faces_in, colours)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
@@ -131,6 +141,7 @@ class ImportanceTracker:
         return {
             "age": np.array(self._age, np.int64),
             "cues": self._cues.copy(),
+            "hands": self._hands.copy(),
             "mask": np.empty(0, np.float32) if self._mask is None else self._mask.copy(),
             **self._faces.state(),
         }
@@ -140,10 +151,17 @@ class ImportanceTracker:
         self._age = int(state["age"])
         self._faces.restore(state)
         self._cues = np.array(state["cues"], np.float32)
+        self._hands = np.array(state.get("hands", np.zeros_like(self._cues)), np.float32)
         mask = np.array(state["mask"], np.float32)
         self._mask = mask if mask.size else None
 
-    def _combine(self, image: NDArray[np.uint8], flow: Flow | None, faces_in: NDArray[np.uint8] | None) -> Plane:
+    def _combine(
+        self,
+        image: NDArray[np.uint8],
+        flow: Flow | None,
+        faces_in: NDArray[np.uint8] | None,
+        colours: Frame | None,
+    ) -> Plane:
         if self._age % CUES_EVERY_FRAMES == 0:
             gain = np.float32(1) if self._age == 0 else self._gain
             small = _shrink_gray(image, self._small)
@@ -154,12 +172,27 @@ class ImportanceTracker:
             faces_in = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
         self._gray = faces_in
         self._faces.step(self._gray, flow, self._age)
+        self._find_hands(colours, flow)
         if not len(self._faces.faces):
             return self._cues
-        combined: Plane = 1 - (1 - self._cues) * (
-            1 - np.float32(self._params.face) * self._faces.head_mask(self._cues.shape)
-        )
-        return combined
+        face = np.float32(self._params.face)
+        plain: Plane = (1 - self._cues) * (1 - np.float32(HANDS) * face * self._hands)
+        return np.asarray(1 - plain * (1 - face * self._faces.head_mask(self._cues.shape)), np.float32)
+
+    def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
+        """Move the cue of hands with the flow, and let it follow what is found in this frame."""
+        if colours is None or not len(self._faces.faces):
+            self._hands = np.zeros_like(self._hands)
+            return
+        found = skin_beside_faces(_shrink(colours, self._small), self._faces.faces, self._size)
+        found = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32)
+        if self._age == 0:
+            self._hands = found
+            return
+        if flow is not None and self._hands.any():
+            self._hands = moved(self._hands, flow, self._size)
+        change = found - self._hands
+        self._hands += np.where(change > 0, np.float32(HANDS_RISE), np.float32(HANDS_FALL)) * change
 
     def _saliency_and_motion(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
         """Combined saliency and motion cue of one frame: float32 at the size of the map, 0..1."""
@@ -189,15 +222,36 @@ def _fit(size: tuple[int, int], side: int) -> tuple[int, int]:
     return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
 
 
+def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
+    """A plane of the previous frame, moved along the flow: float32 (h, w), as `plane`.
+
+    Args:
+        plane: float32 (h, w), a grid over the frame.
+        flow: from the previous frame to this one, px of the frame, on a grid of any size.
+        size: (width, height) of the frame, px.
+    """
+    height, width = plane.shape
+    if flow.shape[:2] != plane.shape:
+        flow = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+    ys, xs = np.mgrid[:height, :width].astype(np.float32)
+    x = xs - flow[..., 0] * np.float32(width / size[0])
+    y = ys - flow[..., 1] * np.float32(height / size[1])
+    return np.asarray(cv2.remap(plane, x, y, cv2.INTER_LINEAR), np.float32)
+
+
 def _shrink_gray(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Gray picture of `size`: repeatedly halved by area averaging, then bilinear; OpenCV's area averaging by other
-    factors
+    """Gray picture of `size`."""
+    return _shrink(image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8), size)
+
+
+def _shrink(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Picture of `size`: repeatedly halved by area averaging, then bilinear; OpenCV's area averaging by other factors
     is ten times slower."""
-    gray = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    while gray.shape[1] >= 2 * size[0] and gray.shape[0] >= 2 * size[1]:
-        half = (gray.shape[1] // 2, gray.shape[0] // 2)
-        gray = cv2.resize(gray[: 2 * half[1], : 2 * half[0]], half, interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    while image.shape[1] >= 2 * size[0] and image.shape[0] >= 2 * size[1]:
+        half = (image.shape[1] // 2, image.shape[0] // 2)
+        even = image[: 2 * half[1], : 2 * half[0]]
+        image = np.asarray(cv2.resize(even, half, interpolation=cv2.INTER_AREA), np.uint8)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def _prepare_flow(flow: Flow, size: tuple[int, int], small: tuple[int, int]) -> Flow:

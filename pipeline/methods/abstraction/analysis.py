@@ -107,7 +107,7 @@ class FrameAnalyzer:
             sharp = None
             if self.params.face_importance > 0:  # the blur hides small faces
                 sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-            importance = self.importance.step_coarse(gray, flow, fresh, mask, sharp)
+            importance = self.importance.step_coarse(gray, flow, fresh, mask, sharp, frame)
         self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
         return importance
 
@@ -185,6 +185,7 @@ class FrameAnalyzer:
         """(width, height) of the stored planes that are smaller than the frame, by name in the session's state."""
         sizes = {
             "analyzer.importance.cues": self.importance.map_size,
+            "analyzer.importance.hands": self.importance.map_size,
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})

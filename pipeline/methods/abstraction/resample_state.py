@@ -18,8 +18,8 @@ FACES = "analyzer.importance.faces"
 FACE_COLUMNS = 8
 """Columns of a stored face in px: smoothed and detected box, (x, y, width, height) each."""
 COARSE = (
-    "analyzer.importance.cues", "analyzer.importance.mask", "analyzer.lines.response", "analyzer.lines.opacity",
-    "analyzer.lines.ink",
+    "analyzer.importance.cues", "analyzer.importance.hands", "analyzer.importance.mask", "analyzer.lines.response",
+    "analyzer.lines.opacity", "analyzer.lines.ink",
 )  # fmt: skip
 TENSORS = "analyzer.lines.tensors"
 

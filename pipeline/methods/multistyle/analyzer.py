@@ -24,7 +24,7 @@ from pipeline.methods.multistyle.stroke_layers import FrameMotion, StrokeLayers,
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS, STYLES, Values, chosen_style, layer_style, uniform
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, thumbnail
-from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
+from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker, moved
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.field import OrientationField, field_of
@@ -34,7 +34,7 @@ LARGE_ROWS = 400
 LEAST_COLUMNS = 64
 """Narrower frames are analysed at full resolution, since optical flow needs at least 16 px."""
 DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
-"""Dead band and per-frame gain with which the detail map follows its target."""
+"""Dead band and per-frame gain with which the detail map, moved along the flow, follows its target."""
 DIRECTION_TOLERANCE = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
 ORIENTATION_ROWS = 160
@@ -95,7 +95,7 @@ class StrokeAnalyzer:
         with self.clock("denoise"):
             picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back)
         changed = self.denoiser.changed
-        detail = self._detail(gray, forward, fresh)
+        detail = self._detail(frame, gray, forward, fresh)
         field = self._directions(picture, back, placed)
         with self.clock("style"):
             values = self._values(placed)
@@ -140,17 +140,18 @@ class StrokeAnalyzer:
             forward, _ = invert_flow(back, now, before)
             return _enlarged_flow(forward, self.size), back
 
-    def _detail(self, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool) -> Plane | None:
+    def _detail(self, frame: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool) -> Plane | None:
         """Detail map, float32 (h, w) in 0..1; None = 0 everywhere."""
         params = self.params
         if max(params.face_detail, params.saliency_detail, params.motion_detail) <= 0:
             return None
         with self.clock("detail"):
-            coarse = self.importance.step_coarse(gray, flow, fresh)
+            coarse = self.importance.step_coarse(gray, flow, fresh, colours=frame)
             self.importance.continue_search()
             if not fresh and self.detail is not None:
-                far = np.abs(coarse - self.detail) > DETAIL_DEAD_BAND
-                coarse = self.detail + np.where(far, np.float32(DETAIL_GAIN), 0) * (coarse - self.detail)
+                before = self.detail if flow is None else moved(self.detail, flow, self.size)
+                far = np.abs(coarse - before) > DETAIL_DEAD_BAND
+                coarse = before + np.where(far, np.float32(DETAIL_GAIN), 0) * (coarse - before)
             self.detail = np.asarray(coarse, np.float32)
             return np.asarray(cv2.resize(self.detail, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
 
