@@ -50,8 +50,35 @@ def video(service: str, clip: Path) -> str:
     return str(answer.json()["id"])
 
 
+@pytest.fixture(scope="package")
+def kept(browser: Browser) -> Iterator[list[Watched]]:
+    """The page that `watched` passes from test to test; none before the first test and after a failed one."""
+    pages: list[Watched] = []
+    yield pages
+    for watched in pages:
+        watched.page.context.close()
+
+
 @pytest.fixture
-def watched(browser: Browser) -> Iterator[Watched]:
+def watched(kept: list[Watched], browser: Browser, service: str, request: pytest.FixtureRequest) -> Iterator[Watched]:
+    """A page on which other tests have opened other projects, as with somebody who works for hours. To open a page
+    takes 1.4 s of processor time, to go to another project 0.4. Use `fresh` where it matters what a page has seen."""
+    if kept and kept[0].lost:  # another test has killed Chromium's renderers
+        kept.pop().page.context.close()
+    if not kept:
+        kept.append(open_page(browser))
+    watched, failed = kept[0], request.session.testsfailed
+    watched.forget()
+    yield watched
+    if watched.lost or request.session.testsfailed > failed:
+        kept.pop().page.context.close()
+    else:
+        watched.leave(service)
+
+
+@pytest.fixture
+def fresh(browser: Browser) -> Iterator[Watched]:
+    """A page of a browser that has seen nothing yet."""
     watched = open_page(browser)
     yield watched
     watched.page.context.close()

@@ -17,7 +17,7 @@ import httpx
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, BrowserContext, Page
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect
 
 from service import bundle
 from tests.waiting import answers, pause_s
@@ -27,6 +27,7 @@ FRAMES, WIDTH, HEIGHT, FPS = 12, 96, 64, 12
 CHROMIUM_ARGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 SHELL = "chromium-headless-shell"
 """Chromium without windows and menus: the same engine, for two fifths of the CPU time."""
+VIEWPORT: ViewportSize = {"width": 1440, "height": 900}
 SLOW_MS = 60_000
 """The first painted frame may compile kernels; the film needs a moment on a busy machine."""
 KEY = "a-key-for-this-test-only"
@@ -130,19 +131,46 @@ def wait_ready(address: str, server: subprocess.Popen[bytes], log: Path) -> None
 
 
 class Watched:
-    """A page of which every complaint and every request is noted."""
+    """A page of which every complaint and every request is noted.
+
+    Attributes:
+        complaints: errors and warnings of the console.
+        hosts: of its requests.
+        lost: whether it was closed, or its process has crashed.
+    """
 
     def __init__(self, context: BrowserContext) -> None:
         self.page = context.new_page()
         self.complaints: list[str] = []
         self.hosts: set[str] = set()
+        self.lost = False
+        self.page.on("crash", self._lose)
+        self.page.on("close", self._lose)
         self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error}"))
         self.page.on("console", self._hear)
         self.page.on("request", lambda request: self.hosts.add(httpx.URL(request.url).host))
 
+    def _lose(self, _page: Page) -> None:
+        self.lost = True
+
     def _hear(self, message: Any) -> None:
         if message.type in ("error", "warning"):
             self.complaints.append(f"{message.type}: {message.text} {message.location}")
+
+    def forget(self) -> None:
+        """Forget what was noted so far."""
+        self.complaints.clear()
+        self.hosts.clear()
+
+    def leave(self, address: str) -> None:
+        """Go to the start page of the service, and undo what a test may have set."""
+        self.page.unroute_all()
+        self.page.context.set_offline(False)
+        self.page.emulate_media(color_scheme="null")
+        self.page.set_viewport_size(VIEWPORT)
+        self.page.goto(f"{address}/#/elsewhere")
+        expect(self.page.locator(".home")).to_be_visible()
+        self.page.evaluate("localStorage.clear(); sessionStorage.clear()")
 
     def check(self) -> None:
         """No complaint, and nothing was asked of any other host."""
@@ -151,8 +179,8 @@ class Watched:
 
 
 def open_page(browser: Browser, **options: Any) -> Watched:
-    """A page of 1440 x 900 px without animations, which would be drawn all the time while a test waits."""
-    given = {"viewport": {"width": 1440, "height": 900}, "reduced_motion": "reduce"}
+    """A page of the size `VIEWPORT` without animations, which would be drawn all the time while a test waits."""
+    given = {"viewport": VIEWPORT, "reduced_motion": "reduce"}
     context = browser.new_context(**(given | options))
     context.set_default_timeout(SLOW_MS)
     return Watched(context)

@@ -78,9 +78,9 @@ STEPS = """() => {
 }"""
 
 
-def test_frames_that_are_only_passed_with_the_brush_take_no_decoder(watched: Watched, service: str, video: str) -> None:
+def test_frames_that_are_only_passed_with_the_brush_take_no_decoder(fresh: Watched, service: str, video: str) -> None:
     """Each decoder takes some 100 MB for 1080p: going through fifty keys took more than a gigabyte."""
-    page = watched.page
+    page = fresh.page
     page.add_init_script(COUNT_VIDEOS)
     project = open_project(page, service, video, "analogy")
     start_painting(page)

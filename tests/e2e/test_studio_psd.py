@@ -26,9 +26,9 @@ def flat_psd(path: Path, width: int, height: int, colour: tuple[int, int, int]) 
 
 
 def test_a_key_exported_with_layers_is_imported_with_the_same_pixels(
-    watched: Watched, service: str, video: str, tmp_path: Path
+    fresh: Watched, service: str, video: str, tmp_path: Path
 ) -> None:
-    page = watched.page
+    page = fresh.page
     loaded: list[str] = []
     page.on("request", lambda request: loaded.append(request.url))
     project = open_project(page, service, video, "analogy", params={}, inputs={})
