@@ -125,8 +125,16 @@ def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers
 
 
 def _render_actors(containers: Containers) -> list[psutil.Process]:
-    found = [child for process in containers.started for child in _tree(process)]
-    return [child for child in found if "_RenderActor" in child.cmdline()[0]]
+    tree = [child for process in containers.started for child in _tree(process)]
+    return [child for child in tree if _command(child).startswith("ray::_RenderActor")]
+
+
+def _command(process: psutil.Process) -> str:
+    """The process's command; empty if it has ended."""
+    try:
+        return " ".join(process.cmdline())
+    except psutil.NoSuchProcess:
+        return ""
 
 
 def _check_logs(containers: Containers, job: str) -> None:

@@ -1,4 +1,4 @@
-"""Seats on a real Ray cluster: frames, errors of our own, a kill in the middle of the stream, warm spares."""
+"""Live workers on a real Ray cluster: frames, errors of our own, a kill in the middle of the stream, warm spares."""
 
 from __future__ import annotations
 
