@@ -132,7 +132,7 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
       )}
       {input && own.paintings.length > 0 && (
         <>
-          <h3>Yours</h3>
+          <p class="library-title">Yours</p>
           <div class="library-cards" role="group" aria-label="Your paintings">
             {own.paintings.map((painting) => (
               <Card
