@@ -35,6 +35,7 @@ IN_CHROMIUM = (
         "tests/e2e/test_studio_film_here.py",
         "tests/e2e/test_studio_painting.py",
         "tests/e2e/test_studio_shots.py",
+        "tests/e2e/test_live_page.py",
     ),
 )
 """Two groups of files of about equal duration; the files of a group share the service and the browser of

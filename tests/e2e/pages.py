@@ -166,7 +166,7 @@ class Watched:
         """Go to the start page of the service, and undo what a test may have set."""
         self.page.unroute_all()
         self.page.context.set_offline(False)
-        self.page.emulate_media(color_scheme="null")
+        self.page.emulate_media(color_scheme="null", reduced_motion="reduce")
         self.page.set_viewport_size(VIEWPORT)
         self.page.goto(f"{address}/#/elsewhere")
         expect(self.page.locator(".home")).to_be_visible()

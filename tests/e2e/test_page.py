@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, Route, expect
+from playwright.sync_api import Page, Route, expect
 
-from tests.e2e.pages import FRAMES, KEY, SLOW_MS, WIDTH, Watched, make_clip, open_page, serve, until
+from tests.e2e.pages import FRAMES, KEY, SLOW_MS, WIDTH, Watched, make_clip, serve, until
 from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
 
 
 @pytest.fixture
-def watched(browser: Browser) -> Iterator[Watched]:
-    """A page with animations: films play only where a person has not asked for less motion."""
-    watched = open_page(browser, reduced_motion="no-preference")
-    yield watched
-    watched.page.context.close()
+def watched(watched: Watched) -> Watched:
+    """The page with animations: films play only where a person has not asked for less motion."""
+    watched.page.emulate_media(reduced_motion="no-preference")
+    return watched
 
 
 def enter_studio(page: Page, service: str, clip: Path) -> None:
@@ -252,9 +250,7 @@ def test_a_phone_never_scrolls_sideways(phone: Watched, service: str, clip: Path
     phone.check()
 
 
-def test_the_page_asks_for_a_key_only_where_required(
-    browser: Browser, clip: Path, tmp_path: Path, watched: Watched
-) -> None:
+def test_the_page_asks_for_a_key_only_where_required(clip: Path, tmp_path: Path, watched: Watched) -> None:
     page = watched.page
     for address in serve(tmp_path / "home", AUTH="required", ADMIN_KEY=KEY):
         page.goto(address)

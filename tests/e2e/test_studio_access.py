@@ -83,21 +83,20 @@ STATES: dict[str, tuple[str, Callable[[Page], None]]] = {
 
 @pytest.mark.parametrize("state", STATES)
 def test_no_studio_state_has_an_accessibility_fault(
-    browser: Browser, service: str, video: str, axe: str, state: str
+    watched: Watched, service: str, video: str, axe: str, state: str
 ) -> None:
-    page = open_page(browser).page
+    page = watched.page
     method, reach = STATES[state]
     open_project(page, service, video, method)
     page.evaluate(axe)
     reach(page)
     assert accessibility_faults(page, axe) == []
-    page.context.close()
 
 
 def test_lesson_and_comparison_have_no_accessibility_fault(
-    browser: Browser, service: str, video: str, axe: str
+    watched: Watched, service: str, video: str, axe: str
 ) -> None:
-    page = open_page(browser).page
+    page = watched.page
     body = {"method": "abstraction", "inputs": {"video": video}}
     jobs = [HTTP.post(f"{service}/v1/jobs", json={**body, "seed": seed}).json()["id"] for seed in (1, 2)]
     page.goto(service)
@@ -112,7 +111,6 @@ def test_lesson_and_comparison_have_no_accessibility_fault(
     expect(page.get_by_text("No work matches.")).to_be_visible(timeout=SOON_MS)
     found += accessibility_faults(page, axe)
     assert found == []
-    page.context.close()
 
 
 def tab_to(page: Page, name: str) -> None:

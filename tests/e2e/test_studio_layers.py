@@ -11,7 +11,7 @@ import OpenEXR
 import pytest
 from playwright.sync_api import expect
 
-from tests.e2e.pages import Watched
+from tests.e2e.pages import Watched, accessibility_faults
 from tests.e2e.studio import (
     FILM_MS,
     SOON_MS,
@@ -109,7 +109,7 @@ def test_the_order_of_layers_changes_by_buttons(watched: Watched, service: str, 
 
 
 def test_a_painting_of_the_library_and_a_saved_style_are_used_in_another_project(
-    watched: Watched, service: str, video: str
+    watched: Watched, service: str, video: str, axe: str
 ) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy")
@@ -135,3 +135,6 @@ def test_a_painting_of_the_library_and_a_saved_style_are_used_in_another_project
     layer = layer_of(stored(service, other))
     assert layer["method"] == "analogy"
     assert stored(service, other)["assets"][layer["inputs"]["style_output"]]["id"] == painting
+    open_project(page, service, video, "abstraction")
+    expect(page.get_by_role("group", name="Your paintings")).to_be_visible()
+    assert accessibility_faults(page, axe) == []

@@ -224,13 +224,11 @@ def test_offline_edits_are_not_lost(watched: Watched, service: str, video: str) 
 
 
 @pytest.mark.parametrize("address", ["/", "/#/jobs", "/live", "/ops", "studio:analogy", "studio:multistyle"])
-def test_no_page_has_an_accessibility_fault(browser: Browser, service: str, video: str, axe: str, address: str) -> None:
-    page = open_page(browser).page
+def test_no_page_has_an_accessibility_fault(watched: Watched, service: str, video: str, axe: str, address: str) -> None:
+    page = watched.page
     if address.startswith("studio:"):
         open_project(page, service, video, address.removeprefix("studio:"))
     else:
         page.goto(service + address)
     page.wait_for_timeout(800)
-    faults = accessibility_faults(page, axe)
-    page.context.close()
-    assert faults == []
+    assert accessibility_faults(page, axe) == []
