@@ -122,15 +122,16 @@ def test_an_original_that_the_browser_cannot_play_is_still_compared(
 
 
 def disc_at(page: Page) -> float:
-    """Horizontal position of the disc in the displayed original: 0 left, 1 right."""
+    """Horizontal position of the disc in the displayed original: 0 left, 1 right; NaN while the next one is coming."""
     picture = page.locator(".wipe-before img")
     data = picture.evaluate(
-        """async image => { await image.decode(); const c = document.createElement('canvas');
+        """async image => { try { await image.decode(); } catch { return []; }
+        const c = document.createElement('canvas');
         c.width = image.naturalWidth; c.height = image.naturalHeight; c.getContext('2d').drawImage(image, 0, 0);
         return Array.from(c.getContext('2d').getImageData(0, c.height / 2, c.width, 1).data); }"""
     )
     red = np.array(data).reshape(-1, 4)[:, 0]
-    return float(np.flatnonzero(red > 160).mean() / len(red))
+    return float(np.flatnonzero(red > 160).mean() / len(red)) if len(red) else float("nan")
 
 
 def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tmp_path: Path) -> None:
