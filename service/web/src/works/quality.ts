@@ -47,8 +47,8 @@ function content(quality: Quality, showFrame: (frame: number) => void): HTMLElem
   return [
     h("h2", {}, "Quality"),
     h("dl", { class: "quality-figures" }, cells),
-    h("p", {}, `Flicker of ${count(quality.pairs, "measured frame")}. Select a bar to see its frame.`),
     ...notesOnFaces(quality).map((note) => h("p", {}, note)),
+    h("p", {}, `Flicker of ${count(quality.pairs, "measured frame")}. Select a bar to see its frame.`),
     chart(quality, showFrame),
     worstMoments(quality, showFrame),
   ];
