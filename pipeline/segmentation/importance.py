@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
+from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.segmentation.faces import FaceTracker
 from pipeline.segmentation.motion import median_motion
@@ -181,17 +182,13 @@ class ImportanceTracker:
 
     def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
         """Move the cue of hands with the flow, and let it follow what is found in this frame."""
-        if colours is None or not len(self._faces.faces):
+        if colours is None or self._age == 0 or not len(self._faces.faces):
             self._hands = np.zeros_like(self._hands)
-            return
-        found = skin_beside_faces(_shrink(colours, self._small), self._faces.faces, self._size)
-        found = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32)
-        if self._age == 0:
-            self._hands = found
             return
         if flow is not None and self._hands.any():
             self._hands = moved(self._hands, flow, self._size)
-        change = found - self._hands
+        found = skin_beside_faces(_shrink(colours, self._small), self._faces.faces, self._size)
+        change = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32) - self._hands
         self._hands += np.where(change > 0, np.float32(HANDS_RISE), np.float32(HANDS_FALL)) * change
 
     def _saliency_and_motion(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
@@ -231,12 +228,9 @@ def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
         size: (width, height) of the frame, px.
     """
     height, width = plane.shape
-    if flow.shape[:2] != plane.shape:
-        flow = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
-    ys, xs = np.mgrid[:height, :width].astype(np.float32)
-    x = xs - flow[..., 0] * np.float32(width / size[0])
-    y = ys - flow[..., 1] * np.float32(height / size[1])
-    return np.asarray(cv2.remap(plane, x, y, cv2.INTER_LINEAR), np.float32)
+    coarse = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+    cells = np.array([width / size[0], height / size[1]], np.float32)
+    return np.asarray(fetch(plane, -coarse * cells), np.float32)
 
 
 def _shrink_gray(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -18,23 +18,27 @@ LEAST_FACE_PX = 12.0
 LEAST_CHROMA = 7.0
 """Chroma of a face (CIELAB) below which its colour is that of many other things: black-and-white films."""
 LEAST_DETECTIONS = 2
-"""Detections of a face before its hands are searched: what looks like a face for a moment has none."""
+"""Detections of a face before its hands are searched. A false face is rarely detected twice."""
 _LEAST_RED, _LEAST_YELLOW = 2.0, 2.0
 """Least a and b (CIELAB) of a face: what looks like one in leaves or grass is greener."""
 _CHEEKS = (0.3, 0.0, 0.28)
-"""Where a face shows its skin: half of the width, and the upper and lower end below the centre, in sides of its box."""
+"""The part of a detected box that is surely skin, as fractions of the box's side: its half width, and the distances of
+its top and bottom below the centre."""
 _CHROMA_SPREAD, _LEAST_SPREAD, _MOST_SPREAD = 1.5, 4.5, 7.0
 """Standard deviation of skin in a and b (CIELAB): this many times the median deviation in the cheeks, within limits."""
 _DARKEST, _LIGHTEST = 0.45, 1.3
 """Lightness of skin elsewhere, relative to the face's."""
 _REACH, _BELOW = 4.5, 2.0
-"""Semi-axis of the ellipse that the arms reach, and its centre below the face's, in sides of the box."""
+"""The ellipse within which hands are searched, as fractions of the box's sides: its semi-axes, and how far its centre
+is below the face's."""
 _LEAST_AREA, _MOST_AREA = 0.08, 3.0
-"""Area of a piece of skin, in areas of the box: from a hand that is half hidden to two bare arms. A wall is larger."""
+"""Least and largest area of a hand or arm, in areas of the box: a hand that is half hidden, two bare arms. Walls of the
+same colour are larger."""
 _LEAST_LIKELIHOOD = 0.35
+"""Likelihood, 0..1, from which on a pixel counts as skin."""
 _WIDER, _SOFT = 0.12, 0.12
-"""By how much the result is widened, since fingers blur into what is behind them, and the standard deviation of its
-blur, in sides of the box."""
+"""Radius of the mask's dilation, which covers the blurred outlines of moving fingers, and standard deviation of the
+mask's blur; both as fractions of the box's side."""
 
 
 def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Plane:

@@ -61,8 +61,8 @@ def kept(browser: Browser) -> Iterator[list[Watched]]:
 
 @pytest.fixture
 def watched(kept: list[Watched], browser: Browser, service: str, request: pytest.FixtureRequest) -> Iterator[Watched]:
-    """A page on which other tests have opened other projects, as with somebody who works for hours. To open a page
-    takes 1.4 s of processor time, to go to another project 0.4. Use `fresh` where it matters what a page has seen."""
+    """A page that tests share, one after the other: it shows the start page, and nothing is in its storage. To open a
+    page takes 1.4 s of processor time, to go to another project 0.4. Tests that need a new page use `fresh`."""
     if kept and kept[0].lost:  # another test has killed Chromium's renderers
         kept.pop().page.context.close()
     if not kept:
@@ -78,7 +78,7 @@ def watched(kept: list[Watched], browser: Browser, service: str, request: pytest
 
 @pytest.fixture
 def fresh(browser: Browser) -> Iterator[Watched]:
-    """A page of a browser that has seen nothing yet."""
+    """A new page of a new browser context."""
     watched = open_page(browser)
     yield watched
     watched.page.context.close()

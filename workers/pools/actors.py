@@ -42,7 +42,7 @@ _ENDED_RUNS = 1000
 """Ended preview queries that are remembered: the call that ends one may come before the query."""
 
 
-def _let_others_go_first() -> None:
+def _lower_priority() -> None:
     """Raise the niceness of this thread, and of threads that it starts, to `NICENESS`."""
     thread = threading.get_native_id()
     with contextlib.suppress(OSError):  # of a thread on Linux; elsewhere it may not be possible
@@ -53,7 +53,7 @@ class _RenderActor:
     """Runs one order at a time; another thread answers questions about its progress."""
 
     def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
-        _let_others_go_first()
+        _lower_priority()
         limit_free_memory()
         self._monitor = AttemptMonitor()
         self._cache = ArtefactCache(blobs)
@@ -125,7 +125,7 @@ class _LiveActor:
 
     def _get_ready(self) -> None:
         painter = cast(SessionRenderer, ray.cloudpickle.loads(self._make_painter)())
-        _let_others_go_first()
+        _lower_priority()
         painter.warm_up()
         gc.collect()
         gc.freeze()  # imported objects are never garbage; scanning them takes a tenth of a second
@@ -163,7 +163,7 @@ class _PreviewActor:
             threading.Thread(target=self._warm_up, name=WARM_UP_THREAD, daemon=True).start()
 
     def _warm_up(self) -> None:
-        _let_others_go_first()
+        _lower_priority()
         self._engine.warm_up()
 
     def next_record(self, run_id: int, query: PreviewQuery | None) -> Record | None:
