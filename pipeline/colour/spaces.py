@@ -30,8 +30,12 @@ def srgb_to_linear(rgb: ArrayLike) -> Colours:
 
 
 def srgb_to_lab(rgb: ArrayLike) -> Colours:
-    """Convert sRGB colours in 0..1, shape (..., 3), to CIELAB."""
-    relative = srgb_to_linear(rgb) @ RGB_TO_RELATIVE.T
+    """Convert sRGB colours in 0..1, shape (..., 3), to CIELAB.
+
+    Products are added up in a fixed order: a matrix product depends on the processor in its last bit.
+    """
+    red, green, blue = (srgb_to_linear(rgb)[..., channel, None] * RGB_TO_RELATIVE[:, channel] for channel in range(3))
+    relative = red + green + blue
     f = np.where(relative > DELTA**3, np.cbrt(relative), relative / (3 * DELTA**2) + 4 / 29)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 

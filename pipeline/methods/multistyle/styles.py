@@ -36,6 +36,8 @@ FACE_LENGTH_FALL, FACE_JITTER_FALL, FACE_RELIEF_FALL = 0.6, 0.6, 0.6
 FACE_OPACITY = 0.7
 """Part of the missing opacity of a stroke that is added in the middle of a face: through transparent strokes, the blur
 of a coarser layer hides the eyes."""
+LUMA = (0.299, 0.587, 0.114)
+"""Weights of red, green and blue in the gray of a colour (ITU-R BT.601)."""
 SMALLEST_PX = 1.7
 """Width of the finest strokes, px; narrower ones are not visible as strokes."""
 
@@ -294,8 +296,12 @@ def _decrease(detail: Plane, coefficients: tuple[float, float]) -> Plane:
 def pigment(
     colours: NDArray[np.float32], vivid: float | NDArray[np.float32], contrast: float | NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Paint colours for picture colours (n, 3), RGB 0..255; `vivid` and `contrast` are numbers or float32 (n,)."""
+    """Paint colours for picture colours (n, 3), RGB 0..255; `vivid` and `contrast` are numbers or float32 (n,).
+
+    The luma is added up in a fixed order: a matrix product depends on the processor in its last bit.
+    """
     chroma, lightness = (np.asarray(value, np.float32)[..., None] for value in (vivid, contrast))
-    gray = (colours @ np.array([0.299, 0.587, 0.114], np.float32))[:, None]
+    red, green, blue = (colours[:, channel, None] * np.float32(LUMA[channel]) for channel in range(3))
+    gray = red + (green + blue)
     strong = gray + chroma * (colours - gray)
     return np.asarray(np.clip(np.float32(128) + lightness * (strong - np.float32(128)), 0, 255), np.float32)

@@ -25,6 +25,12 @@ def test_lab_conversion_is_invertible() -> None:
     np.testing.assert_allclose(lab_to_srgb(srgb_to_lab(CUBE)), CUBE, atol=1e-6)
 
 
+def test_the_lab_of_a_colour_has_the_same_bytes_alone_and_among_others() -> None:
+    colours = np.random.default_rng(1).uniform(0, 1, (500, 3))
+    alone = np.concatenate([srgb_to_lab(colour[None]) for colour in colours])
+    assert np.array_equal(srgb_to_lab(colours), alone)
+
+
 def test_colours_out_of_gamut_are_clipped() -> None:
     rgb = lab_to_srgb([[50.0, 200.0, 0.0], [120.0, 0.0, 0.0]])
     assert rgb.min() >= 0

@@ -28,7 +28,7 @@ from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flo
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.params import STYLE_NAMES
-from pipeline.methods.multistyle.styles import FIELDS, STYLES, vector
+from pipeline.methods.multistyle.styles import FIELDS, STYLES, pigment, vector
 from pipeline.methods.multistyle.tubes import TubeTracker, merge_results, tubes_of
 from pipeline.scenes import scene
 from pipeline.strokes.paper import EdgeDarkening
@@ -89,6 +89,13 @@ def test_runs_of_any_length_equal_one_session(values: dict[str, Any], monkeypatc
     starts = [task.emits[0] for task in tasks if task.emits]
     assert starts == ([0, 4, 8] if values.get("cut_sensitivity") == 0 else [0, 4, CUT, CUT + 4])
     np.testing.assert_array_equal(painted(context), wanted)
+
+
+def test_the_paint_of_a_colour_has_the_same_bytes_alone_and_among_others() -> None:
+    """A product of matrices has other last bits on another processor, and for another number of colours."""
+    colours = np.random.default_rng(1).uniform(0, 255, (500, 3)).astype(np.float32)
+    alone = np.concatenate([pigment(colour[None], 1.4, 1.1) for colour in colours])
+    assert np.array_equal(pigment(colours, 1.4, 1.1), alone)
 
 
 def test_a_long_shot_has_longer_runs_with_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
