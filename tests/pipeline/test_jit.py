@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import jit
-from pipeline.jit import LOCK, UNUSED_DAYS, kernel
+from pipeline import kernel_cache
+from pipeline.jit import LOCK, kernel
+from pipeline.kernel_cache import UNUSED_DAYS
 
 
 @kernel
@@ -27,7 +28,7 @@ def _outer(x: int) -> int:
 
 
 def test_a_kernel_waits_while_another_process_compiles() -> None:
-    folder = Path(_outer.stats.cache_path)  # type: ignore[attr-defined]
+    folder = Path(_outer.compiled.stats.cache_path)  # type: ignore[attr-defined]
     folder.mkdir(parents=True, exist_ok=True)
     got: list[int] = []
     with (folder / LOCK).open("wb") as file:
@@ -55,6 +56,40 @@ def test_processes_that_start_together_compile_once(tmp_path: Path) -> None:
     assert len(list(tmp_path.rglob("*.nbc"))) == 4, "two kernels, each for integers and for real numbers"
 
 
+def _run(script: str, folder: Path, **settings: str) -> str:
+    """What a new process with an empty cache prints."""
+    env = {"NUMBA_CACHE_DIR": str(folder), "PATH": "", "HOME": str(folder)} | settings
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], env=env, capture_output=True, text=True, timeout=90)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+TWO_THREADS = """
+import threading, time
+from tests.pipeline.test_jit import _inner, _outer
+first = threading.Thread(target=lambda: print(_outer(3)))
+first.start()
+time.sleep(0.3)
+print(_inner(3))
+first.join()
+"""
+
+
+def test_a_kernel_is_called_while_another_thread_compiles_its_caller(tmp_path: Path) -> None:
+    assert sorted(_run(TWO_THREADS, tmp_path).split()) == ["4", "8"]
+
+
+def test_numba_is_imported_at_the_first_call_of_a_kernel(tmp_path: Path) -> None:
+    script = "import sys, pipeline.methods.abstraction.session; print('numba' in sys.modules)"
+    assert _run(script, tmp_path) == "False\n"
+
+
+def test_a_kernel_is_its_function_where_compiling_is_switched_off(tmp_path: Path) -> None:
+    assert _run(SCRIPT, tmp_path, NUMBA_DISABLE_JIT="1") == "8 9.0\n"
+    assert list(tmp_path.rglob("*.nbc")) == []
+
+
 def test_code_that_was_not_used_for_long_is_deleted(tmp_path: Path) -> None:
     ours = tmp_path / "impasto-kernels"
     old, recent, of_others = ours / "old", ours / "recent", tmp_path / "of-others"
@@ -62,10 +97,7 @@ def test_code_that_was_not_used_for_long_is_deleted(tmp_path: Path) -> None:
         folder.mkdir(parents=True)
         (folder / "kernel.nbc").write_bytes(b"code")
         os.utime(folder, (time.time() - days * 86_400,) * 2)
-    env = {"NUMBA_CACHE_DIR": str(tmp_path), "PATH": "", "HOME": str(tmp_path)}
-    root = Path(__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", SCRIPT], cwd=root, env=env, capture_output=True, text=True)
-    assert done.stdout == "8 9.0\n"
+    assert _run(SCRIPT, tmp_path) == "8 9.0\n"
     assert not old.exists()
     assert (of_others / "kernel.nbc").exists(), "other programs keep their code in the same place"
     assert (recent / "kernel.nbc").read_bytes() == b"code"
@@ -76,12 +108,12 @@ def test_the_stamp_of_a_kernel_changes_with_its_callees(tmp_path: Path, monkeypa
     (tmp_path / "pipeline").mkdir()
     for name, text in texts.items():
         (tmp_path / "pipeline" / f"{name}.py").write_text(text)
-    monkeypatch.setattr(jit, "_ROOT", tmp_path)
+    monkeypatch.setattr(kernel_cache, "_ROOT", tmp_path)
 
     def stamps() -> dict[str, str]:
-        for remembered in (jit.stamp_of, jit._imported, jit._text):
+        for remembered in (kernel_cache.stamp_of, kernel_cache._imported, kernel_cache._text):
             remembered.cache_clear()
-        return {name: jit.stamp_of(tmp_path / "pipeline" / f"{name}.py") for name in texts}
+        return {name: kernel_cache.stamp_of(tmp_path / "pipeline" / f"{name}.py") for name in texts}
 
     before = stamps()
     (tmp_path / "pipeline" / "c.py").write_text("x = 2")

@@ -1,0 +1,161 @@
+"""Where compiled kernels are kept, and how they are loaded.
+
+Numba keeps compiled code beside its source, so that every installation and every checkout compiles anew, which takes
+about a minute. It does not notice that a kernel calls a kernel of another file that has changed. And its index names a
+file before that file is written, so that a process may load what an older version of the code left there.
+
+Here compiled code is in the user's cache folder (in NUMBA_CACHE_DIR if that is set), in a folder that is named after
+the text of the kernel's file and of every file that this one imports, directly or indirectly: whoever has the same text
+shares it, and a folder never has code of two versions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import os
+import re
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.runtime.nrt import rtsys
+
+from pipeline.compute.runtime import cache_folder
+
+UNUSED_DAYS = 60
+"""Compiled code that no process has used for so long is deleted."""
+
+
+@cache
+def compiled_at() -> Path:
+    """The folder of all compiled code, which nothing else uses: its old folders are deleted."""
+    chosen = getattr(numba.config, "CACHE_DIR", "")
+    return Path(chosen) / "impasto-kernels" if chosen else cache_folder() / "kernels"
+
+
+class _Folder(_CacheLocator):
+    """The folder of a function's compiled code. It is made when it is first used."""
+
+    def __init__(self, file: Path, line: int) -> None:
+        self._folder = compiled_at() / f"{file.stem}-{stamp_of(file)[:24]}"
+        self._line = line
+        _use(self._folder)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Folder:
+        return cls(Path(py_file), py_func.__code__.co_firstlineno)
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _CompiledCode(CompileResultCacheImpl):
+    """What the cache has of one function, for one signature.
+
+    When Numba loads a function, it asks LLVM about each of about 200 symbols in its code, to know which are defined.
+    That takes half of the time, and afterwards only the entry points are needed.
+    """
+
+    _locator_classes = [_Folder]  # noqa: RUF012
+
+    def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
+        engine, function = target_context.codegen()._engine, reduced_data[1]
+        entries = {function.llvm_func_name, function.llvm_cpython_wrapper_name, function.llvm_cfunc_wrapper_name}
+        engine._load_defined_symbols = lambda module: engine._defined_symbols.update(entries)
+        try:
+            return super().rebuild(target_context, reduced_data)  # type: ignore[no-untyped-call]
+        finally:
+            del engine._load_defined_symbols
+
+
+class KernelCache(FunctionCache):
+    """Numba's cache of one function, in a folder of ours.
+
+    Numba loads all that it needs to compile (0.3 s of CPU time, and 1 ms more for each kernel) before it looks into its
+    cache. Compiled code needs only the runtime library.
+    """
+
+    _impl_class = _CompiledCode
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        found = self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        if found is None:
+            _prepare_to_compile()
+        return found
+
+
+@cache
+def _prepare_to_compile() -> None:
+    """Load what Numba loads when it first compiles, without scipy.linalg: it takes 0.2 s of CPU time, and only matrix
+    products need it. It is an optional part of Numba, which few installations have."""
+    if "scipy.linalg" not in sys.modules:
+        sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # its import raises ImportError
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            sys.modules.pop("scipy.linalg", None)
+
+
+@cache
+def _use(folder: Path) -> None:
+    """Make the folder, or note that it is still used; delete what has not been used for long. Once in a process."""
+    try:
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            _delete_unused(folder.parent, time.time() - UNUSED_DAYS * 86_400)
+        os.utime(folder)
+    except OSError:
+        return  # a read-only file system: what is there can be loaded
+
+
+def _delete_unused(parent: Path, before: float) -> None:
+    for folder in parent.iterdir():
+        if folder.is_dir() and folder.stat().st_mtime < before:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+_ROOT = Path(__file__).parents[1]
+_IMPORT = re.compile(r"^from (pipeline[\w.]*) import", re.MULTILINE)
+
+
+@cache
+def stamp_of(file: Path) -> str:
+    """SHA-256, hexadecimal, of the file and of every file of the pipeline that it imports, directly or indirectly."""
+    digest = hashlib.sha256()
+    for each in sorted(_dependencies(file)):
+        digest.update(_text(each))
+    return digest.hexdigest()
+
+
+def _dependencies(file: Path) -> set[Path]:
+    found, todo = {file}, [file]
+    while todo:
+        new = _imported(todo.pop()) - found
+        found |= new
+        todo += new
+    return found
+
+
+@cache
+def _imported(file: Path) -> frozenset[Path]:
+    named = (_ROOT / name.replace(".", "/") for name in _IMPORT.findall(_text(file).decode()))
+    return frozenset(path for name in named if (path := name.with_suffix(".py")).is_file())
+
+
+@cache
+def _text(file: Path) -> bytes:
+    return file.read_bytes()
