@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Request, expect
+from playwright.sync_api import Page, Request, expect
 
 from tests.e2e.pages import Watched, make_clip
 from tests.e2e.studio import SOON_MS, draw, layer_of, open_project, saved, start_painting, stored
@@ -33,24 +33,13 @@ def test_neighbours_follow_a_stroke_that_is_not_uploaded_yet(watched: Watched, s
     assert [key["frame"] for key in layer_of(stored(service, project))["keys"]] == [4]
 
 
-def test_a_frame_near_a_key_is_painted_at_full_size_when_one_rests_on_it(
-    watched: Watched, service: str, tmp_path: Path
-) -> None:
-    """The stage's previews have at most 960 px."""
-    page = watched.page
-    wide = make_clip(tmp_path / "wide.mp4", size=(1000, 96), frames=9)
+def paint_wide_key(page: Page, service: str, folder: Path) -> None:
+    """Paint a key at frame 3 of a video of 1000 px, which is larger than the stage's previews (at most 960 px)."""
+    wide = make_clip(folder / "wide.mp4", size=(1000, 96), frames=9)
     video = HTTP.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
     project = open_project(page, service, video, "analogy", frame=3)
-    full: list[int] = []
-
-    def note(request: Request) -> None:
-        if request.url.endswith("/paint") and request.post_data_json["max_side_px"] == 1000:
-            full.append(request.post_data_json["frame"])
-
-    page.on("request", note)
-    canvas, hint = page.locator(".stage-canvas"), page.locator(".stage-hint")
     start_painting(page)
-    box = canvas.bounding_box()
+    box = page.locator(".stage-canvas").bounding_box()
     assert box is not None
     middle = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 0.3 * box["width"], middle)
@@ -59,6 +48,21 @@ def test_a_frame_near_a_key_is_painted_at_full_size_when_one_rests_on_it(
     page.mouse.up()
     saved(page)
     assert [key["frame"] for key in layer_of(stored(service, project))["keys"]] == [3]
+
+
+def test_a_frame_near_a_key_is_painted_at_full_size_when_one_rests_on_it(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    full: list[int] = []
+
+    def note(request: Request) -> None:
+        if request.url.endswith("/paint") and request.post_data_json["max_side_px"] == 1000:
+            full.append(request.post_data_json["frame"])
+
+    page.on("request", note)
+    hint = page.locator(".stage-hint")
+    paint_wide_key(page, service, tmp_path)
     page.keyboard.press("v")
     page.keyboard.press("End")
     expect(hint).to_have_text("Preview at 96 % of full size", timeout=90_000)
@@ -67,6 +71,43 @@ def test_a_frame_near_a_key_is_painted_at_full_size_when_one_rests_on_it(
     page.get_by_role("slider", name="Frame", exact=True).press("Home")
     expect(hint).to_have_text("Preview at 100 % of full size", timeout=90_000)
     assert full == [0]
+
+
+DECODE_LATE = """() => {
+  const decode = window.createImageBitmap.bind(window);
+  window.createImageBitmap = async (...words) => {
+    const picture = await decode(...words);
+    await new Promise((ready) => setTimeout(ready, 400));
+    return picture;
+  };
+}"""
+
+
+def test_a_small_preview_that_is_decoded_late_is_followed_by_one_at_full_size(
+    fresh: Watched, service: str, tmp_path: Path
+) -> None:
+    page = fresh.page
+    paint_wide_key(page, service, tmp_path)
+    page.evaluate(DECODE_LATE)
+    page.keyboard.press("v")
+    expect(page.locator(".stage-hint")).to_have_text("Preview at 100 % of full size", timeout=60_000)
+
+
+def test_the_stage_is_not_busy_after_a_return_from_an_unfinished_preview(
+    watched: Watched, service: str, video: str
+) -> None:
+    page = watched.page
+    open_project(page, service, video, "multistyle")
+    hint, frame = page.locator(".stage-hint"), page.get_by_role("slider", name="Frame", exact=True)
+    frame.press("Home")
+    expect(page.locator(".stage-canvas[data-frame='0']")).to_be_visible()
+    expect(hint).to_have_text("Preview at 100 % of full size", timeout=60_000)
+    page.route("**/previews/paint", lambda route: None)
+    frame.press("End")
+    expect(hint).to_have_text("Painting this frame…")
+    frame.press("Home")
+    expect(hint).to_have_text("Preview at 100 % of full size")
+    page.unroute("**/previews/paint")
 
 
 COUNT_VIDEOS = """const make = document.createElement.bind(document);

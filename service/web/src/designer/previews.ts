@@ -5,6 +5,7 @@ import * as legacy from "../shared/api";
 import { asProblem, isAbort } from "../shared/api";
 import { hasPreviews, pictureOf, preview } from "./api";
 import { type Layer, type ProjectDocument, shownAlone } from "./document";
+import type { FrameHeader, PreviewRecord } from "./records";
 import { PAINT_TOOLS, type Store } from "./store";
 
 const REST_MS = 100;
@@ -16,6 +17,7 @@ const BUSY_MS = 1200;
 const FULL_REST_MS = 800;
 const NEAR_FRAMES = 3;
 const PAINTING = "Painting this frame…";
+const ENLARGING = "Painting this frame at full size…";
 
 export interface Previews {
   /** A frame as the film will have it, painted at the video's size; PNG. Keys further than a dozen frames do not count. */
@@ -48,13 +50,15 @@ export function startPreviews(store: Store): Previews {
     const painting = PAINT_TOOLS.includes(store.tool.value);
     clearTimeout(timer);
     running.abort();
-    if (painting) {
-      if (store.busy.peek() === PAINTING) store.busy.value = ""; // the stage shows the key itself
-      return;
-    }
     const known = store.results.peek().get(frame);
-    if (known?.final && known.document === document && known.layer === layer) return;
-    if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
+    const done = known?.final && known.document === document && known.layer === layer;
+    // With a brush, the stage shows the key itself.
+    if (painting || done) notBusy(PAINTING);
+    else if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
+  }
+
+  function notBusy(what: string): void {
+    if (store.busy.peek() === what) store.busy.value = "";
   }
 
   async function paint(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
@@ -104,21 +108,27 @@ export function startPreviews(store: Store): Previews {
   ): Promise<void> {
     const body = { document, shot: store.shot.peek().id, layer, frame, coarse: slow, max_side_px: SIDE_PX };
     let coarseMs = 0;
+    const shown: Promise<void>[] = [];
+    const show = async (header: FrameHeader, record: PreviewRecord) => {
+      const picture = await pictureOf(record);
+      const { frame: at, scale, final } = header;
+      if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document, layer });
+    };
     await preview({
       project: store.projectId,
       what: "paint",
       channel: "stage",
       body,
       signal,
-      async onrecord(record) {
-        if (record.header.type !== "frame") return;
-        const { frame: at, scale, final, ms } = record.header;
-        if (final) slow = ms - coarseMs > SOON_MS;
-        else coarseMs = ms;
-        const picture = await pictureOf(record);
-        if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document, layer });
+      onrecord(record) {
+        const { header } = record;
+        if (header.type !== "frame") return;
+        if (header.final) slow = header.ms - coarseMs > SOON_MS;
+        else coarseMs = header.ms;
+        shown.push(show(header, record));
       },
     });
+    await Promise.all(shown);
   }
 
   /** A service without previews of projects: one frame by the layer's method, without painted keys and regions. */
@@ -135,7 +145,7 @@ export function startPreviews(store: Store): Previews {
     const layer = shownAlone(store.shot.value, store.layerId.value);
     const place = { document: store.document.value, shot: store.shot.value.id, layer };
     let found: Blob | null = null;
-    store.busy.value = "Painting this frame at full size…";
+    store.busy.value = ENLARGING;
     await preview({
       project: store.projectId,
       what: "paint",
@@ -145,9 +155,7 @@ export function startPreviews(store: Store): Previews {
       onrecord({ header, payload }) {
         if (header.type === "frame" && header.final) found = new Blob([payload], { type: header.media_type });
       },
-    }).finally(() => {
-      store.busy.value = "";
-    });
+    }).finally(() => notBusy(ENLARGING));
     if (!found) throw new legacy.Problem({ detail: "The frame could not be painted.", remedy: "Try it again." });
     return found;
   }
