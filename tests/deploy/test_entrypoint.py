@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from impasto import Client
-from tests.real.processes import free_port
+from tests.ports import free_port
 from tests.waiting import answers, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.real("ray"), pytest.mark.timeout(900)]

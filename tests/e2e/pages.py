@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect
 
 from service import bundle
+from tests.ports import free_port
 from tests.waiting import answers, pause_s
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,12 +96,6 @@ def _encode(path: Path, frames: Iterable[NDArray[np.uint8]], codec: str = "libx2
             out.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         out.mux(stream.encode(None))
     return path
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def serve(home: Path, **settings: str) -> Iterator[str]:

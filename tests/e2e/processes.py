@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import socket
 import subprocess
 import sys
 import time
@@ -13,6 +12,7 @@ from pathlib import Path
 import psutil
 
 from impasto import Client
+from tests.ports import free_port
 from tests.waiting import answers
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,7 +78,7 @@ class Service:
 
     def __init__(self, home: Path, farm: str, workers: int = 2) -> None:
         self.log = home.with_suffix(".log")
-        self._port = _free_port()
+        self._port = free_port()
         self.url = f"http://127.0.0.1:{self._port}"
         self._command = impasto(
             "serve", "--home", home, "--port", str(self._port), "--farm", farm, "--workers", str(workers)
@@ -106,9 +106,3 @@ class Service:
         if self.process is not None and self.process.poll() is None:
             self.process.terminate()
             self.process.wait(60)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

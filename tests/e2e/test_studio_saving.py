@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from service import bundle
-from tests.e2e.pages import HEIGHT, ROOT, WIDTH, Watched, free_port, until, wait_ready
+from tests.e2e.pages import HEIGHT, ROOT, WIDTH, Watched, until, wait_ready
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -25,6 +25,7 @@ from tests.e2e.studio import (
     start_painting,
     stored,
 )
+from tests.ports import free_port
 from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]

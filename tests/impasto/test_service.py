@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import resource
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -20,6 +19,7 @@ from impasto.ops import Ops
 from impasto.problems import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
 from tests.conftest import TINY_FRAMES
+from tests.ports import free_port
 from workers.errors import IdempotencyMismatch, NotFound
 from workers.pools.machine import usable_cpus
 from workers.process.descriptors import MAX_DESCRIPTORS
@@ -197,12 +197,6 @@ def test_a_worker_exports_its_metrics(tmp_path: Path, serve: Serve) -> None:
         worker.terminate()
         assert worker.wait(30) == 0
     assert f"impasto_workers {usable_cpus()}.0" in text and 'impasto_ready{part="pool"} 1.0' in text
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_a_worker_raises_its_open_file_limit(home: Path) -> None:

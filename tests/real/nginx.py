@@ -7,7 +7,8 @@ import ssl
 import subprocess
 from pathlib import Path
 
-from tests.real.processes import end, free_port, listens, start, until
+from tests.ports import free_port
+from tests.real.processes import end, listens, start, until
 
 SHIPPED = Path(__file__).resolve().parents[2] / "deploy" / "nginx" / "impasto.conf"
 _MAIN = """

@@ -9,7 +9,8 @@ from typing import Any
 
 import httpx
 
-from tests.real.processes import end, free_port, start, until
+from tests.ports import free_port
+from tests.real.processes import end, start, until
 
 SHIPPED = Path(__file__).resolve().parents[2] / "deploy" / "prometheus"
 

@@ -21,7 +21,8 @@ from typing import Any
 import boto3
 from botocore.config import Config
 
-from tests.real.processes import delete_later, end, free_port, listens, start, until
+from tests.ports import free_port
+from tests.real.processes import delete_later, end, listens, start, until
 
 ROOT = Path(__file__).resolve().parents[2]
 ACCESS_KEY, SECRET_KEY, REGION = "test:tester", "testing", "us-east-1"
