@@ -9,9 +9,10 @@ from urllib.parse import quote
 
 from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import RedirectResponse, Response, StreamingResponse
+from starlette.responses import RedirectResponse, Response
 
 from service.errors import RangeNotSatisfiable
+from service.streaming import StreamedResponse
 from workers.farm import Farm
 from workers.farm_parts.stored_file import StoredFile
 
@@ -89,4 +90,4 @@ def serve(farm: Farm, served: StoredFile, request: Request, attachment: bool = F
     if span:
         headers["Content-Range"] = f"bytes {start}-{stop - 1}/{served.size_bytes}"
     body: Iterator[bytes] = iter(()) if request.method == "HEAD" else farm.files.read(served, start, stop)
-    return StreamingResponse(body, 206 if span else 200, headers, served.media_type)
+    return StreamedResponse(body, 206 if span else 200, headers, served.media_type)

@@ -11,7 +11,7 @@ gets 204, which tells a browser's EventSource to stop.
 from __future__ import annotations
 
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from dataclasses import asdict, dataclass
 from typing import Annotated
 
@@ -24,6 +24,7 @@ from service.errors import Busy, retry_after
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, Responses
+from service.streaming import StreamedResponse
 from workers.errors import NotFound
 from workers.model import Event
 
@@ -61,7 +62,7 @@ def get_events(
             remedy="Request the job every few seconds instead.",
         )
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return StreamingResponse(_stream(context, job_id, last_event_id), 200, headers, "text/event-stream")
+    return StreamedResponse(_stream(context, job_id, last_event_id), 200, headers, "text/event-stream")
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class _HistoryRead:
     over: bool = False
 
 
-async def _stream(context: ServiceContext, job_id: str, after: int) -> AsyncIterator[str]:
+async def _stream(context: ServiceContext, job_id: str, after: int) -> AsyncGenerator[str]:
     with context.streams.one():
         yield f"retry: {RETRY_MS}\n\n"
         heard_at = anyio.current_time()

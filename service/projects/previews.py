@@ -7,7 +7,7 @@ The first record has the type "begin", the last "end", "overtaken" or "error".
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
@@ -23,6 +23,7 @@ from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId
 from service.routing import Router
 from service.schemas import JobId, Responses
+from service.streaming import StreamedResponse
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import PreviewRun
@@ -235,17 +236,8 @@ async def _answer(
     query = await run_in_threadpool(_query, context, caller, project_id, what, body, options)
     run = context.farm.previews.start(query)
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return StreamingResponse(_records(run, f"/v1/projects/{project_id}/previews/{what}"), 200, headers, MEDIA_TYPE)
-
-
-async def _records(run: PreviewRun, path: str) -> AsyncIterator[bytes]:
-    """The answer, record by record; it is cancelled when the client disconnects."""
-    records: Iterator[bytes] = _encoded(run, path)
-    try:
-        while (piece := await run_in_threadpool(next, records, None)) is not None:
-            yield piece
-    finally:
-        run.cancel()
+    source = _encoded(run, f"/v1/projects/{project_id}/previews/{what}")
+    return StreamedResponse(source, 200, headers, MEDIA_TYPE, run.cancel)
 
 
 def _encoded(run: PreviewRun, path: str) -> Iterator[bytes]:

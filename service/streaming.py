@@ -1,0 +1,54 @@
+"""Answers that are sent piece by piece.
+
+When a client leaves before the end, Starlette leaves the source of the pieces to Python's garbage collection, which may
+come minutes later. Until then a preview would keep its place, so that two of them stop all previews, and a download its
+open file. Here a source is closed as soon as its answer ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator, Callable, Generator, Iterator, Mapping
+
+from anyio import CancelScope
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+
+class StreamedResponse(StreamingResponse):
+    """An answer whose source is closed when it ends, however it ends.
+
+    Args:
+        source: the pieces. One that is not asynchronous is asked for them in threads.
+        on_disconnect: called once if the client leaves, also while a piece is made.
+    """
+
+    def __init__(
+        self,
+        source: Iterator[bytes] | AsyncGenerator[str],
+        status_code: int,
+        headers: Mapping[str, str],
+        media_type: str,
+        on_disconnect: Callable[[], None] = lambda: None,
+    ) -> None:
+        super().__init__(source, status_code, headers, media_type)
+        self._source, self._on_disconnect = source, on_disconnect
+
+    async def listen_for_disconnect(self, receive: Receive) -> None:
+        await super().listen_for_disconnect(receive)
+        self._on_disconnect()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            with CancelScope(shield=True):
+                await _close(self.body_iterator)
+                await _close(self._source)
+
+
+async def _close(source: object) -> None:
+    if isinstance(source, AsyncGenerator):
+        await source.aclose()
+    elif isinstance(source, Generator):
+        await run_in_threadpool(source.close)

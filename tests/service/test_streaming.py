@@ -1,0 +1,149 @@
+"""Answers in pieces: what they hold is free again when the client leaves, without a search for garbage."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import AsyncGenerator, Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import anyio
+import httpx
+import pytest
+from starlette.types import Message
+
+from pipeline.errors import Cancelled
+from service.settings import Settings
+from service.streaming import StreamedResponse
+from tests.service.driven_farm import MAGIC, DrivenFarm
+from tests.service.live import running
+from tests.service.records import records, types
+from tests.waiting import until
+from workers.farm import open_farm
+from workers.model import Json
+from workers.previews.memory import Check
+from workers.previews.model import PreviewQuery, Record
+from workers.previews.service import PreviewService
+
+SLOTS = 2
+LAST = 9
+"""The frame whose preview is ready at once."""
+
+
+@pytest.fixture(autouse=True)
+def no_garbage_collection() -> Iterator[None]:
+    gc.disable()
+    yield
+    gc.enable()
+
+
+class EndlessRunner:
+    """Begins an answer, and then works until nobody waits for it."""
+
+    def __init__(self) -> None:
+        self.cancelled = 0
+
+    def start(self) -> None: ...
+
+    def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
+        yield Record({"type": "begin", "seq": query.seq})
+        while query.options["frame"] != LAST:
+            try:
+                check()
+            except Cancelled:
+                self.cancelled += 1
+                raise
+        yield Record({"type": "end", "ms": 1})
+
+    def state(self) -> Json:
+        return {}
+
+    def close(self) -> None: ...
+
+
+def test_a_preview_that_its_client_leaves_frees_its_place(
+    home: Path, tiny_clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = Settings(home=home, pool="none")
+    farm, runner = open_farm(settings), EndlessRunner()
+    monkeypatch.setattr(farm, "previews", PreviewService(runner, SLOTS))
+    with running(settings, farm) as url, httpx.Client(base_url=url, timeout=60) as http:
+        paint = f"{_project(http, tiny_clip)}/previews/paint"
+        for frame in range(SLOTS + 1):
+            body = {"shot": "s1", "client": f"tab-{frame}", "frame": frame}
+            with httpx.Client(base_url=url, timeout=60) as tab, tab.stream("POST", paint, json=body) as answer:
+                assert next(answer.iter_raw())
+        last = http.post(paint, json={"shot": "s1", "client": "another", "frame": LAST})
+        assert types(records(last.content)) == ["begin", "end"]
+        until(lambda: runner.cancelled == SLOTS + 1)
+    farm.stop()
+
+
+def _project(http: httpx.Client, clip: Path) -> str:
+    video = http.post("/v1/assets", files={"file": (clip.name, clip.read_bytes())}).json()["id"]
+    shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "multistyle"}]}
+    document = {"schema": 1, "name": "Swan", "assets": {"clip": {"id": video}}, "shots": [shot]}
+    return str(http.post("/v1/projects", json={"document": document}).json()["links"]["self"])
+
+
+def test_a_download_that_its_client_leaves_closes_its_file(settings: Settings, farm: DrivenFarm, home: Path) -> None:
+    with running(settings, farm) as url, httpx.Client(base_url=url, timeout=60) as http:
+        asset = http.post("/v1/assets", files={"file": ("long.mp4", MAGIC + bytes(32 << 20))}).json()
+        with (
+            httpx.Client(base_url=url, timeout=60) as tab,
+            tab.stream("GET", f"/v1/assets/{asset['id']}/content") as answer,
+        ):
+            assert next(answer.iter_raw())
+            until(lambda: _open_below(home / "blobs"))
+        until(lambda: not _open_below(home / "blobs"))
+
+
+def _open_below(folder: Path) -> list[str]:
+    """Files in `folder` that this process has open."""
+    found = []
+    for descriptor in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # closed meanwhile
+            found.append(str(descriptor.readlink()))
+    return [name for name in found if name.startswith(f"{folder}/")]
+
+
+async def _pieces(closed: Callable[[], None]) -> AsyncGenerator[str]:
+    try:
+        while True:
+            yield "more"
+    finally:
+        closed()
+
+
+def _pieces_in_threads(closed: Callable[[], None]) -> Iterator[bytes]:
+    try:
+        while True:
+            yield b"more"
+    finally:
+        closed()
+
+
+@pytest.mark.parametrize("pieces", [_pieces, _pieces_in_threads])
+def test_a_source_is_closed_while_its_client_does_not_read(
+    pieces: Callable[[Callable[[], None]], AsyncGenerator[str] | Iterator[bytes]],
+) -> None:
+    heard: list[str] = []
+    source = pieces(lambda: heard.append("closed"))
+    response = StreamedResponse(source, 200, {}, "text/plain", lambda: heard.append("left"))
+
+    async def answer() -> None:
+        sending = anyio.Event()
+
+        async def receive() -> Message:
+            await sending.wait()
+            return {"type": "http.disconnect"}
+
+        async def send(message: Message) -> None:
+            if message["type"] == "http.response.body":
+                sending.set()
+                await anyio.sleep_forever()
+
+        await response({"type": "http", "asgi": {"spec_version": "2.3"}}, receive, send)
+
+    anyio.run(answer)
+    assert heard == ["left", "closed"]
