@@ -27,7 +27,7 @@ class OpenCLOperations:
 
     def __init__(self, device: Device) -> None:
         self.device = device
-        self._nothing = device.zeros((16,), np.int32)
+        self._placeholder = device.zeros((16,), np.int32)
         self.costs: DeviceArray | None = None
         """Cost of each pixel after the latest iteration, float32 (h, w); 0 at pixels that were not improved."""
         self._constants: dict[Energy, tuple[DeviceArray, ...]] = {}
@@ -60,12 +60,12 @@ class OpenCLOperations:
         return LoadedStyle(
             style, energy,
             self.upload(padded(style.features, energy.pad)),
-            self._or_nothing(style.bins), self._or_nothing(style.usable), self._or_nothing(style.distance),
+            self._or_placeholder(style.bins), self._or_placeholder(style.usable), self._or_placeholder(style.distance),
             self.upload(tap_indices), self.upload(tap_table(energy.radius, style.bins is not None)),
         )  # fmt: skip
 
-    def _or_nothing(self, array: AnyArray | None) -> DeviceArray:
-        return self._nothing if array is None else self.upload(array)
+    def _or_placeholder(self, array: AnyArray | None) -> DeviceArray:
+        return self._placeholder if array is None else self.upload(array)
 
     def prepare(self, style: LoadedStyle[DeviceArray], target: Target) -> FrameState[DeviceArray]:
         """Upload a frame; its colours are not rendered yet."""
@@ -107,7 +107,7 @@ class OpenCLOperations:
         margin = 2 * style.energy.radius
         over = (state.size[0] + margin, state.size[1] + margin)
         args = (
-            offsets, state.bins or self._nothing, style.features, style.bins, self._cosines, state.packed,
+            offsets, state.bins or self._placeholder, style.features, style.bins, self._cosines, state.packed,
             state.field, *style.size,
         )  # fmt: skip
         self.device.run(self._at(style, "render", state.size, *args, over=over))
@@ -153,7 +153,7 @@ class OpenCLOperations:
         out = self.device.empty((state.size[1], state.size[0], 2))
         self.costs = self.device.empty((state.size[1], state.size[0]))
         weights, tap_weights, _ = self._tables(style.energy)
-        none = self._nothing
+        none = self._placeholder
         kernel = self.device.kernel(_PATCHES, "improve", self._terms(style, state, penalty), _COMMON)
         self.device.run(kernel.at(
             state.size, iteration(style, state.size, search), offsets, out, self.costs, state.packed, state.field,
@@ -193,7 +193,7 @@ class OpenCLOperations:
         """
         out = self.device.empty((state.size[1], state.size[0], 2))
         args = (
-            offsets, bins or self._nothing, displacement, visible, style.bins, self._cosines, style.usable, out,
+            offsets, bins or self._placeholder, displacement, visible, style.bins, self._cosines, style.usable, out,
             *style.size,
         )  # fmt: skip
         self.device.run(self._at(style, "advect", state.size, *args))
@@ -206,7 +206,7 @@ class OpenCLOperations:
         """Upsample the offsets of the next coarser level by 2, extrapolated as in `advect`."""
         out = self.device.empty((to.size[1], to.size[0], 2))
         args = (
-            offsets, state.bins or self._nothing, coarse.bins, self._cosines, style.usable, out, *coarse.size,
+            offsets, state.bins or self._placeholder, coarse.bins, self._cosines, style.usable, out, *coarse.size,
             *state.size, *style.size,
         )  # fmt: skip
         self.device.run(self._at(style, "upsample", to.size, *args))

@@ -78,6 +78,36 @@ def test_a_smudge_carries_paint_and_is_undone_exported_and_rendered(watched: Wat
     watched.check()
 
 
+LATE_FRAMES = """
+const Real = window.VideoFrame, looks = new Map();
+window.VideoFrame = function (source, ...options) {
+  const frame = new Real(source, ...options);
+  if (!(source instanceof HTMLVideoElement)) return frame;
+  const at = source.currentTime, before = looks.get(source) ?? { at: -1, times: 0 };
+  const times = before.at === at ? before.times + 1 : 1;
+  looks.set(source, { at, times });
+  if (times > 3) return frame;
+  const { width, height } = frame.visibleRect;
+  frame.close();
+  const other = new OffscreenCanvas(width, height);
+  other.getContext("2d").fillRect(0, 0, width, height);
+  return new Real(other, { timestamp: 5e6 });
+};"""
+"""A browser that reports the end of a seek, but still has another frame when it is asked for the first three times."""
+
+
+def test_a_frame_that_the_browser_has_late_is_awaited(fresh: Watched, service: str, video: str) -> None:
+    page = fresh.page
+    open_project(page, service, video, "analogy", params={}, inputs={})
+    start_painting(page)
+    prompt = exported(page)
+    page.add_init_script(LATE_FRAMES)
+    page.reload()
+    start_painting(page)
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-frame", "4", timeout=SOON_MS)
+    assert exported(page) == prompt
+
+
 def test_fill_picker_eraser_and_import_change_the_key(
     watched: Watched, service: str, video: str, tmp_path: Path
 ) -> None:

@@ -112,7 +112,7 @@ class FrameList(Sink):
 
     def finish(self, end_s: float) -> str:
         self.end_s = end_s
-        return "shelf"
+        return "label"
 
 
 def stream(client: Mirror, source: Any, sink: Sink, **more: Any) -> Stream:
@@ -125,7 +125,7 @@ def stream(client: Mirror, source: Any, sink: Sink, **more: Any) -> Stream:
 def test_frames_are_sent_at_their_times() -> None:
     client, frame_list = Mirror(), FrameList()
     made = stream(client, Reel([0.0, 0.1, 0.15, 0.4]), frame_list)
-    assert made.run() == "shelf"
+    assert made.run() == "label"
     sent = [when for when, _ in client.sent]
     assert np.allclose(np.diff(sent), [0.1, 0.05, 0.25], atol=0.04)
     assert frame_list.frames == [(0.0, 0), (0.1, 10), (0.15, 20), (0.4, 30)]
@@ -159,7 +159,7 @@ def test_the_stream_can_be_stopped_while_it_waits_for_a_frame() -> None:
     made = stream(Mirror(), Reel([0.0, 60.0]), FrameList())
     threading.Timer(0.2, made.stop).start()
     began = time.monotonic()
-    assert made.run() == "shelf"
+    assert made.run() == "label"
     assert time.monotonic() - began < 5
 
 

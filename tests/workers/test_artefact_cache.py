@@ -1,4 +1,4 @@
-"""The shelf: quicker where it can be, and never other bytes than the store's."""
+"""The artefact cache: quicker where it can be, and never other bytes than the store's."""
 
 from __future__ import annotations
 

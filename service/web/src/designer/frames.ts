@@ -118,6 +118,7 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
   let fallback: FilmSource | null = null;
   /** The shown frame; null: the video itself is drawn. */
   let still: ImageBitmap | null = null;
+  const arrived = arrivals(video, fps);
 
   function next(): void {
     if (playing || seeking >= 0 || wanted === shown || video.readyState < 1) return;
@@ -125,10 +126,15 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
     video.currentTime = seekTime(wanted, fps);
   }
 
+  const takeStill = () =>
+    arrived()
+      .then(() => stillOf(video, media))
+      .catch(() => null);
+
   video.addEventListener("loadedmetadata", () => (video.videoWidth ? next() : useService()));
   video.addEventListener("seeked", async () => {
     const frame = seeking;
-    const taken = frame >= 0 && !playing ? await stillOf(video, media).catch(() => null) : null;
+    const taken = frame >= 0 && !playing ? await takeStill() : null;
     still?.close();
     still = playing ? null : taken;
     if (frame >= 0) shown = frame;
@@ -193,6 +199,39 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
       video.load();
     },
   };
+}
+
+/** How long to wait for the frame of a seek, and how often to look for it. */
+const ARRIVAL_MS = 1000;
+const ARRIVAL_LOOK_MS = 20;
+
+/**
+ * A function that waits until the video has the frame of its present time.
+ *
+ * Chromium reports the end of a seek before the frame is there: after 22 of 1,800 seeks on a busy machine, the video still
+ * had the former frame, or none. Videos whose frames have other times than their numbers tell (they do not begin at 0, or their
+ * frame rate varies) are waited for once, and afterwards taken as they are.
+ */
+function arrivals(video: HTMLVideoElement, fps: number): () => Promise<void> {
+  let regular = "VideoFrame" in window;
+  return async () => {
+    const until = performance.now() + ARRIVAL_MS;
+    while (regular && !hasArrived(video, fps)) {
+      if (performance.now() > until) regular = false;
+      else await new Promise((done) => setTimeout(done, ARRIVAL_LOOK_MS));
+    }
+  };
+}
+
+function hasArrived(video: HTMLVideoElement, fps: number): boolean {
+  try {
+    const frame = new VideoFrame(video);
+    const behind = (video.currentTime - frame.timestamp / 1e6) * fps;
+    frame.close();
+    return -0.25 < behind && behind < 1;
+  } catch {
+    return false; // there is none yet
+  }
 }
 
 /**
