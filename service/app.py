@@ -6,6 +6,7 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from anyio import CapacityLimiter
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 from starlette.staticfiles import StaticFiles
@@ -144,6 +145,7 @@ def _context(settings: Settings, farm: Farm) -> ServiceContext:
         farm=farm,
         streams=Streams(settings.max_streams),
         previews=threading.BoundedSemaphore(settings.preview_slots),
+        preview_threads=CapacityLimiter(settings.preview_threads),
         frames=threading.BoundedSemaphore(settings.frame_slots),
         webhook_secrets=_secrets(settings),
         styles=StyleLibrary(farm, settings.styles_dir),

@@ -25,7 +25,7 @@ class StreamedResponse(StreamingResponse):
 
     def __init__(
         self,
-        source: Iterator[bytes] | AsyncGenerator[str],
+        source: Iterator[bytes] | AsyncGenerator[str] | AsyncGenerator[bytes],
         status_code: int,
         headers: Mapping[str, str],
         media_type: str,

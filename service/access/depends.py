@@ -56,6 +56,8 @@ class ServiceContext:
     streams: Streams
     previews: threading.BoundedSemaphore
     """Slots for previews of one frame."""
+    preview_threads: CapacityLimiter
+    """Threads in which previews of projects are made, so that they cannot block other requests."""
     frames: threading.BoundedSemaphore
     """Slots for decoding single frames of assets."""
     webhook_secrets: WebhookSecrets

@@ -7,9 +7,12 @@ The first record has the type "begin", the last "end", "overtaken" or "error".
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import AsyncGenerator, Generator
 from typing import Annotated, Any, Literal, cast
 
+import anyio
+from anyio import CancelScope, CapacityLimiter
+from anyio.to_thread import run_sync
 from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
@@ -26,7 +29,7 @@ from service.schemas import JobId, Responses
 from service.streaming import StreamedResponse
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
-from workers.previews.service import PreviewRun
+from workers.previews.service import TURN_S, PreviewRun
 from workers.projects.document import FrameNumber, FrameRange, Id
 from workers.projects.patching import merged, patched
 
@@ -236,11 +239,25 @@ async def _answer(
     query = await run_in_threadpool(_query, context, caller, project_id, what, body, options)
     run = context.farm.previews.start(query)
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    source = _encoded(run, f"/v1/projects/{project_id}/previews/{what}")
-    return StreamedResponse(source, 200, headers, MEDIA_TYPE, run.cancel)
+    pieces = _pieces(run, f"/v1/projects/{project_id}/previews/{what}", context.preview_threads)
+    return StreamedResponse(pieces, 200, headers, MEDIA_TYPE, run.cancel)
 
 
-def _encoded(run: PreviewRun, path: str) -> Iterator[bytes]:
+async def _pieces(run: PreviewRun, path: str, threads: CapacityLimiter) -> AsyncGenerator[bytes]:
+    """The answer, record by record. Only previews that are made have a thread, not those that wait for a slot."""
+    records = _encoded(run, path)
+    try:
+        while not run.ready():
+            await anyio.sleep(TURN_S)
+        while (piece := await run_sync(next, records, None, limiter=threads)) is not None:
+            yield piece
+    finally:
+        with CancelScope(shield=True):
+            await run_sync(records.close, limiter=threads)
+        run.close()
+
+
+def _encoded(run: PreviewRun, path: str) -> Generator[bytes]:
     try:
         for record in run:
             yield record.encode()

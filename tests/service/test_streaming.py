@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import time
 from collections.abc import AsyncGenerator, Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import anyio
+import anyio.to_thread
 import httpx
 import pytest
 from starlette.types import Message
@@ -23,9 +25,11 @@ from workers.farm import open_farm
 from workers.model import Json
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record
-from workers.previews.service import PreviewService
+from workers.previews.service import PreviewRun, PreviewService
 
 SLOTS = 2
+THREADS = 40
+"""Requests that a service works on at once, each in a thread."""
 LAST = 9
 """The frame whose preview is ready at once."""
 
@@ -53,12 +57,23 @@ class EndlessRunner:
             except Cancelled:
                 self.cancelled += 1
                 raise
+            time.sleep(0.01)
         yield Record({"type": "end", "ms": 1})
 
     def state(self) -> Json:
         return {}
 
     def close(self) -> None: ...
+
+
+class CountedPreviews(PreviewService):
+    """Counts the queries that have begun."""
+
+    begun = 0
+
+    def start(self, query: PreviewQuery) -> PreviewRun:
+        self.begun += 1
+        return super().start(query)
 
 
 def test_a_preview_that_its_client_leaves_frees_its_place(
@@ -76,6 +91,34 @@ def test_a_preview_that_its_client_leaves_frees_its_place(
         last = http.post(paint, json={"shot": "s1", "client": "another", "frame": LAST})
         assert types(records(last.content)) == ["begin", "end"]
         until(lambda: runner.cancelled == SLOTS + 1)
+    farm.stop()
+
+
+def test_previews_that_wait_for_a_slot_block_no_other_request(
+    home: Path, tiny_clip: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = Settings(home=home, pool="none")
+    farm, previews = open_farm(settings), CountedPreviews(EndlessRunner(), SLOTS)
+    monkeypatch.setattr(farm, "previews", previews)
+    with running(settings, farm) as url, httpx.Client(base_url=url, timeout=20) as http:
+        paint = f"{_project(http, tiny_clip)}/previews/paint"
+
+        async def ask(tab: httpx.AsyncClient, number: int) -> None:
+            body = {"shot": "s1", "client": f"tab-{number}", "frame": 0}
+            await tab.post(paint, json=body)
+
+        async def main() -> None:
+            async with httpx.AsyncClient(base_url=url, timeout=600) as tab, anyio.create_task_group() as group:
+                for number in range(THREADS + SLOTS):
+                    group.start_soon(ask, tab, number)
+                await anyio.to_thread.run_sync(until, lambda: previews.begun >= THREADS)
+                answer = await anyio.to_thread.run_sync(http.get, "/v1/projects")
+                assert answer.is_success
+                group.cancel_scope.cancel()
+
+        anyio.run(main)
+        last = http.post(paint, json={"shot": "s1", "client": "another", "frame": LAST})
+        assert types(records(last.content)) == ["begin", "end"]
     farm.stop()
 
 

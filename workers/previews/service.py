@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -15,6 +16,8 @@ from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 
 _FORGET = 10_000
 """Clients and channels that are remembered: beyond that, the longest silent are forgotten."""
+TURN_S = 0.02
+"""Interval at which those that wait look for a free slot, seconds."""
 
 
 class PreviewRunner(Protocol):
@@ -44,6 +47,7 @@ class _Ticket:
     """The later query that has overtaken it."""
     left: threading.Event = field(default_factory=threading.Event)
     """Set when the client has gone."""
+    has_slot: bool = False
 
     def check(self) -> None:
         if self.by is not None:
@@ -53,14 +57,23 @@ class _Ticket:
 
 
 class PreviewRun:
-    """An answer under way: iterate over it, and call `cancel` if the client goes."""
+    """An answer under way: iterate over it, and close it. To iterate waits in this thread for a slot; who must not wait
+    there asks `ready` before."""
 
     def __init__(self, service: PreviewService, ticket: _Ticket) -> None:
         self._service, self._ticket = service, ticket
 
+    def ready(self) -> bool:
+        """Whether the answer can begin; takes a slot if one is free."""
+        return self._service.take_slot(self._ticket)
+
     def cancel(self) -> None:
         """Stop soon: the answer is not wanted any more."""
         self._ticket.left.set()
+
+    def close(self) -> None:
+        """Give the slot back, also where no record was asked for."""
+        self._service.leave_slot(self._ticket)
 
     def __iter__(self) -> Iterator[Record]:
         return self._service.answer(self._ticket)
@@ -114,20 +127,32 @@ class PreviewService:
 
     def answer(self, ticket: _Ticket) -> Iterator[Record]:
         """The records of a query. Raises what is wrong with it."""
+        while not self.take_slot(ticket):
+            time.sleep(TURN_S)
         try:
-            self._wait_for_turn(ticket)
-        except Overtaken as error:
-            yield Record({"type": "begin", "seq": ticket.query.seq})
-            yield Record({"type": "overtaken", "by": error.by})
-            return
-        try:
+            if ticket.by is not None:
+                yield Record({"type": "begin", "seq": ticket.query.seq})
+                yield Record({"type": "overtaken", "by": ticket.by})
+                return
+            ticket.check()
             yield from self._runner.run(ticket.query, ticket.check)
         finally:
-            self._slots.release()
+            self.leave_slot(ticket)
 
-    def _wait_for_turn(self, ticket: _Ticket) -> None:
-        while not self._slots.acquire(timeout=0.02):
-            ticket.check()
+    def take_slot(self, ticket: _Ticket) -> bool:
+        """Whether nothing has to be waited for: the ticket has a slot now, or its answer is not wanted any more."""
+        with self._lock:
+            if not ticket.has_slot and ticket.by is None and not ticket.left.is_set():
+                ticket.has_slot = self._slots.acquire(blocking=False)
+                return ticket.has_slot
+        return True
+
+    def leave_slot(self, ticket: _Ticket) -> None:
+        """Give the ticket's slot back, if it has one."""
+        with self._lock:
+            if ticket.has_slot:
+                self._slots.release()
+            ticket.has_slot = False
 
     def state(self) -> Json:
         return self._runner.state()
