@@ -33,14 +33,16 @@ class ByteCache:
         """The value of `key`; `make` is called if it is not kept."""
         with self._lock:
             making = self._making.setdefault(key, threading.Lock())
-        with making:
-            found: T | None = self.peek(key)
-            if found is None:
-                found = make()
-                self.put(key, found, size_of(found))
-        with self._lock:
-            self._making.pop(key, None)
-        return found
+        try:
+            with making:
+                found: T | None = self.peek(key)
+                if found is None:
+                    found = make()
+                    self.put(key, found, size_of(found))
+            return found
+        finally:
+            with self._lock:
+                self._making.pop(key, None)
 
     def peek(self, key: Hashable) -> Any:
         """The value of `key`, or None."""
