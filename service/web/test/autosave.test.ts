@@ -64,3 +64,21 @@ test("another tab's version is never overwritten without a decision", async () =
   expect(save.mock.lastCall?.[0].name).toBe("b");
   expect(saver.version).toBe(10);
 });
+
+test("a change during a slow save is saved once, over the version that this save gives", async () => {
+  const save = vi.fn(async (_document: ProjectDocument, version: number) => {
+    await new Promise((done) => setTimeout(done, 1000));
+    return version + 1;
+  });
+  const { saver, states } = setUp(save);
+  saver.changed(named("a"));
+  await vi.advanceTimersByTimeAsync(600); // it is being saved
+  saver.changed(named("b"));
+  await vi.advanceTimersByTimeAsync(5000);
+  expect(save.mock.calls.map(([document, version]) => [document.name, version])).toEqual([
+    ["a", 1],
+    ["b", 2],
+  ]);
+  expect(states.at(-1)).toEqual({ name: "saved" });
+  expect(await saver.flush()).toBe(true);
+});

@@ -86,14 +86,14 @@ export function createSaver({
 
   async function flush(): Promise<boolean> {
     clearTimeout(timer);
-    if (running) await running;
+    while (running) await running; // somebody else who waited may have begun the next one
     if (conflict) return false;
     if (wanted === saved) return true;
-    running = saveOnce();
+    running = saveOnce().finally(() => {
+      running = null;
+    });
     const done = await running;
-    running = null;
-    if (done && wanted !== saved) return flush();
-    return done;
+    return done && wanted !== saved ? flush() : done;
   }
 
   async function saveOnce(): Promise<boolean> {

@@ -99,28 +99,48 @@ export interface PreviewRecord {
 
 /** Collects bytes as they arrive and cuts complete records off the front. */
 export class RecordReader {
-  private buffer = new Uint8Array(0);
+  private parts: Uint8Array<ArrayBuffer>[] = [];
+  private length = 0;
+  /** Bytes without which nothing more can be read: parts are joined when they are there, not each time one arrives. */
+  private needed = 4;
 
   /** The records that are complete with these bytes. */
-  push(bytes: Uint8Array): PreviewRecord[] {
-    const joined = new Uint8Array(this.buffer.length + bytes.length);
-    joined.set(this.buffer);
-    joined.set(bytes, this.buffer.length);
-    this.buffer = joined;
+  push(bytes: Uint8Array<ArrayBuffer>): PreviewRecord[] {
+    this.parts.push(bytes);
+    this.length += bytes.length;
     const found: PreviewRecord[] = [];
     for (let record = this.next(); record; record = this.next()) found.push(record);
     return found;
   }
 
   private next(): PreviewRecord | null {
-    if (this.buffer.length < 4) return null;
-    const length = new DataView(this.buffer.buffer, this.buffer.byteOffset).getUint32(0);
-    if (this.buffer.length < 4 + length) return null;
-    const header: PreviewHeader = JSON.parse(new TextDecoder().decode(this.buffer.subarray(4, 4 + length)));
-    const end = 4 + length + header.bytes;
-    if (this.buffer.length < end) return null;
-    const payload = this.buffer.slice(4 + length, end);
-    this.buffer = this.buffer.slice(end);
-    return { header, payload };
+    if (!this.has(4)) return null;
+    const buffer = this.joined();
+    const start = 4 + new DataView(buffer.buffer, buffer.byteOffset).getUint32(0);
+    if (!this.has(start)) return null;
+    const header: PreviewHeader = JSON.parse(new TextDecoder().decode(buffer.subarray(4, start)));
+    const end = start + header.bytes;
+    if (!this.has(end)) return null;
+    this.parts = [buffer.slice(end)];
+    this.length -= end;
+    this.needed = 4;
+    return { header, payload: buffer.slice(start, end) };
+  }
+
+  private has(length: number): boolean {
+    this.needed = Math.max(this.needed, length);
+    return this.length >= this.needed;
+  }
+
+  private joined(): Uint8Array<ArrayBuffer> {
+    if (this.parts.length === 1 && this.parts[0]) return this.parts[0];
+    const whole = new Uint8Array(this.length);
+    let at = 0;
+    for (const part of this.parts) {
+      whole.set(part, at);
+      at += part.length;
+    }
+    this.parts = [whole];
+    return whole;
   }
 }
