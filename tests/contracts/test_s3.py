@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import time
 from collections.abc import Iterator
@@ -129,18 +130,35 @@ def test_an_interrupted_read_resumes_at_its_offset(blobs: S3Blobs, monkeypatch: 
     data = bytes(range(256)) * 40
     blobs.put("k", data)
     opened: list[int] = []
+    broken: list[_Breaking] = []
     really = S3Blobs._open
 
     def breaking(self: S3Blobs, name: str, start: int, stop: int | None, etag: str = "") -> Any:
         answer = really(self, name, start, stop, etag)
         opened.append(start)
         assert answer is not None
-        return {**answer, "Body": _Breaking(answer["Body"])} if len(opened) < 3 else answer
+        if len(opened) > 2:
+            return answer
+        broken.append(_Breaking(answer["Body"]))
+        return {**answer, "Body": broken[-1]}
 
     monkeypatch.setattr(S3Blobs, "_open", breaking)
     monkeypatch.setattr("workers.blobs.s3.time.sleep", lambda s: None)
     assert b"".join(blobs.read("k", 100, 10_000, chunk=900)) == data[100:10_000]
     assert opened == [100, 1900, 3700]
+    assert [body.closed for body in broken] == [True, True]
+
+
+def test_a_read_that_is_left_closes_its_connection(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
+    blobs.put("k", bytes(10_000))
+    body = _Breaking(io.BytesIO(bytes(10_000)))
+    answer = {"Body": body, "ContentLength": 10_000, "ETag": "x"}
+    monkeypatch.setattr(S3Blobs, "_open", lambda *_, **__: answer)
+    pieces = blobs.read("k", chunk=900)
+    assert len(next(iter(pieces))) == 900
+    assert not body.closed
+    pieces.close()  # type: ignore[attr-defined]
+    assert body.closed
 
 
 class _Breaking:
@@ -148,12 +166,16 @@ class _Breaking:
 
     def __init__(self, body: Any) -> None:
         self._body, self._reads = body, 0
+        self.closed = False
 
     def read(self, size: int) -> bytes:
         self._reads += 1
         if self._reads > 2:
             raise ConnectionResetError("cut off")
         return bytes(self._body.read(size))
+
+    def close(self) -> None:
+        self.closed = True
 
 
 def test_a_repeatedly_interrupted_read_is_an_error(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -171,6 +193,8 @@ def test_a_repeatedly_interrupted_read_is_an_error(blobs: S3Blobs, monkeypatch: 
 class _Silent:
     def read(self, size: int) -> bytes:
         return b""
+
+    def close(self) -> None: ...
 
 
 @pytest.mark.parametrize(

@@ -195,21 +195,25 @@ class S3Blobs:
     def _pieces(self, name: str, answer: Answer, start: int, stop: int | None, chunk: int) -> Iterator[bytes]:
         end = start + answer["ContentLength"]
         at, resumes = start, 0
-        while at < end:
-            try:
-                with as_storage_error():
-                    piece = answer["Body"].read(min(chunk, end - at))
-                    if not piece:
-                        raise ConnectionError("the answer ended before its bytes did")
-            except StorageError:
-                if (resumes := resumes + 1) > _RESUMES:
-                    raise
-                time.sleep(0.2 * 2**resumes)
-                answer = self._open(name, at, end, answer["ETag"]) or answer
-                continue
-            at += len(piece)
-            yield piece
-        answer["Body"].close()
+        try:
+            while at < end:
+                try:
+                    with as_storage_error():
+                        piece = answer["Body"].read(min(chunk, end - at))
+                        if not piece:
+                            raise ConnectionError("the answer ended before its bytes did")
+                except StorageError:
+                    if (resumes := resumes + 1) > _RESUMES:
+                        raise
+                    time.sleep(0.2 * 2**resumes)
+                    if (again := self._open(name, at, end, answer["ETag"])) is not None:
+                        answer["Body"].close()
+                        answer = again
+                    continue
+                at += len(piece)
+                yield piece
+        finally:
+            answer["Body"].close()
 
     def _download(self, key: str, place: Path) -> None:
         with place.open("xb") as file:
