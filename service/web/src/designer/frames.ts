@@ -118,7 +118,6 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
   let fallback: FilmSource | null = null;
   /** The shown frame; null: the video itself is drawn. */
   let still: ImageBitmap | null = null;
-  const arrived = arrivals(video, fps);
 
   function next(): void {
     if (playing || seeking >= 0 || wanted === shown || video.readyState < 1) return;
@@ -127,7 +126,7 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
   }
 
   const takeStill = () =>
-    arrived()
+    arrived(video, media)
       .then(() => stillOf(video, media))
       .catch(() => null);
 
@@ -204,33 +203,38 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
 /** How long to wait for the frame of a seek, and how often to look for it. */
 const ARRIVAL_MS = 1000;
 const ARRIVAL_LOOK_MS = 20;
+/** Addresses of videos whose frames have other times than their numbers tell: they do not begin at 0, or their frame rate varies. */
+const irregular = new Set<string>();
 
 /**
- * A function that waits until the video has the frame of its present time.
+ * Wait until the video has the frame of its present time. Irregular videos are waited for once, and afterwards taken as they
+ * are.
  *
  * Chromium reports the end of a seek before the frame is there: after 22 of 1,800 seeks on a busy machine, the video still
- * had the former frame, or none. Videos whose frames have other times than their numbers tell (they do not begin at 0, or their
- * frame rate varies) are waited for once, and afterwards taken as they are.
+ * had the former frame, or none.
  */
-function arrivals(video: HTMLVideoElement, fps: number): () => Promise<void> {
-  let regular = "VideoFrame" in window;
-  return async () => {
-    const until = performance.now() + ARRIVAL_MS;
-    while (regular && !hasArrived(video, fps)) {
-      if (performance.now() > until) regular = false;
-      else await new Promise((done) => setTimeout(done, ARRIVAL_LOOK_MS));
+async function arrived(video: HTMLVideoElement, { video: address, fps }: Media): Promise<void> {
+  const until = performance.now() + ARRIVAL_MS;
+  while ("VideoFrame" in window && !irregular.has(address)) {
+    const behind = framesBehind(video, fps);
+    if (behind !== null && -0.25 < behind && behind < 1) return;
+    if (performance.now() > until) {
+      if (behind !== null) irregular.add(address);
+      return;
     }
-  };
+    await new Promise((done) => setTimeout(done, ARRIVAL_LOOK_MS));
+  }
 }
 
-function hasArrived(video: HTMLVideoElement, fps: number): boolean {
+/** How many frames the video's picture is behind its present time; null: it has no picture. */
+function framesBehind(video: HTMLVideoElement, fps: number): number | null {
   try {
     const frame = new VideoFrame(video);
     const behind = (video.currentTime - frame.timestamp / 1e6) * fps;
     frame.close();
-    return -0.25 < behind && behind < 1;
+    return behind;
   } catch {
-    return false; // there is none yet
+    return null;
   }
 }
 
