@@ -12,7 +12,7 @@ from prometheus_client import CollectorRegistry
 from starlette.staticfiles import StaticFiles
 
 from service import bundle, errors, openapi
-from service.access.depends import ServiceContext, Streams
+from service.access.depends import FrameSlots, ServiceContext, Streams
 from service.access.gate import Gate
 from service.access.rates import Rates
 from service.artefacts.routes import router as artefacts
@@ -146,7 +146,7 @@ def _context(settings: Settings, farm: Farm) -> ServiceContext:
         streams=Streams(settings.max_streams),
         previews=threading.BoundedSemaphore(settings.preview_slots),
         preview_threads=CapacityLimiter(settings.preview_threads),
-        frames=threading.BoundedSemaphore(settings.frame_slots),
+        frames=FrameSlots(settings.frame_slots),
         webhook_secrets=_secrets(settings),
         styles=StyleLibrary(farm, settings.styles_dir),
         registry=CollectorRegistry(),

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated, cast
 
-from anyio import CapacityLimiter
+from anyio import CapacityLimiter, Semaphore, move_on_after
 from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry
 
 from service.access.keys import Principal, Scope
-from service.errors import Forbidden
+from service.errors import Busy, Forbidden, retry_after
 from service.ops.load_history import LoadHistory
 from service.settings import Settings
 from service.styles.library import StyleLibrary
 from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
+
+FRAME_WAIT_S = 3.0
+"""A request waits so long for its turn to decode a frame, before it is answered with 503."""
 
 
 class Streams:
@@ -47,6 +50,25 @@ class Streams:
             self._open -= 1
 
 
+class FrameSlots:
+    """Places for requests that decode frames. Those that wait for one have no thread, which other requests need."""
+
+    def __init__(self, most: int) -> None:
+        self._free = Semaphore(most)
+
+    @asynccontextmanager
+    async def one(self) -> AsyncIterator[None]:
+        """A place while the block runs. Raises Busy, after `FRAME_WAIT_S`."""
+        with move_on_after(FRAME_WAIT_S) as waiting:
+            await self._free.acquire()
+        if waiting.cancelled_caught:
+            raise Busy("Too many frames are being decoded.", headers=retry_after(1), remedy="Ask again in a second.")
+        try:
+            yield
+        finally:
+            self._free.release()
+
+
 @dataclass
 class ServiceContext:
     """What routes work with: settings, farm, semaphores, metrics. Created by `create_app`."""
@@ -58,8 +80,8 @@ class ServiceContext:
     """Slots for previews of one frame."""
     preview_threads: CapacityLimiter
     """Threads in which previews of projects are made, so that they cannot block other requests."""
-    frames: threading.BoundedSemaphore
-    """Slots for decoding single frames of assets."""
+    frames: FrameSlots
+    """For decoding single frames of assets and films, and pictures of styles."""
     webhook_secrets: WebhookSecrets
     styles: StyleLibrary
     registry: CollectorRegistry
@@ -72,6 +94,11 @@ class ServiceContext:
 
 async def _context(request: Request) -> ServiceContext:  # async: no thread is needed, nothing blocks
     return cast(ServiceContext, request.app.state.service)
+
+
+async def _frame_slot(context: Annotated[ServiceContext, Depends(_context)]) -> AsyncIterator[None]:
+    async with context.frames.one():
+        yield
 
 
 bearer = HTTPBearer(auto_error=False, description="An API key. On loopback none is needed by default.")
@@ -98,3 +125,5 @@ Context = Annotated[ServiceContext, Depends(_context)]
 Reader = Annotated[Principal, Depends(_requires(Scope.READ))]
 Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
 Admin = Annotated[Principal, Depends(_requires(Scope.ADMIN))]
+DECODES = Depends(_frame_slot, scope="function")
+"""Dependency of a route that decodes frames: at most `frame_slots` such requests run at once."""

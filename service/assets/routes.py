@@ -10,12 +10,11 @@ from typing import Annotated
 from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import Context, Reader, ServiceContext, Submitter
+from service.access.depends import DECODES, Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
 from service.bodies import chunks
-from service.errors import Busy, retry_after
 from service.routing import Router
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
 from service.serving import serve
@@ -24,8 +23,6 @@ from workers.model import Asset
 
 router = Router(prefix="/v1/assets", tags=["assets"])
 
-FRAME_WAIT_S = 3.0
-"""How long a request for a frame waits for a slot, seconds."""
 JPEG: Responses = {200: binary("image/jpeg", "The frame")[200]}
 FORM_BYTES = 64 * 1024
 """Bytes that a multipart form may add to its file."""
@@ -96,7 +93,7 @@ def get_content(
     return serve(context.farm, served, request, download)
 
 
-@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG)
+@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG, dependencies=[DECODES])
 def get_frame(
     asset_id: AssetId,
     context: Context,
@@ -106,12 +103,7 @@ def get_frame(
 ) -> Response:
     """One frame, decoded by the service, for videos that a browser cannot play. 503 while all slots are taken."""
     visible(context, caller, asset_id)
-    if not context.frames.acquire(timeout=FRAME_WAIT_S):
-        raise Busy("Too many frames are being decoded.", headers=retry_after(1), remedy="Ask again in a second.")
-    try:
-        jpeg = context.farm.assets.frame(asset_id, index, max_side_px)
-    finally:
-        context.frames.release()
+    jpeg = context.farm.assets.frame(asset_id, index, max_side_px)
     return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
 
 

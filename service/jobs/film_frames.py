@@ -7,9 +7,7 @@ from typing import Annotated
 
 from fastapi import Path, Response
 
-from service.access.depends import Context, Reader, ServiceContext
-from service.assets.routes import FRAME_WAIT_S
-from service.errors import Busy, retry_after
+from service.access.depends import DECODES, Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, binary
@@ -22,7 +20,9 @@ ZIP = "application/zip"
 Index = Annotated[int, Path(ge=0, le=10_000_000, description="Which frame of the film, from 0.")]
 
 
-@router.get("/frames/{index}", response_class=Response, responses=binary("image/png", "The frame"))
+@router.get(
+    "/frames/{index}", response_class=Response, responses=binary("image/png", "The frame"), dependencies=[DECODES]
+)
 def get_film_frame(job_id: JobId, index: Index, context: Context, caller: Reader) -> Response:
     """A frame of the finished film as PNG. Of a film in PNG frames these are its exact pixels, of any other the decoded
     ones. A film of a piece of the video begins with frame 0. 409 while the film is not finished; 404 beyond its end."""
@@ -41,12 +41,7 @@ def _entry(context: ServiceContext, film: StoredFile, index: int) -> bytes:
 
 
 def _decoded(context: ServiceContext, film: StoredFile, index: int) -> bytes:
-    if not context.frames.acquire(timeout=FRAME_WAIT_S):
-        raise Busy("Too many frames are being decoded.", headers=retry_after(1), remedy="Ask again in a second.")
-    try:
-        found = context.farm.files.frame(film, index)
-    finally:
-        context.frames.release()
+    found = context.farm.files.frame(film, index)
     if found is None:
         raise _missing(index)
     return found

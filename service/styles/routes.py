@@ -7,10 +7,8 @@ from typing import Annotated
 
 from fastapi import Path, Query, Response
 
-from service.access.depends import Context, Reader, Submitter
+from service.access.depends import DECODES, Context, Reader, Submitter
 from service.assets.adopt import check_quota
-from service.assets.routes import FRAME_WAIT_S
-from service.errors import Busy, retry_after
 from service.routing import Router
 from service.schemas import Listing, Responses
 from service.styles.library import StyleOut
@@ -38,7 +36,7 @@ def list_styles(context: Context, _caller: Reader) -> Listing[StyleOut]:
     return Listing(context.styles.listing(), None)
 
 
-@router.get("/{style_id}/picture", response_class=Response, responses=JPEG)
+@router.get("/{style_id}/picture", response_class=Response, responses=JPEG, dependencies=[DECODES])
 def get_style_picture(
     style_id: StyleId,
     context: Context,
@@ -46,12 +44,7 @@ def get_style_picture(
     max_side_px: Annotated[int, Query(ge=16, le=2048, description="Its longer side at most; never enlarged.")] = 320,
 ) -> Response:
     """The painting, scaled. Impasto's own are painted when they are first asked for."""
-    if not context.frames.acquire(timeout=FRAME_WAIT_S):
-        raise Busy("Too many pictures are being made.", headers=retry_after(1), remedy="Ask again in a second.")
-    try:
-        jpeg = context.styles.picture(style_id, max_side_px)
-    finally:
-        context.frames.release()
+    jpeg = context.styles.picture(style_id, max_side_px)
     return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
 
 

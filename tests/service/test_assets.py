@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import cv2
@@ -13,6 +16,8 @@ from fastapi.testclient import TestClient
 from service.settings import Settings
 from tests.service.conftest import CLIP
 from tests.service.driven_farm import DrivenFarm
+from tests.service.live import running
+from tests.waiting import HTTP, until
 
 
 def test_an_upload_is_addressed_by_its_content(client: TestClient, settings: Settings) -> None:
@@ -59,14 +64,47 @@ def test_a_frame_of_an_asset_is_an_image(client: TestClient, asset: str) -> None
     assert (wrong.status_code, wrong.json()["field"]) == (422, "index")
 
 
-def test_concurrent_frame_decoding_is_limited(
-    client: TestClient, farm: DrivenFarm, asset: str, monkeypatch: pytest.MonkeyPatch
+class SlowFrames:
+    """Frames of assets that are decoded when `go` is set."""
+
+    def __init__(self) -> None:
+        self.go, self.begun = threading.Event(), 0
+
+    def frame(self, *_: object) -> bytes:
+        self.begun += 1
+        assert self.go.wait(60)
+        return b"a frame"
+
+
+def test_a_frame_waits_for_others_and_is_refused_after_some_seconds(
+    settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.assets.routes.FRAME_WAIT_S", 0.05)
-    slots = client.app.state.service.frames  # type: ignore[attr-defined]
-    while slots.acquire(blocking=False):
-        pass
-    busy = client.get(f"/v1/assets/{asset}/frame")
-    assert (busy.status_code, busy.json()["code"], busy.headers["retry-after"]) == (503, "busy", "1")
-    slots.release()
-    assert client.get(f"/v1/assets/{asset}/frame").status_code == 200
+    monkeypatch.setattr("service.access.depends.FRAME_WAIT_S", 0.05)
+    slow = SlowFrames()
+    monkeypatch.setattr(farm.assets, "frame", slow.frame)
+    with running(settings.model_copy(update={"frame_slots": 1}), farm) as url, ThreadPoolExecutor(1) as threads:
+        asset = HTTP.post(f"{url}/v1/assets", files={"file": ("clip.mp4", CLIP)}).json()["id"]
+        first = threads.submit(HTTP.get, f"{url}/v1/assets/{asset}/frame")
+        until(lambda: slow.begun == 1)
+        busy = HTTP.get(f"{url}/v1/assets/{asset}/frame")
+        assert (busy.status_code, busy.json()["code"], busy.headers["Retry-After"]) == (503, "busy", "1")
+        slow.go.set()
+        assert first.result().content == b"a frame"
+        assert HTTP.get(f"{url}/v1/assets/{asset}/frame").content == b"a frame"
+
+
+def test_frames_that_wait_block_no_other_request(
+    settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.access.depends.FRAME_WAIT_S", 60)
+    slow = SlowFrames()
+    monkeypatch.setattr(farm.assets, "frame", slow.frame)
+    with running(settings, farm) as url, ThreadPoolExecutor(50) as threads:
+        asset = HTTP.post(f"{url}/v1/assets", files={"file": ("clip.mp4", CLIP)}).json()["id"]
+        asked = [threads.submit(HTTP.get, f"{url}/v1/assets/{asset}/frame") for _ in range(50)]
+        until(lambda: slow.begun == settings.frame_slots)
+        time.sleep(0.5)  # the others have arrived, too
+        assert HTTP.get(f"{url}/v1/assets", timeout=20).is_success
+        assert slow.begun == settings.frame_slots
+        slow.go.set()
+        assert {future.result().status_code for future in asked} == {200}
