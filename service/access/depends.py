@@ -25,6 +25,10 @@ FRAME_WAIT_S = 3.0
 """A request waits so long for its turn to decode a frame, before it is answered with 503."""
 
 
+READINGS = 8
+"""Uploads that are read at once, to know what they are."""
+
+
 class Streams:
     """Counts open event streams. They wait on threads of their own, so that they cannot block other requests."""
 
@@ -86,6 +90,8 @@ class ServiceContext:
     styles: StyleLibrary
     registry: CollectorRegistry
     """Registry of this app's metrics."""
+    reading_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(READINGS))
+    """Threads in which finished uploads are read: a damaged file may take a minute, which must not block others."""
     load: LoadHistory = field(default_factory=LoadHistory)
     """Load of this machine over the last hour."""
     closing: threading.Event = field(default_factory=threading.Event)

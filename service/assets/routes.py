@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+from anyio.to_thread import run_sync
 from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
@@ -47,7 +48,8 @@ async def upload(request: Request, response: Response, context: Context, caller:
     """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before."""
     with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         received = await _receive(request, context, Path(folder) / "file")
-        asset, new = await run_in_threadpool(adopt, context, caller, received.path, received.filename, received.sha256)
+        file = (received.path, received.filename, received.sha256)
+        asset, new = await run_sync(adopt, context, caller, *file, limiter=context.reading_threads)
     response.headers["Location"] = f"/v1/assets/{asset.id}"
     response.status_code = 201 if new else 200
     return asset

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from anyio.to_thread import run_sync
 from fastapi import Request, Response
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -56,7 +57,7 @@ async def import_project(request: Request, response: Response, context: Context,
     with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         path = Path(folder) / "project.zip"
         await _receive(request, context, path)
-        found = await run_in_threadpool(_load, context, caller, path)
+        found = await run_sync(_load, context, caller, path, limiter=context.reading_threads)
     response.headers["Location"] = f"/v1/projects/{found.id}"
     response.headers["ETag"] = etag(found.version)
     return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Annotated
 
+from anyio.to_thread import run_sync
 from fastapi import Path, Request, Response
 from starlette.concurrency import run_in_threadpool
 
@@ -159,8 +160,9 @@ def _find_with_offset(store: UploadStore, caller: Principal, upload_id: str) -> 
 async def _finish_if_whole(
     context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload, offset: int
 ) -> Upload:
-    whole = offset == upload.length
-    return await run_in_threadpool(finish, context, store, caller, upload) if whole else upload
+    if offset != upload.length:
+        return upload
+    return await run_sync(finish, context, store, caller, upload, limiter=context.reading_threads)
 
 
 def _state(store: UploadStore, upload: Upload, offset: int) -> dict[str, str]:

@@ -13,11 +13,14 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
+from service.access.depends import READINGS
+from service.assets.adopt import adopt
 from service.settings import Settings
 from tests.service.conftest import CLIP
 from tests.service.driven_farm import DrivenFarm
 from tests.service.live import running
 from tests.waiting import HTTP, until
+from workers.model import Asset
 
 
 def test_an_upload_is_addressed_by_its_content(client: TestClient, settings: Settings) -> None:
@@ -108,3 +111,25 @@ def test_frames_that_wait_block_no_other_request(
         assert slow.begun == settings.frame_slots
         slow.go.set()
         assert {future.result().status_code for future in asked} == {200}
+
+
+def test_uploads_that_are_read_block_no_other_request(
+    settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go, reading = threading.Event(), []
+
+    def read_slowly(*given: Any) -> tuple[Asset, bool]:
+        reading.append(1)
+        assert go.wait(60)
+        return adopt(*given)
+
+    monkeypatch.setattr("service.assets.routes.adopt", read_slowly)
+    with running(settings, farm) as url, ThreadPoolExecutor(50) as threads:
+        files = {"file": ("clip.mp4", CLIP)}
+        sent = [threads.submit(HTTP.post, f"{url}/v1/assets", files=files) for _ in range(50)]
+        until(lambda: len(reading) >= READINGS)
+        time.sleep(0.5)  # the others have arrived, too
+        assert HTTP.get(f"{url}/v1/assets", timeout=20).json()["items"] == []
+        assert len(reading) == READINGS
+        go.set()
+        assert {future.result().status_code for future in sent} == {200, 201}
