@@ -26,7 +26,7 @@ FRAME_WAIT_S = 3.0
 
 
 READINGS = 8
-"""Uploads that are read at once, to know what they are."""
+"""Uploads and archives that are read or written at once."""
 
 
 class Streams:
@@ -91,7 +91,7 @@ class ServiceContext:
     registry: CollectorRegistry
     """Registry of this app's metrics."""
     reading_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(READINGS))
-    """Threads in which finished uploads are read: a damaged file may take a minute, which must not block others."""
+    """Threads in which finished uploads are read, and archives: each may take minutes, which must not block others."""
     load: LoadHistory = field(default_factory=LoadHistory)
     """Load of this machine over the last hour."""
     closing: threading.Event = field(default_factory=threading.Event)

@@ -31,8 +31,12 @@ _MOST_TIMES = 4
 
 
 @router.get("/{project_id}/export", response_class=Response, responses={200: binary(ZIP, "The project")[200]})
-def export_project(project_id: ProjectId, context: Context, caller: Reader) -> Response:
+async def export_project(project_id: ProjectId, context: Context, caller: Reader) -> Response:
     """The newest version and its assets in one zip file."""
+    return await run_sync(_export, context, caller, project_id, limiter=context.reading_threads)
+
+
+def _export(context: ServiceContext, caller: Principal, project_id: str) -> Response:
     project = find_project(context, caller, project_id)
     folder = tempfile.TemporaryDirectory(dir=upload_folder(context))
     path = Path(folder.name) / "project.zip"
