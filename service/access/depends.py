@@ -23,8 +23,6 @@ from workers.farm import Farm
 
 FRAME_WAIT_S = 3.0
 """A request waits so long for its turn to decode a frame, before it is answered with 503."""
-
-
 READINGS = 8
 """Uploads and archives that are read or written at once."""
 
