@@ -1,4 +1,4 @@
-"""Cancel reaches a running task within a second: HTTP at one end, the worker's thread or actor at the other."""
+"""Cancel reaches a running task within a second (on an idle machine): from HTTP to the thread or actor of the worker."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pytest
 from pipeline.scenes import scene
 from service.settings import Settings
 from tests.service.live import running
+from tests.waiting import SLOWER
 from workers.execution.warm_up import warm_up_process
 from workers.farm import Farm, open_farm
 
@@ -74,7 +75,7 @@ def test_cancel_frees_the_worker_within_a_second(
     job = http.post("/v1/jobs", json={"method": "abstraction", "inputs": {"video": video}}).json()["id"]
     until(lambda: reached(http.get(f"/v1/jobs/{job}").json(), step, after) and busy(farm), 120)
     assert http.post(f"/v1/jobs/{job}/cancel").json()["state"] == "cancelled"
-    assert until(lambda: not busy(farm), 30) < WITHIN_S
+    assert until(lambda: not busy(farm), 30) < SLOWER * WITHIN_S
 
 
 def reached(job: dict[str, Any], step: str, after: float) -> bool:
