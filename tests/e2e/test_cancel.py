@@ -1,4 +1,4 @@
-"""Cancel reaches a running task within a second (on an idle machine): from HTTP to the thread or actor of the worker."""
+"""Cancel reaches a running task within a second on an idle machine: from HTTP to the thread or actor of the worker."""
 
 from __future__ import annotations
 
