@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import OpenEXR
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
-from tests.e2e.pages import Watched, accessibility_faults
+from tests.e2e.pages import Watched, accessibility_faults, until
 from tests.e2e.studio import (
     FILM_MS,
     SOON_MS,
@@ -138,3 +139,41 @@ def test_a_painting_of_the_library_and_a_saved_style_are_used_in_another_project
     open_project(page, service, video, "abstraction")
     expect(page.get_by_role("group", name="Your paintings")).to_be_visible()
     assert accessibility_faults(page, axe) == []
+
+
+def test_what_ends_late_is_in_the_layer_in_which_it_began(
+    watched: Watched, service: str, video: str, tmp_path: Path
+) -> None:
+    page, picture = watched.page, tmp_path / "painted.png"
+    cv2.imwrite(str(picture), np.full((SIZE[1], SIZE[0], 3), 90, np.uint8))
+    project = open_project(page, service, video, "analogy", params={}, inputs={})
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        if len(held) < 2:
+            held.append(route)
+        else:
+            route.continue_()
+
+    page.route("**/v1/styles/*/assets", hold)
+    page.route("**/v1/assets", hold)
+    cards = page.get_by_role("group", name="Paintings of the library").get_by_role("button")
+    expect(cards.first.locator("img")).to_be_visible(timeout=FILM_MS)
+    cards.filter(has_text="Swirling strokes").click()
+    page.get_by_label("Import a painted frame").set_input_files(picture)
+    until(page, lambda: len(held) == 2)
+    page.get_by_role("button", name="Add a layer").click()
+    expect(page.locator(".layer-row")).to_have_count(2)
+    for route in held:
+        route.continue_()
+
+    def layers() -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = stored(service, project)["shots"][0]["layers"]
+        return found
+
+    until(page, lambda: "style_output" in layers()[0].get("inputs", {}) and layers()[0].get("keys"))
+    saved(page)
+    page.unroute_all()
+    first, second = layers()
+    assert [key["frame"] for key in first["keys"]] == [4]
+    assert not second.get("keys") and not second.get("inputs")

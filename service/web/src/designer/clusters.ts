@@ -8,7 +8,17 @@ import * as api from "../shared/api";
 import type { Job, Page } from "../shared/types";
 import { upload } from "../shared/upload";
 import { type ProjectJob, preview, projectJobs } from "./api";
-import { addAsset, changeLayer, type LabelCorrection, type Layer, putAtFrame, removeAtFrame } from "./document";
+import {
+  addAsset,
+  changeLayer,
+  type LabelCorrection,
+  type Layer,
+  type LayerPlace,
+  layerOf,
+  putAtFrame,
+  removeAtFrame,
+  shotOf,
+} from "./document";
 import { colourOf, enlarged, solvedAround } from "./label-edits";
 import { decodeLabels, encodeLabels, type LabelMap } from "./label-png";
 import { createCanvas } from "./raster";
@@ -171,6 +181,7 @@ export class Clusters {
 
   /** Make a map the corrected one of its frame. */
   correct(label: string, frame: number, map: LabelMap): void {
+    const { place } = this.store; // another layer may be selected when it is stored
     this.map.value = { ...map, frame };
     this.redraw();
     this.waiting += 1;
@@ -180,7 +191,7 @@ export class Clusters {
       this.store.storing.value -= 1;
     };
     this.pending = this.pending
-      .then(() => this.save(label, frame, map))
+      .then(() => this.save(label, place, frame, map))
       .then(done, (error) => {
         done();
         this.failed(error);
@@ -188,13 +199,13 @@ export class Clusters {
       });
   }
 
-  private async save(label: string, frame: number, map: LabelMap): Promise<void> {
+  private async save(label: string, place: LayerPlace, frame: number, map: LabelMap): Promise<void> {
     const file = new File([await encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
     const asset = await upload(file);
     this.known.set(asset.id, map);
-    const { place, frames } = this.store;
-    const solve = this.correction(frame)?.solve ?? solvedAround(frame, frames);
     this.store.editDocument(label, (document) => {
+      const present = layerOf(shotOf(document, place.shot), place.layer)?.labels?.find((one) => one.frame === frame);
+      const solve = present?.solve ?? solvedAround(frame, this.store.frames);
       const [next, image] = addAsset(document, `${place.layer}-labels-${frame}`, { id: asset.id });
       return changeLayer(next, place, (layer) => ({
         ...layer,

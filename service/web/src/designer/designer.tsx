@@ -211,7 +211,8 @@ class Designer {
   async correctFrame(): Promise<void> {
     const { store } = this;
     const frame = store.frame.value;
-    await this.keys.correct(frame, await this.previews.full(frame));
+    const layer = store.layer.value.id;
+    await this.keys.correct(frame, await this.previews.full(frame), layer);
     if (store.frame.value === frame) store.tool.value = "brush";
   }
 
@@ -219,7 +220,8 @@ class Designer {
   async takeFromFilm(wanted: FilmFrame): Promise<void> {
     const { store } = this;
     store.goTo(wanted.frame);
-    await this.keys.correct(wanted.frame, await filmFrame(wanted));
+    const layer = store.layer.value.id;
+    await this.keys.correct(wanted.frame, await filmFrame(wanted), layer);
     if (store.frame.value === wanted.frame) store.tool.value = "brush";
   }
 

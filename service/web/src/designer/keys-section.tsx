@@ -149,9 +149,10 @@ function ImportButton({ store, keys }: { store: Store; keys: PaintedKeys }) {
 /** A picture becomes one layer; a PSD keeps its layers. */
 async function importKey(store: Store, keys: PaintedKeys, file: File): Promise<void> {
   const frame = store.frame.value;
+  const layer = store.layer.value.id;
   if (!isPsd(file)) return keys.import(frame, file);
   const { layers, simplified } = await readLayers(file, store.size);
-  await keys.importLayers(frame, layers);
+  await keys.importLayers(frame, layers, layer);
   if (!simplified.length) return;
   const names = simplified.map((name) => `“${name}”`).join(", ");
   notifyOf({

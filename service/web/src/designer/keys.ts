@@ -134,14 +134,15 @@ export class PaintedKeys {
     return { layers: await Promise.all(layers) };
   }
 
-  /** One step that changes a key's picture. */
-  edit(label: string, frame: number, picture: KeyPicture): void {
-    const key = pictureKey(this.store.layer.value.id, frame);
+  /** One step that changes a key's picture. `layer`: the one that was selected when a slow step began. */
+  edit(label: string, frame: number, picture: KeyPicture, layer = this.store.layer.value.id): void {
+    const key = pictureKey(layer, frame);
     this.store.edit(label, (state) => ({ ...state, pictures: { ...state.pictures, [key]: picture } }));
   }
 
   /** Put a picture that was painted elsewhere, of exactly the video's size, at a frame. */
   async import(frame: number, file: File): Promise<void> {
+    const layer = this.store.layer.value.id;
     const { width, height } = this.store.size;
     const picture = await createImageBitmap(file).catch(() => {
       throw new api.Problem({ detail: `“${file.name}” is not a picture.`, remedy: "Use a PNG." });
@@ -155,31 +156,30 @@ export class PaintedKeys {
     }
     const asset = await upload(file);
     this.raster.setBase(asset.id, picture);
-    this.edit("Import a key", frame, {
-      layers: [emptyLayer("import", file.name, asset.id), emptyLayer(PAINT_LAYER, "Paint", null)],
-    });
+    const layers = [emptyLayer("import", file.name, asset.id), emptyLayer(PAINT_LAYER, "Paint", null)];
+    this.edit("Import a key", frame, { layers }, layer);
   }
 
-  /** Put raster layers that were painted elsewhere, from back to front, at a frame. */
-  async importLayers(frame: number, layers: readonly RasterLayer[]): Promise<void> {
+  /** Put raster layers that were painted elsewhere, from back to front, at a frame of a layer of the shot. */
+  async importLayers(frame: number, layers: readonly RasterLayer[], layer: string): Promise<void> {
     const made = layers.map(async ({ name, canvas, opacity, visible }, i): Promise<PictureLayer> => {
       const asset = await upload(new File([await pngOf(canvas)], `key-${frame}-layer-${i}.png`, { type: "image/png" }));
       this.raster.setBase(asset.id, await createImageBitmap(canvas));
       return { ...emptyLayer(`import-${i}`, name.slice(0, 200), asset.id), opacity, visible };
     });
     const layersMade = await Promise.all(made);
-    this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] });
+    this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] }, layer);
     await this.bases.load({ layers: layersMade }); // those that were dropped while others were uploaded
   }
 
   /** The layers of a frame's picture as they are drawn, from back to front, and the finished picture. */
   async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
+    const key = pictureKey(this.store.layer.value.id, frame);
     const picture = await this.open(frame);
-    return this.bases.with(picture, async () => this.drawnLayers(frame, picture));
+    return this.bases.with(picture, async () => this.drawnLayers(key, picture));
   }
 
-  private drawnLayers(frame: number, picture: KeyPicture): { layers: RasterLayer[]; whole: HTMLCanvasElement } {
-    const key = pictureKey(this.store.layer.value.id, frame);
+  private drawnLayers(key: string, picture: KeyPicture): { layers: RasterLayer[]; whole: HTMLCanvasElement } {
     const layers = picture.layers.map(({ id, name, opacity, visible }, i) => {
       const [canvas, context] = createCanvas(this.store.size);
       const layer = picture.layers[i];
@@ -191,13 +191,12 @@ export class PaintedKeys {
     return { layers, whole };
   }
 
-  /** Make a painted frame the lowest layer of a key, to be corrected by hand. */
-  async correct(frame: number, painted: Blob): Promise<void> {
+  /** Make a painted frame the lowest layer of a key of a layer of the shot, to be corrected by hand. */
+  async correct(frame: number, painted: Blob, layer: string): Promise<void> {
     const asset = await upload(new File([painted], `frame-${frame}.png`, { type: "image/png" }));
     this.raster.setBase(asset.id, await createImageBitmap(painted));
-    this.edit("Correct a frame", frame, {
-      layers: [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)],
-    });
+    const layers = [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)];
+    this.edit("Correct a frame", frame, { layers }, layer);
   }
 
   remove(frame: number): void {
@@ -216,8 +215,9 @@ export class PaintedKeys {
 
   /** The finished picture of a frame as PNG: its key, or the video's frame. */
   async png(frame: number): Promise<Blob> {
+    const key = pictureKey(this.store.layer.value.id, frame);
     const picture = await this.open(frame);
-    return this.bases.with(picture, () => this.raster.png(pictureKey(this.store.layer.value.id, frame), picture));
+    return this.bases.with(picture, () => this.raster.png(key, picture));
   }
 
   /** A picture of the selected layer as PNG, its longest side at most `side` px. */

@@ -9,7 +9,7 @@ import type { Method, Params } from "../shared/types";
 import { outputSchema } from "../studio/output-form";
 import type { Clusters } from "./clusters";
 import { ClustersSection } from "./clusters-section";
-import { addAsset, changeLayer, type Layer } from "./document";
+import { addAsset, changeLayer, type Layer, type LayerPlace } from "./document";
 import { Embedded, type Part } from "./embedded";
 import type { FilmFrame, Films } from "./films";
 import type { Foreground } from "./foreground";
@@ -86,7 +86,7 @@ function MethodParts(props: MethodPartsProps) {
   return (
     <>
       <StyleLibrary store={store} method={method} />
-      <Embedded key={`inputs-${inputsKey(store)}`} make={() => inputSlots(store, method)} />
+      <Embedded key={`inputs-${store.layer.value.id}-${inputsKey(store)}`} make={() => inputSlots(store, method)} />
       {method.name === "analogy" && (
         <KeysSection store={store} keys={keys} correct={correct} take={take} suggest={suggest} />
       )}
@@ -121,15 +121,15 @@ function inputSlots(store: Store, method: Method): Part {
   const given = Object.fromEntries(
     Object.entries(store.layer.value.inputs ?? {}).map(([name, asset]) => [name, assets[asset]?.id ?? ""]),
   );
-  const slots = createInputs(ordered, given, () => setInputs(store, slots.values()));
+  const { place } = store; // another layer may be selected when an upload ends
+  const slots = createInputs(ordered, given, () => setInputs(store, place, slots.values()));
   return slots;
 }
 
 /** Changes with the layer's inputs, so that the slots show what undo or the library has chosen. */
 const inputsKey = (store: Store): string => JSON.stringify(store.layer.value.inputs ?? {});
 
-function setInputs(store: Store, values: Record<string, string>): void {
-  const place = store.place;
+function setInputs(store: Store, place: LayerPlace, values: Record<string, string>): void {
   store.editDocument("Change an input", (document) => {
     let next = document;
     const inputs: Record<string, string> = {};

@@ -89,12 +89,13 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
 
   const use = async (style: Style) => {
     if (!input) return;
+    const { place } = store;
     setWaiting(style.id);
     try {
       const { painting, source } = await useStyle(style.id);
       const given: Record<string, { id: string; title: string }> = { [input]: { id: painting.id, title: style.title } };
       if (source && input === "style_output") given.style = { id: source.id, title: `${style.title}, source` };
-      store.editDocument("Choose a painting", (document) => withPainting(document, store.place, given));
+      store.editDocument("Choose a painting", (document) => withPainting(document, place, given));
     } catch (error) {
       notify(error);
     }
