@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept, and how they are loaded.
+"""The cache of compiled kernels on disk: its folders, and the loading of kernels from it.
 
 Numba keeps compiled code beside its source, so that every installation and every checkout compiles anew, which takes
 about a minute. It does not notice that a kernel calls a kernel of another file that has changed. And its index names a
@@ -63,7 +63,7 @@ class _Folder(_CacheLocator):
 
 
 class _CompiledCode(CompileResultCacheImpl):
-    """What the cache has of one function, for one signature.
+    """Writes and loads the compiled code of one function.
 
     When Numba loads a function, it asks LLVM about each of about 200 symbols in its code, to know which are defined.
     That takes half of the time, and afterwards only the entry points are needed.

@@ -1,7 +1,7 @@
 """Answers that are sent piece by piece.
 
 When a client leaves before the end, Starlette leaves the source of the pieces to Python's garbage collection, which may
-come minutes later. Until then a preview would keep its place, so that two of them stop all previews, and a download its
+come minutes later. Until then a preview would keep its slot, so that two of them stop all previews, and a download its
 open file. Here a source is closed as soon as its answer ends.
 """
 

@@ -22,7 +22,7 @@ from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
 FRAME_WAIT_S = 3.0
-"""A request waits so long for its turn to decode a frame, before it is answered with 503."""
+"""Longest wait of a request for a frame slot, seconds; then it is answered with 503."""
 READINGS = 8
 """Uploads and archives that are read or written at once."""
 
@@ -53,14 +53,14 @@ class Streams:
 
 
 class FrameSlots:
-    """Places for requests that decode frames. Those that wait for one have no thread, which other requests need."""
+    """Slots of requests that decode frames. A request that waits for one has no thread, which others need."""
 
     def __init__(self, most: int) -> None:
         self._free = Semaphore(most)
 
     @asynccontextmanager
     async def one(self) -> AsyncIterator[None]:
-        """A place while the block runs. Raises Busy, after `FRAME_WAIT_S`."""
+        """Have a slot while the block runs. Raises Busy if none is free within `FRAME_WAIT_S`."""
         with move_on_after(FRAME_WAIT_S) as waiting:
             await self._free.acquire()
         if waiting.cancelled_caught:
@@ -129,5 +129,5 @@ Context = Annotated[ServiceContext, Depends(_context)]
 Reader = Annotated[Principal, Depends(_requires(Scope.READ))]
 Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
 Admin = Annotated[Principal, Depends(_requires(Scope.ADMIN))]
-DECODES = Depends(_frame_slot, scope="function")
+NEEDS_FRAME_SLOT = Depends(_frame_slot, scope="function")
 """Dependency of a route that decodes frames: at most `frame_slots` such requests run at once."""

@@ -11,7 +11,7 @@ from anyio.to_thread import run_sync
 from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import DECODES, Context, Reader, ServiceContext, Submitter
+from service.access.depends import NEEDS_FRAME_SLOT, Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
@@ -95,7 +95,7 @@ def get_content(
     return serve(context.farm, served, request, download)
 
 
-@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG, dependencies=[DECODES])
+@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG, dependencies=[NEEDS_FRAME_SLOT])
 def get_frame(
     asset_id: AssetId,
     context: Context,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from fastapi import Path, Response
 
-from service.access.depends import DECODES, Context, Reader, ServiceContext
+from service.access.depends import NEEDS_FRAME_SLOT, Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, binary
@@ -21,7 +21,10 @@ Index = Annotated[int, Path(ge=0, le=10_000_000, description="Which frame of the
 
 
 @router.get(
-    "/frames/{index}", response_class=Response, responses=binary("image/png", "The frame"), dependencies=[DECODES]
+    "/frames/{index}",
+    response_class=Response,
+    responses=binary("image/png", "The frame"),
+    dependencies=[NEEDS_FRAME_SLOT],
 )
 def get_film_frame(job_id: JobId, index: Index, context: Context, caller: Reader) -> Response:
     """A frame of the finished film as PNG. Of a film in PNG frames these are its exact pixels, of any other the decoded

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from fastapi import Path, Query, Response
 
-from service.access.depends import DECODES, Context, Reader, Submitter
+from service.access.depends import NEEDS_FRAME_SLOT, Context, Reader, Submitter
 from service.assets.adopt import check_quota
 from service.routing import Router
 from service.schemas import Listing, Responses
@@ -36,7 +36,7 @@ def list_styles(context: Context, _caller: Reader) -> Listing[StyleOut]:
     return Listing(context.styles.listing(), None)
 
 
-@router.get("/{style_id}/picture", response_class=Response, responses=JPEG, dependencies=[DECODES])
+@router.get("/{style_id}/picture", response_class=Response, responses=JPEG, dependencies=[NEEDS_FRAME_SLOT])
 def get_style_picture(
     style_id: StyleId,
     context: Context,

@@ -57,7 +57,7 @@ def test_processes_that_start_together_compile_once(tmp_path: Path) -> None:
 
 
 def _run(script: str, folder: Path, **settings: str) -> str:
-    """What a new process with an empty cache prints."""
+    """The output of a new process that runs `script` with an empty cache."""
     env = {"NUMBA_CACHE_DIR": str(folder), "PATH": "", "HOME": str(folder)} | settings
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], env=env, capture_output=True, text=True, timeout=90)

@@ -67,14 +67,21 @@ def test_a_frame_of_an_asset_is_an_image(client: TestClient, asset: str) -> None
     assert (wrong.status_code, wrong.json()["field"]) == (422, "index")
 
 
+def frame_of_a_clip(url: str) -> str:
+    """The address of a frame of an asset that is uploaded now."""
+    asset = HTTP.post(f"{url}/v1/assets", files={"file": ("clip.mp4", CLIP)}).json()["id"]
+    return f"{url}/v1/assets/{asset}/frame"
+
+
 class SlowFrames:
     """Frames of assets that are decoded when `go` is set."""
 
     def __init__(self) -> None:
-        self.go, self.begun = threading.Event(), 0
+        self.go = threading.Event()
+        self.begun: list[int] = []
 
     def frame(self, *_: object) -> bytes:
-        self.begun += 1
+        self.begun.append(1)
         assert self.go.wait(60)
         return b"a frame"
 
@@ -86,14 +93,14 @@ def test_a_frame_waits_for_others_and_is_refused_after_some_seconds(
     slow = SlowFrames()
     monkeypatch.setattr(farm.assets, "frame", slow.frame)
     with running(settings.model_copy(update={"frame_slots": 1}), farm) as url, ThreadPoolExecutor(1) as threads:
-        asset = HTTP.post(f"{url}/v1/assets", files={"file": ("clip.mp4", CLIP)}).json()["id"]
-        first = threads.submit(HTTP.get, f"{url}/v1/assets/{asset}/frame")
-        until(lambda: slow.begun == 1)
-        busy = HTTP.get(f"{url}/v1/assets/{asset}/frame")
+        frame = frame_of_a_clip(url)
+        first = threads.submit(HTTP.get, frame)
+        until(lambda: len(slow.begun) == 1)
+        busy = HTTP.get(frame)
         assert (busy.status_code, busy.json()["code"], busy.headers["Retry-After"]) == (503, "busy", "1")
         slow.go.set()
         assert first.result().content == b"a frame"
-        assert HTTP.get(f"{url}/v1/assets/{asset}/frame").content == b"a frame"
+        assert HTTP.get(frame).content == b"a frame"
 
 
 def test_frames_that_wait_block_no_other_request(
@@ -103,12 +110,12 @@ def test_frames_that_wait_block_no_other_request(
     slow = SlowFrames()
     monkeypatch.setattr(farm.assets, "frame", slow.frame)
     with running(settings, farm) as url, ThreadPoolExecutor(50) as threads:
-        asset = HTTP.post(f"{url}/v1/assets", files={"file": ("clip.mp4", CLIP)}).json()["id"]
-        asked = [threads.submit(HTTP.get, f"{url}/v1/assets/{asset}/frame") for _ in range(50)]
-        until(lambda: slow.begun == settings.frame_slots)
+        frame = frame_of_a_clip(url)
+        asked = [threads.submit(HTTP.get, frame) for _ in range(50)]
+        until(lambda: len(slow.begun) == settings.frame_slots)
         time.sleep(0.5)  # the others have arrived, too
         assert HTTP.get(f"{url}/v1/assets", timeout=20).is_success
-        assert slow.begun == settings.frame_slots
+        assert len(slow.begun) == settings.frame_slots
         slow.go.set()
         assert {future.result().status_code for future in asked} == {200}
 
