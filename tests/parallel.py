@@ -40,7 +40,12 @@ IN_CHROMIUM = (
 )
 """Two groups of files of about equal duration; the files of a group share the service and the browser of
 tests/e2e/conftest.py."""
-ON_RAY = ("tests/workers/test_ray_nodes.py", "tests/workers/test_preview_ray.py", "tests/workers/test_ray_pool.py")
+ON_RAY = (
+    "tests/workers/test_ray_nodes.py",
+    "tests/workers/test_preview_ray.py",
+    "tests/workers/test_ray_pool.py",
+    "tests/workers/test_live_ray.py",
+)
 """Files that start clusters, one after the other."""
 LONGEST = (
     *IN_CHROMIUM[0],

@@ -25,7 +25,7 @@ from workers.errors import Conflict
 from workers.jobs import state_machine as machine
 from workers.store import Store, StorePolicy
 
-STEPS = int(os.environ.get("IMPASTO_FARM_STEPS", "1200"))
+STEPS = int(os.environ.get("IMPASTO_FARM_STEPS", "800"))
 STEPS_AT_ONCE = 50
 REPEATABLE_STEPS = 10_000
 """Runs of at most this many steps are the same each time; longer ones draw other numbers in each run."""

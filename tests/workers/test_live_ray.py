@@ -24,7 +24,7 @@ from workers.live.renderer import LiveRenderer
 from workers.live.stream import Answer, Replaced, Stream
 from workers.settings import FarmSettings
 
-pytestmark = [pytest.mark.real("ray"), pytest.mark.serial]
+pytestmark = pytest.mark.real("ray")
 
 SIZE = (128, 96)
 ORDER = LiveOrder("echo", {}, 0, {}, SIZE, WireFormat("raw", "raw"))
