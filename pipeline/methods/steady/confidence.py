@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.buffers import Buffers
 from pipeline.flow.dis import dis
 from pipeline.flow.gray import to_gray
+from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.jit import kernel
 
@@ -31,10 +32,21 @@ Picture: TypeAlias = NDArray[np.float32]
 """float32 (h, w, 3), RGB, 0..255."""
 
 
-def motion(before: Frame, now: Frame) -> tuple[Flow, Flow]:
-    """Accurate flow from `now` to `before`, and a fast flow from `before` to `now` to check it with."""
+def motion(before: Frame, now: Frame, both_accurate: bool) -> tuple[Flow, Flow]:
+    """Accurate flow from `now` to `before`, and a flow from `before` to `now` to check it with: a fast one, or an
+    accurate one, too."""
     first, second = to_gray(before), to_gray(now)
-    return dis(second, first, "half"), dis(first, second, "ultrafast")
+    return dis(second, first, "half"), dis(first, second, "half" if both_accurate else "ultrafast")
+
+
+@dataclass(frozen=True)
+class TrustedMotion:
+    """Motion from each pixel of a frame to another frame, and how far it can be trusted."""
+
+    to: tuple[Plane, Plane]
+    """x and y of the same point of the scene in the other frame, float32 (h, w), px."""
+    trust: Plane
+    """Confidence in that motion, float32 (h, w), 0..1."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +93,22 @@ def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
     cv2.blur(difference, (WINDOW_PX, WINDOW_PX), dst=mean)
     _decay(mean, rate, exponent)
     return np.asarray(cv2.exp(exponent), np.float32)
+
+
+def onward_motion(before: Frame, now: Frame, flows: tuple[Flow, Flow], alpha: float, buffers: Buffers) -> TrustedMotion:
+    """Motion from a frame to the next one.
+
+    Args:
+        before, now: the two frames of the source.
+        flows: accurate flows from `now` to `before` and from `before` to `now`.
+        alpha, buffers: see `confidence`. Without an average of later frames, `now` itself is what is expected.
+    """
+    back, forth = flows
+    there = positions(forth)
+    round_trip = cv2.remap(back, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    warped = np.asarray(cv2.remap(now, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
+    evidence = Evidence(forth, np.asarray(round_trip, np.float32), before, warped, warped.astype(np.float32))
+    return TrustedMotion(there, confidence(evidence, alpha, buffers))
 
 
 @kernel

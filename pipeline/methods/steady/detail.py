@@ -1,4 +1,4 @@
-"""Restoration of the texture that averaging along the motion has blurred."""
+"""Restoration of the texture that averaging along the motion has blurred, in two bands of frequencies."""
 
 from __future__ import annotations
 
@@ -13,89 +13,117 @@ from pipeline.frames import Plane
 from pipeline.jit import kernel
 from pipeline.methods.steady.confidence import Picture
 
-SIGMA_PX = 0.7
-"""Standard deviation of the Gaussian blur whose complement is texture."""
+SIGMAS_PX = (0.5, 1.2)
+"""Standard deviations of two Gaussian blurs. The first removes the fine band, the second also the middle band."""
 CELL_PX = 4
-"""Amounts of texture are summed in cells of this side first."""
+"""Amounts of texture are averaged in cells of this side first."""
 WINDOW_CELLS = 5
 """Side of the window, in cells, over which the amounts are averaged."""
 MEMORY = np.float32(0.9)
 """Share of the last frame's amounts in those of a frame. The amount in a single frame flickers as its texture does, and
 the amplified texture would flicker with it."""
 LARGEST = 3.0
-"""Largest amplification: faint texture does not become noise."""
+"""Largest gain of a band: faint texture does not become noise."""
+_LEAST_DETERMINANT = np.float32(1e-3)
+"""Squared grey levels; without texture, there is no gain."""
+_LUMA = np.array([[0.299, 0.587, 0.114]], np.float32)
 
 Amounts = NDArray[np.float32]
-"""Mean texture around each cell, float32 (3, rows, columns): of the result, of the styled frame, and the increase of
-the result's when its texture is added to it once. Without rows before the second frame of a shot."""
-NO_AMOUNTS: Amounts = np.empty((3, 0, 0), np.float32)
+"""Mean absolute lightness of bands around each cell, grey levels, float32 (8, rows, columns): fine and middle band of
+the result, those of the styled frame, and those of each band of the result when it is divided into bands again (fine of
+fine, middle of fine, fine of middle, middle of middle). Without rows before the second frame of a shot."""
+NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
 
 
 def restore_detail(
     picture: Picture, styled: Picture, share: float, before: Amounts, buffers: Buffers
-) -> tuple[Picture, Plane, Amounts]:
-    """The texture of `picture`, and the gain that brings it to the amount that the styled frames have around a pixel.
+) -> tuple[Picture, Amounts]:
+    """What to add to `picture` so that its texture has the strength of that of the styled frames around each pixel.
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
-    contrast; the texture stays that of the average, which changes slowly.
+    contrast; the texture stays that of the average, which changes slowly. Averaging weakens fine texture more than
+    coarse texture, and warping sharpens some edges; a single gain for both bands would leave too little of the one or
+    too much of the other.
 
     Args:
         picture, styled: float32 (h, w, 3), 0..255.
         share: of the missing texture that is restored, 0..1.
         before: amounts at the last frame.
-        buffers: memory to work in. The texture lies there until the next call with the same `buffers`.
+        buffers: memory to work in. The returned texture lies there until the next call with the same `buffers`.
 
     Returns:
-        The texture, float32 (h, w, 3); what to multiply it with before it is added to the picture, float32 (h, w),
-        -1..LARGEST; and the amounts at this frame.
+        The texture, float32 (h, w, 3); and the amounts at this frame.
     """
-    fine = buffers.get("texture", picture.shape)
-    have = _amount(picture, fine, buffers)
-    other = buffers.get("texture of others", picture.shape)
-    amounts = np.stack([have, _amount(styled, other, buffers), _amount(fine, other, buffers)])
+    blurred = [buffers.get(f"blurred {sigma}", picture.shape) for sigma in SIGMAS_PX]
+    for sigma, plane in zip(SIGMAS_PX, blurred, strict=True):
+        cv2.GaussianBlur(picture, _kernel_size(sigma), sigma, dst=plane)
+    light = [_lightness(plane) for plane in (picture, *blurred)]
+    fine, middle = light[0] - light[1], light[1] - light[2]
+    planes = (fine, middle, *_bands(_lightness(styled)), *_bands(fine), *_bands(middle))
+    amounts = np.stack([_amount(plane) for plane in planes])
     if before.size:
         amounts = MEMORY * before + (1 - MEMORY) * amounts
-    have, want, increase = amounts
-    gain = np.float32(share) * ((want - have) / (increase + np.float32(1e-3))).clip(-1, LARGEST)
     size = (picture.shape[1], picture.shape[0])
-    return fine, np.asarray(cv2.resize(gain, size, interpolation=cv2.INTER_LINEAR), np.float32), amounts
+    gains = [cv2.resize(gain, size, interpolation=cv2.INTER_LINEAR) for gain in _gains(amounts, np.float32(share))]
+    texture = buffers.get("texture", picture.shape)
+    _amplify(picture, blurred[0], blurred[1], gains[0], gains[1], texture)
+    return texture, amounts
 
 
 def resized_amounts(amounts: Amounts, size: tuple[int, int]) -> Amounts:
     """The amounts for frames of another size (width, height), px."""
     if not amounts.size:
         return amounts
-    cells = (-(-size[0] // CELL_PX), -(-size[1] // CELL_PX))
+    cells = _cells(size[1], size[0])
     return np.stack([np.asarray(cv2.resize(plane, cells, interpolation=cv2.INTER_LINEAR)) for plane in amounts])
 
 
-def _amount(picture: Picture, fine: Picture, buffers: Buffers) -> Plane:
-    """Sum of the texture of `picture` in each cell, averaged over the window: float32 (rows, columns). `fine` is filled
-    with the texture."""
-    height, width = picture.shape[:2]
-    coarse = buffers.get("blurred", picture.shape)
-    cv2.GaussianBlur(picture, (0, 0), SIGMA_PX, dst=coarse)
-    cells = np.zeros((-(-height // CELL_PX), -(-width // CELL_PX)), np.float32)
-    rows = (height, width * picture.shape[2])
-    _subtract(picture.reshape(rows), coarse.reshape(rows), CELL_PX * picture.shape[2], fine.reshape(rows), cells)
+def _gains(amounts: Amounts, share: np.float32) -> tuple[Plane, Plane]:
+    """Gains of the fine and of the middle band, -1..LARGEST: the solution of two linear equations for each cell, which
+    state that both bands then have the amounts of the styled frame."""
+    have, want = amounts[:2], amounts[2:4]
+    (fine_of_fine, middle_of_fine), (fine_of_middle, middle_of_middle) = amounts[4:6], amounts[6:8]
+    fine, middle = share * (want - have)
+    determinant = np.maximum(fine_of_fine * middle_of_middle - fine_of_middle * middle_of_fine, 0) + _LEAST_DETERMINANT
+    gains = middle_of_middle * fine - fine_of_middle * middle, fine_of_fine * middle - middle_of_fine * fine
+    first, second = ((gain / determinant).clip(-1, LARGEST) for gain in gains)
+    return first, second
+
+
+def _lightness(picture: Picture) -> Plane:
+    return np.asarray(cv2.transform(picture, _LUMA), np.float32)
+
+
+def _bands(plane: Plane) -> tuple[Plane, Plane]:
+    """Fine and middle band of a plane of lightness."""
+    first, second = (cv2.GaussianBlur(plane, _kernel_size(sigma), sigma) for sigma in SIGMAS_PX)
+    return plane - first, first - second
+
+
+def _kernel_size(sigma_px: float) -> tuple[int, int]:
+    """Width and height of a blur's kernel, px: up to 2.5 sigma from its centre."""
+    side = 2 * round(2.5 * sigma_px) + 1
+    return side, side
+
+
+def _amount(band: Plane) -> Plane:
+    """Mean absolute value of a band in each cell, averaged over the window, float32 (rows, columns)."""
+    cells = cv2.resize(np.abs(band), _cells(*band.shape), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.blur(cells, (WINDOW_CELLS, WINDOW_CELLS)), np.float32)
 
 
+def _cells(height: int, width: int) -> tuple[int, int]:
+    """Columns and rows of cells that cover a frame."""
+    return -(-width // CELL_PX), -(-height // CELL_PX)
+
+
 @kernel
-def _subtract(picture: Any, coarse: Any, cell: Any, fine: Any, cells: Any) -> None:
-    """Fill `fine` with picture - coarse, and `cells` with the sums of its absolute values; a cell has `cell` values of
-    each row."""
-    height, width = picture.shape
-    column = np.empty(width, np.float32)
-    for row in range(cells.shape[0]):
-        column[:] = 0
-        for y in range(row * CELL_PX, min((row + 1) * CELL_PX, height)):
-            p, q, f = picture[y], coarse[y], fine[y]
-            for j in range(width):
-                f[j] = p[j] - q[j]
-                column[j] += abs(f[j])
-        for i in range(cells.shape[1]):
-            total = np.float32(0)
-            for j in range(i * cell, min((i + 1) * cell, width)):
-                total += column[j]
-            cells[row, i] = total
+def _amplify(picture: Any, soft: Any, softer: Any, fine: Any, middle: Any, texture: Any) -> None:
+    """Fill `texture` with fine (picture - soft) + middle (soft - softer); `fine` and `middle` are planes of gains."""
+    height, width, channels = picture.shape
+    for y in range(height):
+        for x in range(width):
+            first, second = fine[y, x], middle[y, x]
+            for c in range(channels):
+                between = soft[y, x, c]
+                texture[y, x, c] = first * (picture[y, x, c] - between) + second * (between - softer[y, x, c])

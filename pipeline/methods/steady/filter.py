@@ -12,7 +12,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.buffers import Buffers
 from pipeline.flow.warp import positions
 from pipeline.frames import Frame, Plane, same_size
-from pipeline.methods.steady.confidence import Evidence, Picture, confidence, motion
+from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
 from pipeline.methods.steady.detail import NO_AMOUNTS, resized_amounts, restore_detail
 from pipeline.methods.steady.equation import add_clipped, equation_terms, remember, show
 from pipeline.methods.steady.params import SteadyParams
@@ -24,10 +24,10 @@ from pipeline.solvers.screened import solve_screened
 class SourceAnalysis:
     """Properties of the source frame on which a result depends."""
 
-    back: tuple[Plane, Plane]
-    """x and y of the pixel in the last frame from which each pixel of this frame has come, px."""
-    trust: Plane
-    """Confidence in that motion, float32 (h, w), 0..1."""
+    back: TrustedMotion
+    """From this frame to the last."""
+    onward: TrustedMotion | None
+    """From the last frame to this one; only with `look_ahead`."""
 
 
 class SteadyFilter:
@@ -93,16 +93,18 @@ class SteadyFilter:
         if before is None or is_cut(thumbnail(before), thumbnail(source), self.params.cut_sensitivity):
             self._memory = source.astype(np.float32)
             return None
-        back, forth = motion(before, source)
+        two_sided, alpha = self.params.look_ahead > 0, self.params.trail_suppression
+        back, forth = motion(before, source, two_sided)
         there, buffers = positions(back), self._analyzing
         round_trip, expected = buffers.get("round trip", forth.shape), buffers.get("expected", source.shape)
         for picture, moved in ((forth, round_trip), (self._memory, expected)):
             cv2.remap(picture, *there, cv2.INTER_LINEAR, dst=moved, borderMode=cv2.BORDER_REPLICATE)
         warped = cv2.remap(before, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         evidence = Evidence(back, round_trip, source, np.asarray(warped, np.uint8), expected)
-        trust = confidence(evidence, self.params.trail_suppression, buffers)
+        trust = confidence(evidence, alpha, buffers)
         remember(source, expected, trust, np.float32(self.params.strength), self._memory)
-        return SourceAnalysis(there, trust)
+        onward = onward_motion(before, source, (back, forth), alpha, buffers) if two_sided else None
+        return SourceAnalysis(TrustedMotion(there, trust), onward)
 
     def apply(self, analysis: SourceAnalysis | None, styled: Frame, mask: Plane | None = None) -> Frame:
         """Second half of `step`. Raises: BadFrame."""
@@ -114,22 +116,22 @@ class SteadyFilter:
         target = buffers.get("target", shape)
         np.copyto(target, styled)
         mask = self._everywhere if mask is None else mask
-        self._solve(analysis, target, mask)
-        fine, gain, detail = target, buffers.get("no gain", shape[:2]), self.params.detail
+        self._solve(analysis.back, target, mask)
+        texture, detail = buffers.get("no texture", shape), self.params.detail
         if detail > 0:
-            fine, gain, self._amounts = restore_detail(self._result, target, detail, self._amounts, buffers)
+            texture, self._amounts = restore_detail(self._result, target, detail, self._amounts, buffers)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
-        show(self._result, fine, gain, target, mask, shown)
+        show(self._result, texture, target, mask, shown)
         return shown
 
-    def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane) -> None:
+    def _solve(self, back: TrustedMotion, target: Picture, mask: Plane) -> None:
         """Replace the previous result by the solution of the equation for the styled frame `target`."""
         buffers = self._applying
         moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
-        cv2.remap(self._result, *analysis.back, cv2.INTER_CUBIC, dst=moved, borderMode=cv2.BORDER_REPLICATE)
+        cv2.remap(self._result, *back.to, cv2.INTER_CUBIC, dst=moved, borderMode=cv2.BORDER_REPLICATE)
         weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
-        np.multiply(analysis.trust, mask * np.float32(self.params.strength), out=weight)
-        equation_terms(moved, target, analysis.trust, weight, self._return, (absorb, source))
+        np.multiply(back.trust, mask * np.float32(self.params.strength), out=weight)
+        equation_terms(moved, target, back.trust, weight, self._return, (absorb, source))
         add_clipped(target, solve_screened(absorb, source, buffers), self._result)
 
     def reconfigure(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:

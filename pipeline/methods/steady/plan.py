@@ -39,7 +39,6 @@ class _Waiting:
     """A frame whose source is being analysed."""
 
     analysis: Future[SourceAnalysis | None]
-    source: Frame
     styled: Frame
     mask: Plane | None
 
@@ -124,9 +123,9 @@ def run_steady(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
 
 def _results(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParams]) -> Iterator[tuple[int, Frame]]:
     """Indices and results of the frames of a task, and of those after it that were needed."""
-    frames, params = _forwards(steady, task, context), context.params
-    if params.look_ahead:
-        yield from average_backwards(frames, params.look_ahead, params.trail_suppression)
+    frames, ahead = _forwards(steady, task, context), context.params.look_ahead
+    if ahead:
+        yield from average_backwards(frames, ahead)
     else:
         yield from ((frame.index, frame.result) for frame in frames)
 
@@ -142,9 +141,10 @@ def _forwards(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParam
 
 def _part(steady: SteadyFilter, begin: int, end: int, context: TaskContext[SteadyParams]) -> Iterator[Steadied]:
     for index, frame in enumerate(_analyzed(steady, begin, end, context), begin):
+        analysis = frame.analysis.result()
         with context.clock("steady"):
-            result = steady.apply(frame.analysis.result(), frame.styled, frame.mask)
-        yield Steadied(index, frame.source, result, frame.mask)
+            result = steady.apply(analysis, frame.styled, frame.mask)
+        yield Steadied(index, result, frame.mask, analysis.onward if analysis else None)
 
 
 def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[SteadyParams]) -> Iterator[_Waiting]:
@@ -159,7 +159,7 @@ def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[
     inputs = context.frames("video", start, stop), context.frames("styled", start, stop), _masks(context, start, stop)
     with ThreadPoolExecutor(1, "impasto-motion") as thread:
         for source, styled, mask in zip(*inputs, strict=False):
-            waiting.append(_Waiting(thread.submit(analyze, source), source, styled, mask))
+            waiting.append(_Waiting(thread.submit(analyze, source), styled, mask))
             if len(waiting) > AHEAD:
                 yield waiting.popleft()
         yield from waiting

@@ -17,68 +17,53 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.buffers import Buffers
-from pipeline.flow.warp import positions
 from pipeline.frames import Frame, Plane
-from pipeline.methods.steady.confidence import Evidence, Picture, confidence, motion
-from pipeline.methods.steady.filter import SourceAnalysis
+from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
 SHARE = np.float32(0.8)
 """Share of the next result in a result where the motion is certain. Results farther ahead count as its powers."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Steadied:
     """A frame after the pass forwards."""
 
     index: int
-    source: Frame
     result: Frame
     mask: Plane | None
     """1 = steady, 0 = as it is, float32 (h, w); None = 1 everywhere."""
-    onward: SourceAnalysis | None = None
-    """Motion to the next frame, once it is known."""
+    from_last: TrustedMotion | None
+    """Motion from the last frame to this one; None at the first frame of a shot, and where it is not needed."""
 
 
-def average_backwards(frames: Iterator[Steadied], ahead: int, alpha: float) -> Iterator[tuple[int, Frame]]:
+def average_backwards(frames: Iterator[Steadied], ahead: int) -> Iterator[tuple[int, Frame]]:
     """Indices and averaged frames, in order.
 
     Args:
         frames: consecutive frames of one shot.
         ahead: number of later frames on which a result depends at least, where the shot has them; >= 1.
-        alpha: rate at which the confidence falls with the colour difference, see `confidence`.
     """
     window: list[Steadied] = []
     for frame in frames:
         window.append(frame)
         if len(window) == 3 * ahead:
-            yield from _averaged(window, alpha)[: 2 * ahead]
+            yield from _averaged(window)[: 2 * ahead]
             del window[: 2 * ahead]
-    yield from _averaged(window, alpha)
+    yield from _averaged(window)
 
 
-def _averaged(window: list[Steadied], alpha: float) -> list[tuple[int, Frame]]:
+def _averaged(window: list[Steadied]) -> list[tuple[int, Frame]]:
     """All frames of a window, averaged with those that follow in it."""
-    buffers, made = Buffers(), list[tuple[int, Frame]]()
+    made: list[tuple[int, Frame]] = []
     later: Picture | None = None
-    for frame, after in zip(reversed(window), (None, *reversed(window)), strict=False):
+    onward: TrustedMotion | None = None
+    for frame in reversed(window):
         now: Picture = frame.result.astype(np.float32)
-        if later is not None and after is not None:
-            frame.onward = frame.onward or _onward(frame.source, after.source, alpha, buffers)
-            moved = cv2.remap(later, *frame.onward.back, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-            share = frame.onward.trust * SHARE
+        if later is not None and onward is not None:
+            moved = cv2.remap(later, *onward.to, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            share = onward.trust * SHARE
             share = share if frame.mask is None else share * frame.mask
             now += share[..., None] * (moved - now)
-        later = now
+        later, onward = now, frame.from_last
         made.append((frame.index, np.asarray(np.rint(now.clip(0, 255)), np.uint8)))
     return made[::-1]
-
-
-def _onward(source: Frame, after: Frame, alpha: float, buffers: Buffers) -> SourceAnalysis:
-    """Motion from `source` to the frame after it, and the confidence in it."""
-    onward, back = motion(after, source)
-    there = positions(onward)
-    round_trip = cv2.remap(back, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    warped = np.asarray(cv2.remap(after, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
-    evidence = Evidence(onward, np.asarray(round_trip, np.float32), source, warped, warped.astype(np.float32))
-    return SourceAnalysis(there, confidence(evidence, alpha, buffers))
