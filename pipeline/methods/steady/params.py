@@ -31,7 +31,7 @@ class SteadyParams(Params):
     look_ahead: int = number(
         0, 0, 8, "Look ahead",
         "Number of later frames that each result is averaged with, in a second pass backwards in time: less flicker, "
-        "slightly softer texture, twice the processor time. 0 = past frames only; live streams always have 0.",
+        "slightly softer texture, 1.5 times the processor time. 0 = past frames only; live streams always have 0.",
         "frames", "Time",
     )  # fmt: skip
     detail: float = number(
