@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from urllib.parse import quote
 
@@ -11,9 +10,9 @@ from starlette.datastructures import Headers
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
+from service.access.depends import ServiceContext
 from service.errors import RangeNotSatisfiable
-from service.streaming import StreamedResponse
-from workers.farm import Farm
+from service.streaming import StreamedResponse, in_threads
 from workers.farm_parts.stored_file import StoredFile
 
 CONTENT_CSP = "sandbox; default-src 'none'; img-src 'self'; media-src 'self'; style-src 'unsafe-inline'"
@@ -70,9 +69,10 @@ def disposition(filename: str, attachment: bool) -> str:
     return f'{kind}; filename="{plain}"{full}'
 
 
-def serve(farm: Farm, served: StoredFile, request: Request, attachment: bool = False) -> Response:
+def serve(context: ServiceContext, served: StoredFile, request: Request, attachment: bool = False) -> Response:
     """Answer a GET or HEAD for a file of the farm. A download may be redirected to the blob store."""
-    if attachment and request.method == "GET" and (url := farm.files.direct_url(served)):
+    files = context.farm.files
+    if attachment and request.method == "GET" and (url := files.direct_url(served)):
         return RedirectResponse(url, 307, {"Cache-Control": "private, no-store"})
     etag = '"' + served.etag.strip('"') + '"'
     headers = {
@@ -89,5 +89,7 @@ def serve(farm: Farm, served: StoredFile, request: Request, attachment: bool = F
     headers["Content-Length"] = str(stop - start)
     if span:
         headers["Content-Range"] = f"bytes {start}-{stop - 1}/{served.size_bytes}"
-    body: Iterator[bytes] = iter(()) if request.method == "HEAD" else farm.files.read(served, start, stop)
+    if request.method == "HEAD":
+        return Response(headers=headers, media_type=served.media_type)
+    body = in_threads(files.read(served, start, stop), context.download_threads)
     return StreamedResponse(body, 206 if span else 200, headers, served.media_type)

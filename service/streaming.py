@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import AsyncGenerator, Callable, Generator, Iterator, Mapping
 
-from anyio import CancelScope
+from anyio import CancelScope, CapacityLimiter
+from anyio.to_thread import run_sync
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
@@ -19,7 +20,8 @@ class StreamedResponse(StreamingResponse):
     """An answer whose source is closed when it ends, however it ends.
 
     Args:
-        source: the pieces. One that is not asynchronous is asked for them in threads.
+        source: the pieces. One that is not asynchronous is asked for them in threads that other requests need, too; see
+            `in_threads` for a source that may be slow.
         on_disconnect: called once if the client leaves, also while a piece is made.
     """
 
@@ -45,6 +47,20 @@ class StreamedResponse(StreamingResponse):
             with CancelScope(shield=True):
                 await _close(self.body_iterator)
                 await _close(self._source)
+
+
+async def in_threads(source: Iterator[bytes], threads: CapacityLimiter) -> AsyncGenerator[bytes]:
+    """The pieces of a source that may be slow, each asked for in one of `threads`, so that no other request waits.
+
+    A source that is a generator is closed at the end, in such a thread, too.
+    """
+    try:
+        while (piece := await run_sync(next, source, None, limiter=threads)) is not None:
+            yield piece
+    finally:
+        if isinstance(source, Generator):
+            with CancelScope(shield=True):
+                await run_sync(source.close, limiter=threads)
 
 
 async def _close(source: object) -> None:

@@ -25,6 +25,8 @@ FRAME_WAIT_S = 3.0
 """Longest wait of a request for a frame slot, seconds; then it is answered with 503."""
 READINGS = 8
 """Uploads and archives that are read or written at once."""
+DOWNLOADS = 16
+"""Pieces of downloads that are read from the blob store at once."""
 
 
 class Streams:
@@ -90,6 +92,8 @@ class ServiceContext:
     """Registry of this app's metrics."""
     reading_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(READINGS))
     """Threads in which finished uploads are read, and archives: each may take minutes, which must not block others."""
+    download_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(DOWNLOADS))
+    """Threads in which downloads are read: a blob store that answers slowly must not block other requests."""
     load: LoadHistory = field(default_factory=LoadHistory)
     """Load of this machine over the last hour."""
     closing: threading.Event = field(default_factory=threading.Event)

@@ -92,7 +92,7 @@ def get_content(
     """The file, whole or a range of it."""
     asset = visible(context, caller, asset_id)
     served = replace(context.farm.assets.file(asset_id), filename=asset.filename)  # the caller's name for these bytes
-    return serve(context.farm, served, request, download)
+    return serve(context, served, request, download)
 
 
 @router.get("/{asset_id}/frame", response_class=Response, responses=JPEG, dependencies=[NEEDS_FRAME_SLOT])

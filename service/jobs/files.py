@@ -49,7 +49,7 @@ def get_file(
 ) -> Response:
     """A file, whole or a range. 409 while it is not there yet."""
     find_job(context, caller, job_id)
-    return serve(context.farm, context.farm.files.get(job_id, name), request, download)
+    return serve(context, context.farm.files.get(job_id, name), request, download)
 
 
 def _add_plain(name: str, media_type: str, text: str) -> None:

@@ -8,11 +8,11 @@ The first record has the type "begin", the last "end", "overtaken" or "error".
 from __future__ import annotations
 
 from collections.abc import AsyncGenerator, Generator
+from contextlib import aclosing
 from typing import Annotated, Any, Literal, cast
 
 import anyio
-from anyio import CancelScope, CapacityLimiter
-from anyio.to_thread import run_sync
+from anyio import CapacityLimiter
 from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
@@ -26,7 +26,7 @@ from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId
 from service.routing import Router
 from service.schemas import JobId, Responses
-from service.streaming import StreamedResponse
+from service.streaming import StreamedResponse, in_threads
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import TURN_S, PreviewRun
@@ -245,15 +245,13 @@ async def _answer(
 
 async def _pieces(run: PreviewRun, path: str, threads: CapacityLimiter) -> AsyncGenerator[bytes]:
     """The answer, record by record. Only previews that are made have a thread, not those that wait for a slot."""
-    records = _encoded(run, path)
     try:
         while not run.ready():
             await anyio.sleep(TURN_S)
-        while (piece := await run_sync(next, records, None, limiter=threads)) is not None:
-            yield piece
+        async with aclosing(in_threads(_encoded(run, path), threads)) as pieces:
+            async for piece in pieces:
+                yield piece
     finally:
-        with CancelScope(shield=True):
-            await run_sync(records.close, limiter=threads)
         run.close()
 
 

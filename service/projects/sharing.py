@@ -74,7 +74,7 @@ def get_shared_asset(token: Token, asset_id: AssetId, request: Request, context:
     _, document = context.farm.projects.document(project.id)
     if asset_id not in {ref["id"] for ref in document.get("assets", {}).values()}:
         raise NotFound("The project has no such asset.", field="asset_id", value=asset_id)
-    return serve(context.farm, context.farm.assets.file(asset_id), request)
+    return serve(context, context.farm.assets.file(asset_id), request)
 
 
 @router.head("/v1/shared/{token}/jobs/{job_id}/result", include_in_schema=False)
@@ -86,7 +86,7 @@ def get_shared_result(token: Token, job_id: JobId, request: Request, context: Co
     project = _shared(context, token)
     if job_id not in {noted.job_id for noted, _ in context.farm.projects.jobs(project.id)}:
         raise NotFound("The project has no such job.", field="job_id", value=job_id)
-    return serve(context.farm, context.farm.files.get(job_id, "result"), request)
+    return serve(context, context.farm.files.get(job_id, "result"), request)
 
 
 def _shared(context: ServiceContext, token: str) -> Project:

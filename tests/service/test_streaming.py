@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import threading
 import time
 from collections.abc import AsyncGenerator, Callable, Iterator
 from contextlib import suppress
@@ -15,6 +16,7 @@ import pytest
 from starlette.types import Message
 
 from pipeline.errors import Cancelled
+from service.access.depends import DOWNLOADS
 from service.settings import Settings
 from service.streaming import StreamedResponse
 from tests.service.driven_farm import MAGIC, DrivenFarm
@@ -22,6 +24,7 @@ from tests.service.live import running
 from tests.service.records import records, types
 from tests.waiting import until
 from workers.farm import open_farm
+from workers.farm_parts.stored_file import StoredFile
 from workers.model import Json
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record
@@ -139,6 +142,42 @@ def test_a_download_that_its_client_leaves_closes_its_file(settings: Settings, f
             assert next(answer.iter_raw())
             until(lambda: _open_below(home / "blobs"))
         until(lambda: not _open_below(home / "blobs"))
+
+
+def test_downloads_from_a_slow_store_block_no_other_request(
+    settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = threading.Event()
+    read, begun = farm.files.read, list[StoredFile]()
+
+    def slowly(file: StoredFile, start: int = 0, stop: int | None = None) -> Iterator[bytes]:
+        begun.append(file)
+        answers.wait(60)
+        yield from read(file, start, stop)
+
+    monkeypatch.setattr(farm.files, "read", slowly)
+    with running(settings, farm) as url, httpx.Client(base_url=url, timeout=20) as http:
+        asset = http.post("/v1/assets", files={"file": ("clip.mp4", MAGIC + bytes(1000))}).json()
+        received: list[int] = []
+
+        async def download(tab: httpx.AsyncClient) -> None:
+            received.append(len((await tab.get(f"/v1/assets/{asset['id']}/content")).content))
+
+        async def main() -> None:
+            limits = httpx.Limits(max_connections=2 * THREADS)
+            async with (
+                httpx.AsyncClient(base_url=url, timeout=60, limits=limits) as tab,
+                anyio.create_task_group() as group,
+            ):
+                for _ in range(THREADS + 4):
+                    group.start_soon(download, tab)
+                await anyio.to_thread.run_sync(until, lambda: len(begun) >= DOWNLOADS)
+                answer = await anyio.to_thread.run_sync(http.get, f"/v1/assets/{asset['id']}")
+                assert answer.is_success
+                answers.set()
+
+        anyio.run(main)
+        assert received == [len(MAGIC) + 1000] * (THREADS + 4)
 
 
 def _open_below(folder: Path) -> list[str]:

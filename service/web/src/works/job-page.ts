@@ -22,8 +22,8 @@ export function createJobPage(id: string): View {
   let result: Result | null = null;
   let drawn = "";
 
-  function missing(problem: api.Problem): void {
-    controller.abort();
+  function missing(problem: api.Problem, again: boolean): void {
+    if (!again) controller.abort();
     element.setAttribute("aria-busy", "false");
     const links = [
       h("a", { class: "button", href: "#/jobs" }, "All works"),

@@ -11,9 +11,12 @@ const QUEUE_MS = 4000;
 export interface JobListener {
   /** The job as it is now; `queue`: its position, if it is known. */
   onchange(job: Job, queue: Queue | null): void;
-  /** The job cannot be read, and has not been read before. */
-  onmissing?(problem: api.Problem): void;
+  /** The job cannot be read, and has not been read before. `again`: it is tried again, since the service may recover. */
+  onmissing?(problem: api.Problem, again: boolean): void;
 }
+
+/** Whether the same request may succeed later: there was no answer, or the service was too busy for one. */
+const mayPass = ({ status }: api.Problem): boolean => status === 0 || status === 429 || status >= 500;
 
 /** Follow a job until it is final or `signal` aborts. It is read not more often than the eye can follow. */
 export async function watchJob(id: string, { onchange, onmissing }: JobListener, signal: AbortSignal): Promise<void> {
@@ -31,7 +34,10 @@ export async function watchJob(id: string, { onchange, onmissing }: JobListener,
     try {
       job = await api.job(id, signal);
     } catch (error) {
-      if (!signal.aborted && !job) onmissing?.(api.asProblem(error));
+      if (signal.aborted || job) return;
+      const problem = api.asProblem(error);
+      onmissing?.(problem, mayPass(problem));
+      if (!mayPass(problem)) end();
       return;
     }
     if (signal.aborted) return;
@@ -52,7 +58,7 @@ export async function watchJob(id: string, { onchange, onmissing }: JobListener,
   }
 
   await refresh();
-  if (job && !stop.signal.aborted) await follow(id, throttle(refresh, REFRESH_MS), stop.signal);
+  if (!stop.signal.aborted) await follow(id, throttle(refresh, REFRESH_MS), stop.signal);
 }
 
 /** Run `work` at once, then at most once every `ms`; calls in between lead to one more run at the end. */
