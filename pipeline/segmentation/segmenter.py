@@ -14,6 +14,7 @@ from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import count_open, grow, unlabelled
 from pipeline.segmentation.motion import FAR
 from pipeline.segmentation.passes import (
+    FIRST_GROWTH,
     MAX_ROLLS,
     MIN_RELEASED_SHARE,
     append_rows,
@@ -27,8 +28,6 @@ from pipeline.segmentation.regions import AREA, NOT_PROPAGATED, Lab8, Means, Sum
 from pipeline.segmentation.trapped_ball import SMALL_RADIUS_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)
-FIRST_GROWTH = 0.5
-"""Share of the growing limit up to which a pixel without a past joins a known region before new regions are made."""
 CHANGED = 5.0
 """Residual from which a pixel is compared with the previous colour of its region, CIELAB units."""
 
@@ -149,7 +148,7 @@ class Segmenter:
             known = len(sums)
             sums = self._roll_large(labels, lab, edges, limit, sums, pixels, radius)
             if len(sums) > known:
-                pixels = grow(labels, lab, edges, limit, sums, pixels)
+                pixels = grow(labels, lab, edges, limit, sums, pixels, FIRST_GROWTH)
         small = next(r for r in rolling if r <= SMALL_RADIUS_PX)
         sums, pixels = fill_remaining(labels, lab, edges, limit, sums, pixels, small, self.params.core_slack)
         if not sums[1:, AREA].any():  # the frame consists of edges: one new region

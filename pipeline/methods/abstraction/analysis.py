@@ -26,6 +26,7 @@ from pipeline.segmentation.edges import edges
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8
+from pipeline.segmentation.shading import smooth_shading
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
@@ -97,7 +98,9 @@ class FrameAnalyzer:
     def _smooth(self, frame: Frame) -> LabPlanes:
         with self.clock("lab"):
             smooth = cv2.GaussianBlur(frame, (self.smooth_side, self.smooth_side), self.smooth_px)
-            return rgb_to_lab8(np.asarray(smooth, np.uint8))
+            planes = rgb_to_lab8(np.asarray(smooth, np.uint8))
+            smooth_shading(planes)
+            return planes
 
     def _importance(
         self, frame: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None

@@ -109,6 +109,17 @@ def test_two_colours_without_an_edge_between_them_are_two_regions(boundary: int)
     assert made.labels[5, 5] != made.labels[5, 60] and len(made.ids) == 3
 
 
+def test_windows_are_found_before_their_wall_grows_over_them() -> None:
+    """The windows differ from the wall by 14 CIELAB units, less than the growing limit of 24."""
+    lab = np.full((120, 160, 3), (235, 128, 128), np.uint8)
+    for top in (20, 60, 90):
+        for left in (20, 70, 120):
+            lab[top : top + 7, left : left + 8, 0] = 200
+    made = Stream(shape=(120, 160)).step(lab)
+    assert np.bincount(made.labels[lab[..., 0] == 200]).nonzero()[0].size == 9
+    assert len(np.unique(made.labels[lab[..., 0] == 235])) == 1
+
+
 def test_an_area_of_two_colours_is_not_merged_into_its_surroundings() -> None:
     lab = np.full((*SHAPE, 3), 128, np.uint8)
     lab[16:32, 12:32, 1], lab[16:32, 32:52, 1] = 90, 166
