@@ -61,22 +61,41 @@ def natural_sigma(picture: Bytes) -> float:
     return sigma
 
 
-def with_colours_of(picture: Bytes, painting: Bytes) -> Bytes:
-    """Replace each colour of a picture by the nearest colour of the painting (Euclidean in RGB).
+class Palette:
+    """The colours of a painting. Searches that have been made are remembered, in at most 64 MiB.
 
     Args:
-        picture, painting: uint8 (h, w, 3).
+        painting: uint8 (h, w, 3), or (h, w, 4), of which only colours of visible pixels count if there are any.
     """
-    codes = _codes(picture)
-    used, known = np.zeros(_COLOURS, np.bool_), np.zeros(_COLOURS, np.bool_)
-    used[codes], known[_codes(painting)] = True, True
-    palette = np.flatnonzero(known)
-    cells = _cell_of(palette)
-    by_cell = np.argsort(cells, kind="stable")
-    starts = np.searchsorted(cells[by_cell], np.arange(_CELLS**3 + 1)).astype(np.int64)
-    nearest = np.empty((_COLOURS, 3), np.uint8)
-    _nearest_colours(np.flatnonzero(used), palette[by_cell], starts, nearest)
-    return nearest[codes].reshape(picture.shape)
+
+    def __init__(self, painting: Bytes) -> None:
+        known = np.zeros(_COLOURS, np.bool_)
+        known[_codes(_visible(painting))] = True
+        colours = np.flatnonzero(known)
+        cells = _cell_of(colours)
+        by_cell = np.argsort(cells, kind="stable")
+        self._colours = colours[by_cell]
+        self._starts = np.searchsorted(cells[by_cell], np.arange(_CELLS**3 + 1)).astype(np.int64)
+        self._found = np.zeros(_COLOURS, np.int32)
+        """Nearest colour of each colour, as its number + 1; 0 = not searched yet. Memory is used where written."""
+
+    def nearest(self, picture: Bytes) -> Bytes:
+        """Replace each colour of a picture by the nearest one of the painting (Euclidean in RGB); alpha stays.
+
+        Args:
+            picture: uint8 (h, w, 3 or 4).
+        """
+        out = picture.copy()
+        _replace(out.reshape(-1, out.shape[-1]), self._colours, self._starts, self._found)
+        return out
+
+
+def _visible(painting: Bytes) -> Bytes:
+    """The visible pixels of a painting, uint8 (1, pixels, 3); all of them if none is visible."""
+    colours = painting[..., :3].reshape(1, -1, 3)
+    if painting.shape[2] == 3 or not painting[..., 3].any():
+        return colours
+    return colours[:, painting[..., 3].ravel() > 0]
 
 
 def _codes(picture: Bytes) -> NDArray[np.int64]:
@@ -99,45 +118,52 @@ def _axis_distance(value: int, cell: int) -> int:
 
 
 @kernel
-def _nearest_colours(
-    wanted: NDArray[np.int64], palette: NDArray[np.int64], starts: NDArray[np.int64], nearest: Bytes
-) -> None:
+def _replace(pixels: Bytes, palette: NDArray[np.int64], starts: NDArray[np.int64], found: NDArray[np.int32]) -> None:
+    """Replace the colours of pixels, (pixels, 3 or 4), in place; `found`: see `Palette`."""
+    for i in range(len(pixels)):
+        wanted = int(pixels[i, 0]) << 16 | int(pixels[i, 1]) << 8 | int(pixels[i, 2])
+        if found[wanted] == 0:
+            found[wanted] = _nearest_colour(wanted, palette, starts) + 1
+        code = found[wanted] - 1
+        pixels[i, 0], pixels[i, 1], pixels[i, 2] = code >> 16, code >> 8 & 255, code & 255
+
+
+@kernel
+def _nearest_colour(wanted: int, palette: NDArray[np.int64], starts: NDArray[np.int64]) -> int:
     """Exact search in cells of growing distance; of equally near colours, the one with the smallest number.
 
     Cells that are farther away than the nearest colour so far are left out.
 
     Args:
-        wanted: colours, as numbers.
+        wanted: a colour, as a number.
         palette, starts: colours of the painting, as numbers, sorted by cell, and the first one of each cell.
-        nearest: receives the nearest colour of each wanted one, (colours, 3).
     """
-    for i in range(len(wanted)):
-        r, g, b = wanted[i] >> 16, wanted[i] >> 8 & 255, wanted[i] & 255
-        cr, cg, cb = r // _CELL_LEVELS, g // _CELL_LEVELS, b // _CELL_LEVELS
-        margin = min(min(r % _CELL_LEVELS, g % _CELL_LEVELS), b % _CELL_LEVELS)
-        margin = min(margin, _CELL_LEVELS - 1 - max(max(r % _CELL_LEVELS, g % _CELL_LEVELS), b % _CELL_LEVELS))
-        best, code = 1 << 30, 0
-        for ring in range(_CELLS):
-            outside = margin + 1 + (ring - 1) * _CELL_LEVELS
-            if ring > 0 and best < outside * outside:
-                break
-            for x in range(max(cr - ring, 0), min(cr + ring, _CELLS - 1) + 1):
-                far_x = _axis_distance(r, x) ** 2
-                for y in range(max(cg - ring, 0), min(cg + ring, _CELLS - 1) + 1):
-                    far_xy = far_x + _axis_distance(g, y) ** 2
-                    if far_xy > best:
+    r, g, b = wanted >> 16, wanted >> 8 & 255, wanted & 255
+    cr, cg, cb = r // _CELL_LEVELS, g // _CELL_LEVELS, b // _CELL_LEVELS
+    margin = min(min(r % _CELL_LEVELS, g % _CELL_LEVELS), b % _CELL_LEVELS)
+    margin = min(margin, _CELL_LEVELS - 1 - max(max(r % _CELL_LEVELS, g % _CELL_LEVELS), b % _CELL_LEVELS))
+    best, code = 1 << 30, 0
+    for ring in range(_CELLS):
+        outside = margin + 1 + (ring - 1) * _CELL_LEVELS
+        if ring > 0 and best < outside * outside:
+            break
+        for x in range(max(cr - ring, 0), min(cr + ring, _CELLS - 1) + 1):
+            far_x = _axis_distance(r, x) ** 2
+            for y in range(max(cg - ring, 0), min(cg + ring, _CELLS - 1) + 1):
+                far_xy = far_x + _axis_distance(g, y) ** 2
+                if far_xy > best:
+                    continue
+                on_shell = max(abs(x - cr), abs(y - cg)) == ring
+                step = 1 if on_shell or ring == 0 else 2 * ring
+                for z in range(cb - ring, cb + ring + 1, step):
+                    if z < 0 or z >= _CELLS or far_xy + _axis_distance(b, z) ** 2 > best:
                         continue
-                    on_shell = max(abs(x - cr), abs(y - cg)) == ring
-                    step = 1 if on_shell or ring == 0 else 2 * ring
-                    for z in range(cb - ring, cb + ring + 1, step):
-                        if z < 0 or z >= _CELLS or far_xy + _axis_distance(b, z) ** 2 > best:
-                            continue
-                        cell = (x * _CELLS + y) * _CELLS + z
-                        for k in range(starts[cell], starts[cell + 1]):
-                            dr = (palette[k] >> 16) - r
-                            dg = (palette[k] >> 8 & 255) - g
-                            db = (palette[k] & 255) - b
-                            squared = dr * dr + dg * dg + db * db
-                            if squared < best or (squared == best and palette[k] < code):
-                                best, code = squared, palette[k]
-        nearest[wanted[i], 0], nearest[wanted[i], 1], nearest[wanted[i], 2] = code >> 16, code >> 8 & 255, code & 255
+                    cell = (x * _CELLS + y) * _CELLS + z
+                    for k in range(starts[cell], starts[cell + 1]):
+                        dr = (palette[k] >> 16) - r
+                        dg = (palette[k] >> 8 & 255) - g
+                        db = (palette[k] & 255) - b
+                        squared = dr * dr + dg * dg + db * db
+                        if squared < best or (squared == best and palette[k] < code):
+                            best, code = squared, palette[k]
+    return code

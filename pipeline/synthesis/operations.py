@@ -128,8 +128,8 @@ class Operations(Protocol[T]):
 
 
 ITERATION = np.dtype(
-    [("coherence_limit", "i4"), ("coherence_weight", "f4"), ("temporal_weight", "f4"), ("line_limit", "f4"),
-     ("line_weight", "f4"),
+    [("coherence_limit", "i4"), ("coherence_weight", "f4"), ("temporal_weight", "f4"), ("kept_cost", "f4"),
+     ("line_limit", "f4"), ("line_weight", "f4"),
      ("jump", "i4"), ("search_px", "f4"), ("ribbon_px", "f4"), ("seed", "u4"), ("stream", "u4"), ("round", "u4"),
      *((name, "i4") for name in ("top", "style_width", "style_height", "width", "height"))]
 )  # fmt: skip
@@ -141,7 +141,7 @@ def iteration(style: LoadedStyle[T], size: tuple[int, int], search: Search) -> n
     energy, made = style.energy, tables(style.energy)
     values = (
         round(energy.r_max_px2), energy.w_sc * made.unit / TAP_WEIGHT_SCALE, energy.w_tc / energy.colours * made.centre,
-        energy.d_max_px, energy.w_dt * made.centre, search.jump, search.search_px, search.ribbon_px,
+        energy.kept_cost, energy.d_max_px, energy.w_dt * made.centre, search.jump, search.search_px, search.ribbon_px,
         *words(search.key), search.round, search.top, *style.size, *size,
     )  # fmt: skip
     numbers: np.void = np.array(values, ITERATION)[()]  # type: ignore[assignment]

@@ -199,6 +199,25 @@ static void consider(const Patch *patch, Best *best, const float2 offset)
         best->rejected = at;
 }
 
+/* Considers the advected offset. If `kept_cost` is below 1, it replaces the best candidate if its cost, multiplied by
+   `kept_cost`, is lower, or if both are in the same pixel of the style, so that its fraction continues the motion. */
+static void consider_advected(const Patch *patch, Best *best, const float2 offset, const float kept_cost)
+{
+    if (kept_cost >= 1.0f) {
+        consider(patch, best, offset);
+        return;
+    }
+    const int2 at = rounded(offset);
+    const int kept = same(at, best->at);
+    const float cost = kept_cost * (kept ? best->cost : patch_cost(patch, at, INFINITE));
+    if (kept || cost < best->cost) {
+        best->offset = offset;
+        best->at = at;
+        best->cost = cost;
+    } else
+        best->rejected = at;
+}
+
 /* Considers the extrapolated offsets of the four direct neighbours and of the four at distance `jump`, px. */
 static void propagate(const Patch *patch, Best *best, global const float2 *offsets, global const uchar *bins,
                       constant float2 *cosines, const int jump, const int x, const int y, const int width,
@@ -253,7 +272,7 @@ static void search(const Patch *patch, Best *best, float radius, const uint4 cou
 /* Scalar parameters of an iteration; `ITERATION` in operations.py has the same layout. */
 typedef struct {
     int coherence_limit;                 /* r_max of eq. 5, px^2 */
-    float coherence_weight, temporal_weight;
+    float coherence_weight, temporal_weight, kept_cost;
     float line_limit, line_weight;
     int jump;
     float search_px, ribbon_px;
@@ -341,7 +360,7 @@ improve(
     best.cost = patch_cost(&patch, best.at, INFINITE);
 #if TEMPORAL
     if (advected[here].x > NOWHERE)
-        consider(&patch, &best, advected[here]);
+        consider_advected(&patch, &best, advected[here], it.kept_cost);
 #endif
     propagate(&patch, &best, offsets, bins, cosines, it.jump, x, y, width, height);
 #if RIBBONS

@@ -53,6 +53,7 @@ class Iteration(NamedTuple):
     coherence_limit: int
     coherence_weight: np.float32
     temporal_weight: np.float32
+    kept_cost: np.float32
     line_limit: np.float32
     line_weight: np.float32
     jump: int
@@ -184,12 +185,15 @@ def _patch_cost(at_x: int, at_y: int, limit: np.float32, pixel: Pixel, inputs: I
 
 @kernel
 def _candidates(pixel: Pixel, inputs: Inputs, it: Iteration, out: Array) -> int:
-    """Write the candidate offsets of the neighbours in time and space and of the ribbons; returns their number."""
+    """Write the candidate offsets of the neighbours and of the ribbons; returns their number.
+
+    The neighbour in time is among them unless it is preferred (`kept_cost`).
+    """
     height, width, _ = inputs.offsets.shape
     style_height, style_width = inputs.style.shape[0] - 2 * it.pad, inputs.style.shape[1] - 2 * it.pad
     style = StyleDirections(inputs.style_bins, inputs.cosines, style_width, style_height)
     x, y, count = pixel.x, pixel.y, 0
-    if inputs.advected_colours.size and inputs.advected[y, x, 0] > _NOWHERE:
+    if it.kept_cost >= 1 and inputs.advected_colours.size and inputs.advected[y, x, 0] > _NOWHERE:
         out[0] = inputs.advected[y, x]
         count = 1
     for k in range(8 if it.jump > 1 else 4):
@@ -228,6 +232,15 @@ def _best(pixel: Pixel, inputs: Inputs, it: Iteration, candidates: Array) -> tup
     at_y = min(max(int(np.rint(best_y)), 0), style_height - 1)
     no_x, no_y = -1, -1
     best = _patch_cost(at_x, at_y, _INFINITE, pixel, inputs, it)
+    if it.kept_cost < 1 and inputs.advected_colours.size and inputs.advected[y, x, 0] > _NOWHERE:
+        cx, cy = inputs.advected[y, x, 0], inputs.advected[y, x, 1]
+        tx, ty = int(np.rint(cx)), int(np.rint(cy))
+        kept = tx == at_x and ty == at_y
+        cost = it.kept_cost * (best if kept else _patch_cost(tx, ty, _INFINITE, pixel, inputs, it))
+        if kept or cost < best:
+            best, at_x, at_y, best_x, best_y = cost, tx, ty, cx, cy
+        else:
+            no_x, no_y = tx, ty
     count = _candidates(pixel, inputs, it, candidates)
     far_px, step, index = it.search_px, 0, 0
     words = philox(x, y, it.round, 0, it.seed, it.stream)

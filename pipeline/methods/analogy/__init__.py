@@ -1,6 +1,6 @@
 """analogy: stylising animation by example (benard2013stylizing).
 
-The input is a painting, or a plain picture and its painting. Every output pixel is a pixel of the painting, chosen by
+The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, chosen by
 guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time, so
 a live stream is not supported.
 """
@@ -68,7 +68,7 @@ class Analogy(Method):
         ),
         InputSpec(
             "style_output", "image", False, "Painting",
-            "The style: every pixel of the result is a pixel of this picture. Without it, the method paints one "
+            "The style: every colour of the result is a colour of this picture. Without it, the method paints one "
             "frame of the video in strokes and uses that as the style.",
         ),
         InputSpec(

@@ -79,7 +79,7 @@ class AnalogyParams(Params):
     stroke_scale: float = number(
         1, 0, 8, "Size of strokes",
         "Size of the strokes of a painting that is given alone. 1 = a stroke takes the same share of the frame as of "
-        "the painting, at every frame size; 2 = twice as large; 0 = the pixels of the painting are used as they are.",
+        "the painting, at every frame size; 2 = twice as large; 0 = the pixels of the painting are copied as they are.",
         "ratio", "Style",
     )  # fmt: skip
     style_smoothing: float = number(

@@ -25,10 +25,19 @@ from pipeline.tensors.structure import structure_tensor, tangent_field
 from pipeline.video.contact import fit
 
 MAX_CHANNELS = 16
+KEPT_COST = 0.9
+"""Factor of the cost of the advected offset at the finest level. It approaches 1 at coarser levels as the weight of the
+temporal term approaches 0."""
 
 
 def energy_of(
-    params: AnalogyParams, guides: tuple[Guide, ...], level: int, *, colours: int = 3, keyframe_style: bool = False
+    params: AnalogyParams,
+    guides: tuple[Guide, ...],
+    level: int,
+    *,
+    colours: int = 3,
+    keyframe_style: bool = False,
+    subpixel: bool = False,
 ) -> Energy:
     """The energy function of a parameter set at a level; lengths in px shrink with the level.
 
@@ -36,6 +45,8 @@ def energy_of(
         guides: extra guides.
         colours: number of channels of the output, 3 or 4.
         keyframe_style: whether the keyframes are the style.
+        subpixel: whether strokes move by fractions of a pixel. Advected offsets are then preferred; where pixels are
+            copied, that would raise flicker.
 
     Raises:
         BadInput: colours and guides together have more than 16 channels.
@@ -55,6 +66,7 @@ def energy_of(
         guides=(weight, hue, hue, *extra),
         w_sc=params.coherence_weight, r_max_px2=params.coherence_limit,
         w_tc=0.0 if keyframe_style or params.temporal == "off" else params.steadiness * params.coarse_steadiness**level,
+        kept_cost=1.0 - (1.0 - KEPT_COST) * params.coarse_steadiness**level if subpixel else 1.0,
         w_h=params.variety_weight, h_limit=params.variety_limit,
         w_dt=params.lines_weight / half**2, d_max_px=params.lines_reach * half,
         w_din=params.change_weight if keyframe_style else 0.0,

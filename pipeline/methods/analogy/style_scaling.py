@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.methods.analogy.inputs import WHOLE, StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
-from pipeline.synthesis.exemplar import natural_sigma, natural_size, resized, with_colours_of
+from pipeline.synthesis.exemplar import Palette, natural_sigma, natural_size, resized
 from pipeline.synthesis.images import Bytes
 from pipeline.synthesis.tone_matching import derived_guide
 
@@ -40,7 +40,7 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
     sigma = natural_sigma(output)
     if sigma > 0:
         output = np.asarray(cv2.GaussianBlur(output, (0, 0), sigma), np.uint8)
-    output = output if output is painting else _recoloured(output, painting)
+    output = output if output is painting else Palette(painting).nearest(output)
     return StylePair(output, _derived_guide(painting, output, scale, params.style_smoothing * _unit_px(size)), True)
 
 
@@ -59,15 +59,6 @@ def _derived_guide(painting: Bytes, output: Bytes, scale: float, smoothing_px: f
         return derived_guide(np.ascontiguousarray(output[..., :3]), smoothing_px)
     smooth = derived_guide(np.ascontiguousarray(painting[..., :3]), smoothing_px / scale)
     return np.asarray(cv2.resize(smooth, output.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.uint8)
-
-
-def _recoloured(output: Bytes, painting: Bytes) -> Bytes:
-    """`output` with each colour replaced by the nearest visible colour of the painting."""
-    if painting.shape[2] == 3:
-        return with_colours_of(output, painting)
-    visible = painting[..., 3] > 0
-    palette = painting[visible][None, :, :3] if visible.any() else painting[..., :3]
-    return np.dstack([with_colours_of(np.ascontiguousarray(output[..., :3]), palette), output[..., 3]])
 
 
 def is_scaled(inputs: SynthesisInputs) -> bool:

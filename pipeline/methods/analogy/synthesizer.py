@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -19,9 +20,11 @@ from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import SweepTask, fine_levels
 from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
-from pipeline.methods.analogy.style_scaling import style_of
+from pipeline.methods.analogy.style_scaling import is_scaled, style_of
 from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.synthesis.antialias import antialiased
 from pipeline.synthesis.device_memory import operations
+from pipeline.synthesis.exemplar import Palette
 from pipeline.synthesis.images import Bytes, Offsets, pack_offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
@@ -40,6 +43,8 @@ FIRST_FRAME_SEARCH_PX = 16.0
 SECOND_SWEEP_ROUNDS = 2
 """Maximum number of rounds of the second sweep at a coarse level below fine ones: only 1 to 5 % of the pixels change
 in each further round."""
+_THREADS = 2
+"""Number of threads that paint frames whose offsets are found."""
 STEP = "synthesise"
 
 PreviousOffsets = Callable[[int, FrameState[Any]], Any]
@@ -70,6 +75,7 @@ class Synthesizer:
         self.params: AnalogyParams = inputs.params
         with context.clock("style"):
             self.pair = pair or style_of(context, inputs)
+            self._palette = Palette(self.pair.output) if pair is None and is_scaled(inputs) else None
             if not self.keyframe_style and is_guided_still(context, inputs, self.pair):
                 self.params = guided_still_params(self.params, self._stretch())
             self.pyramid = StylePyramid(self.pair, self.params, inputs.rotates)
@@ -99,7 +105,12 @@ class Synthesizer:
             with self.context.clock("style"):
                 channels = self.pair.output.shape[2]
                 energy = energy_of(
-                    self.params, self.inputs.guides, level, colours=channels, keyframe_style=self.keyframe_style
+                    self.params,
+                    self.inputs.guides,
+                    level,
+                    colours=channels,
+                    keyframe_style=self.keyframe_style,
+                    subpixel=self._palette is not None,
                 )
                 self._loaded[level] = self.ops.load(self.pyramid.at(level, energy), energy)
         return self._loaded[level]
@@ -189,7 +200,9 @@ class Synthesizer:
                     level_frames.append(level_frames[-1].halved())
             if self.shown(index, run.begin) == index:
                 offsets = self._all_levels(index, level_frames, (index - run.start) / (run.stop - run.start))
-            self.emit_frame(index, offsets, level_frames[0])
+                with self.context.clock("colours"):
+                    painting = self.painting(index, offsets, level_frames[0])
+            self.emit_frame(index, painting, level_frames[0])
             self.context.progress((index + 1 - run.start) / (run.stop - run.start))
 
     def _all_levels(self, index: int, level_frames: list[LevelFrames], done: float) -> Offsets:
@@ -218,13 +231,20 @@ class Synthesizer:
 
         return previous
 
-    def painting(self, index: int, offsets: Offsets) -> Bytes:
-        """The painted frame `index`, uint8 (h, w, 3), or (h, w, 4) if the style has opacity."""
-        return colours(self.style(0).style, offsets)
+    def painting(self, index: int, offsets: Offsets, level_frames: LevelFrames) -> Bytes:
+        """The painted frame `index`, uint8 (h, w, 3), or (h, w, 4) if the style has opacity.
 
-    def emit_frame(self, index: int, offsets: Offsets, level_frames: LevelFrames) -> None:
+        Departure: a painting that is scaled has no pixels of its own that could be copied. Its strokes move by
+        fractions of a pixel, see `antialiased`, and every pixel then gets the nearest colour of the painting.
+        """
+        style = self.style(0).style
+        if self._palette is None:
+            return colours(style, offsets)
+        bins = level_frames.target(index).bins if self.inputs.rotates else None
+        return self._palette.nearest(antialiased(style, offsets, bins, level_frames.paintable.get(index)))
+
+    def emit_frame(self, index: int, painting: Bytes, level_frames: LevelFrames) -> None:
         """Emit a finished frame, or save it for the step `composite` if it is a layer."""
-        painting = self.painting(index, offsets)
         if self.inputs.layer < 0:
             self.context.emit(index, np.ascontiguousarray(painting[..., :3]))
             return
@@ -317,14 +337,25 @@ class Synthesizer:
             self._progress((done + 1) / count)
         return found
 
+    def _emit_run(self, task: SweepTask, found: Mapping[int, Offsets], level_frames: LevelFrames) -> None:
+        """Emit the frames of a run. Two threads paint them."""
+        shown = [self.shown(index, task.begin) for index in range(task.start, task.stop)]
+
+        def painted(index: int) -> Bytes:
+            return self.painting(index, found[index], level_frames)
+
+        with self.context.clock("colours"), ThreadPoolExecutor(_THREADS, "impasto-colours") as threads:
+            paintings = {index: threads.submit(painted, index) for index in dict.fromkeys(shown)}
+            for index, each in enumerate(shown, task.start):
+                self.emit_frame(index, paintings[each].result(), level_frames)
+
     def _save_or_emit(self, key: str, task: SweepTask, found: dict[int, Offsets], level_frames: LevelFrames) -> None:
         side = self._style_side(task.level)
         edge = task.stop - 1 if task.forward else task.start
         if (task.stop < task.end) if task.forward else (task.start > task.begin):
             self.context.save(f"{key}-edge", {str(edge): pack_offsets(found[edge], side)})
         if task.last:
-            for index in range(task.start, task.stop):
-                self.emit_frame(index, found[self.shown(index, task.begin)], level_frames)
+            self._emit_run(task, found, level_frames)
             return
         arrays: dict[str, AnyArray] = {str(index): pack_offsets(offsets, side) for index, offsets in found.items()}
         if self._is_last_part:

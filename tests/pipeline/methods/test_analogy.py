@@ -69,6 +69,25 @@ def test_every_output_colour_is_a_colour_of_the_style(params: dict[str, Any]) ->
     assert palette(rendered(**params)) <= palette(painting())
 
 
+def test_a_scaled_painting_moves_by_fractions_of_a_pixel() -> None:
+    """In a pan of half a pixel per frame, each frame is the one before it, moved by half a pixel.
+
+    With `stroke_scale=0` pixels are copied, and jump by whole pixels. Both have colours of the painting only.
+    """
+    wide = cv2.GaussianBlur(shot()[0], (0, 0), 1)
+    pan = [
+        cv2.warpAffine(wide, np.array([[1, 0, 0.5 * k], [0, 1, 0]], np.float32), SIZE, borderMode=cv2.BORDER_REFLECT)
+        for k in range(5)
+    ]
+    flicker = {}
+    for scale in (1, 0):
+        out = rendered(frames=pan, stroke_scale=scale)
+        assert palette(out) <= palette(painting())
+        moved = (out[:-1, :, 1:].astype(float) + out[:-1, :, :-1]) / 2
+        flicker[scale] = np.abs(out[1:, :, 1:] - moved).mean()
+    assert flicker[1] < 0.6 * flicker[0]
+
+
 def test_the_result_correlates_with_the_scene() -> None:
     out, source = rendered()[2].astype(float).mean(-1), shot()[2].astype(float).mean(-1)
     assert np.corrcoef(out.ravel(), source.ravel())[0, 1] > 0.6

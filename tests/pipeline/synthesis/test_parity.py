@@ -21,7 +21,7 @@ from pipeline.synthesis.refine import FARTHEST_PX, refine
 pytestmark = pytest.mark.real("opencl")
 
 PLAIN = Energy(guides=(4.0, 0.5, 0.5))
-FULL = replace(PLAIN, w_sc=15.0, w_tc=2.0, w_h=100.0, h_limit=0.5, w_dt=20.0)
+FULL = replace(PLAIN, w_sc=15.0, w_tc=2.0, kept_cost=0.8, w_h=100.0, h_limit=0.5, w_dt=20.0)
 ENERGIES = {
     "plain": PLAIN,
     "one guide": Energy(guides=(2.0,)),
@@ -115,6 +115,24 @@ def test_bands_of_rows_give_the_bytes_of_the_whole_frame(pixels: int) -> None:
 def test_kernels_and_bands_equal_the_reference_where_settled_pixels_are_left_out(energy: str) -> None:
     check_parity(ENERGIES[energy], False, False, 6, settles=True)
     check_parity(ENERGIES[energy], False, False, 6, BandedOperations(device(), 31 * 20), settles=True)
+
+
+def test_advected_offsets_are_preferred_and_their_fraction_continues_below_a_factor_of_1() -> None:
+    """Whole offsets in the pixels of the advected ones get their fraction, and more of them are kept."""
+    shares, fractions = [], []
+    for kept_cost in (1.0, 0.5):
+        ops, energy = OpenCLOperations(device()), replace(PLAIN, w_tc=0.01, kept_cost=kept_cost)
+        style = ops.load(random_style(energy, False, False), energy)
+        state = ops.prepare(style, random_target(energy, False))
+        positions = np.random.default_rng(8).random((23, 31, 2), np.float32) * np.float32(30) + np.float32(2)
+        state.advected = ops.upload(positions)
+        state.advected_colours = ops.colours_at(style, state.size, state.advected)
+        found = ops.fetch(refine(ops, style, state, ops.upload(np.rint(positions)), (7, 8), 1, 24.0))
+        kept = (np.rint(found) == np.rint(positions)).all(-1)
+        shares.append(kept.mean())
+        fractions.append((found[kept] == positions[kept]).mean())
+    assert shares[1] > 1.5 * shares[0]
+    assert fractions == [0.0, 1.0]
 
 
 def test_pixels_around_which_nothing_has_changed_keep_their_offsets() -> None:
