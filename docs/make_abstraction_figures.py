@@ -60,40 +60,56 @@ MEADOW = ("bunny", 225)
 CHANGE = "how much each still pixel changes from frame to frame (darker = more; mean in 8-bit levels; blue = moves)"
 
 STRIPS: Mapping[str, Strip] = {
-    "growing_limit": Strip(*BIRD, (9, 45), "more shades, or a poster."),
-    "core_tolerance": Strip(*BIRD, (0.2, 1.5), "how many bands the sky breaks into."),
-    "smallest_region": Strip(*BROOK, (0, 3), "blossoms and pebbles, or only the large forms."),
-    "merge_similar": Strip(*BIRD, (0, 20), "whether shades of one thing stay apart."),
-    "edge_threshold": Strip(*BROOK, (25, 700), "low keeps blades of grass apart, high lets colour alone decide."),
-    "boundary_smoothing": Strip(*BROOK, (0, 16), "the pixels' outline, or a soft brush.", zoom=(0.4, 0.45, 0.5)),
-    "edges": Strip(*BIRD, ("sharp",), "how wide edges are; at this size auto is soft.", zoom=(0.3, 0.1, 0.4)),
+    "growing_limit": Strip(*BIRD, (9, 45), "more shades at low values, few flat areas at high values."),
+    "core_tolerance": Strip(*BIRD, (0.2, 1.5), "the number of bands in the sky."),
+    "smallest_region": Strip(*BROOK, (0, 3), "small regions such as blossoms and pebbles, or large ones only."),
+    "merge_similar": Strip(*BIRD, (0, 20), "similar shades stay separate at low values and are merged at high values."),
+    "edge_threshold": Strip(
+        *BROOK, (25, 700),
+        "at low values edges separate blades of grass; at high values only colour separates regions."
+    ),  # fmt: skip
+    "boundary_smoothing": Strip(*BROOK, (0, 16), "borders along pixels, or rounded.", zoom=(0.4, 0.45, 0.5)),
+    "edges": Strip(*BIRD, ("sharp",), "the width of edges; at this size auto is soft.", zoom=(0.3, 0.1, 0.4)),
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
-    "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the motion they find: direction as hue.", show="flow"),
+    "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the estimated motion; hue shows its direction.", show="flow"),
     "flow_error_limit": Strip(
-        "bunny", 410, (2, 60), "how far a label trusts the motion; too far, and it stays behind.", zoom=(0.3, 0, 0.5)
+        "bunny", 410, (2, 60), "at high values labels remain where the motion is wrong.", zoom=(0.3, 0, 0.5)
     ),
     "steadiness": Strip(*BIRD, (0, 0.95), f"{CHANGE}. A webcam gains more.", show="change"),
     "stillness": Strip(*BIRD, (0, 10), f"{CHANGE}.", show="change"),
     "boundary_margin": Strip("coffee", 40, (0, 40), f"{CHANGE}.", show="change"),
     "paint_memory": Strip(*BIRD, (0, 0.95), f"{CHANGE}.", show="change"),
     "colour_half_life": Strip("flower", 14, (0, 30), f"{CHANGE}; here the exposure drifts.", show="change"),
-    "cut_sensitivity": Strip("cut", 48, (0, 3), "the first frame after a cut. At 0 what happens to fit lives on."),
-    "face_importance": Strip("portrait", 30, (0, 0.5), "none, half and full: eyes and mouth.", zoom=(0.25, 0.05, 0.5)),
-    "saliency_importance": Strip("flower", 140, (0, 1), "finer regions where the eye goes."),
-    "motion_importance": Strip("coffee", 40, (0, 1), "the importance map: the pouring arm.", show="importance"),
-    "importance_half_life": Strip("bunny", 410, (0, 40), "the importance map: now, or of late.", show="importance"),
-    "lines": Strip(*BIRD, ("flow", "off"), "plain, along the edges, none.", zoom=(0.3, 0.1, 0.5)),
-    "line_width": Strip(*BIRD, (1.2, 6), "a fine pen, or a brush.", zoom=(0.2, 0.1, 0.6)),
-    "line_threshold": Strip(*BROOK, (0.3, 4), "every fold, or only strong contours."),
-    "line_sharpness": Strip(*BIRD, (0.15, 6), "pencil, or hard ink.", zoom=(0.2, 0.1, 0.6)),
-    "line_opacity": Strip(*BIRD, (0.35, 1), "from a hint to full black.", zoom=(0.2, 0.1, 0.6)),
-    "line_length": Strip(*MEADOW, (0, 200), "dashes and specks, or long strokes only.", zoom=(0.35, 0.2, 0.6)),
+    "cut_sensitivity": Strip(
+        
+        "cut",
+        48, (0, 3), "the first frame after a cut. At 0, labels of the previous shot remain where their colours fit."
+    ),  # fmt: skip
+    "face_importance": Strip(
+        
+        "portrait", 30, (0, 0.5), "more detail at eyes and mouth at higher values.", zoom=(0.25, 0.05, 0.5)
+    ),  # fmt: skip
+    "saliency_importance": Strip("flower", 140, (0, 1), "finer regions on salient things."),
+    "motion_importance": Strip("coffee", 40, (0, 1), "the importance map; the pouring arm moves.", show="importance"),
+    "importance_half_life": Strip(
+        
+        "bunny", 410, (0, 40), "the importance map of this frame, or averaged over many frames.", show="importance"
+    ),  # fmt: skip
+    "lines": Strip(*BIRD, ("flow", "off"), "difference of Gaussians, along the edges, no lines.", zoom=(0.3, 0.1, 0.5)),
+    "line_width": Strip(*BIRD, (1.2, 6), "from thin to broad lines.", zoom=(0.2, 0.1, 0.6)),
+    "line_threshold": Strip(*BROOK, (0.3, 4), "lines at every fold, or at strong contours only."),
+    "line_sharpness": Strip(
+        *BIRD, (0.15, 6),
+        "gradual or abrupt transition between line and ground.", zoom=(0.2, 0.1, 0.6)
+    ),  # fmt: skip
+    "line_opacity": Strip(*BIRD, (0.35, 1), "from faint to black lines.", zoom=(0.2, 0.1, 0.6)),
+    "line_length": Strip(*MEADOW, (0, 200), "short and long lines, or long ones only.", zoom=(0.35, 0.2, 0.6)),
     "mean_shift_steps": Strip(*MEADOW, (0, 12), "towards the hues of *The Great Wave*.", painting="great_wave"),
     "hue_neighbourhood": Strip(*MEADOW, (8, 150), "the nearest peak, or the largest.", painting="great_wave"),
     "keep_brightness": Strip(
         *MEADOW, (0, 1), "with *The Starry Night*: its darkness, or the video's light.", painting="starry_night"
     ),
-    "vividness": Strip("blackswan", 16, (0.4, 2), "washed out, or a poster's colours."),
+    "vividness": Strip("blackswan", 16, (0.4, 2), "weak or strong saturation."),
 }  # fmt: skip
 
 
