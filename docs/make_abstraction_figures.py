@@ -65,9 +65,8 @@ STRIPS: Mapping[str, Strip] = {
     "smallest_region": Strip(*BROOK, (0, 3), "small regions such as blossoms and pebbles, or large ones only."),
     "merge_similar": Strip(*BIRD, (0, 20), "similar shades stay separate at low values and are merged at high values."),
     "edge_threshold": Strip(
-        *BROOK, (25, 700),
-        "at low values edges separate blades of grass; at high values only colour separates regions."
-    ),  # fmt: skip
+        *BROOK, (25, 700), "at low values edges separate blades of grass; at high values only colour separates regions."
+    ),
     "boundary_smoothing": Strip(*BROOK, (0, 16), "borders along pixels, or rounded.", zoom=(0.4, 0.45, 0.5)),
     "edges": Strip(*BIRD, ("sharp",), "the width of edges; at this size auto is soft.", zoom=(0.3, 0.1, 0.4)),
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
@@ -81,27 +80,25 @@ STRIPS: Mapping[str, Strip] = {
     "paint_memory": Strip(*BIRD, (0, 0.95), f"{CHANGE}.", show="change"),
     "colour_half_life": Strip("flower", 14, (0, 30), f"{CHANGE}; here the exposure drifts.", show="change"),
     "cut_sensitivity": Strip(
-        
         "cut",
-        48, (0, 3), "the first frame after a cut. At 0, labels of the previous shot remain where their colours fit."
-    ),  # fmt: skip
+        48,
+        (0, 3),
+        "the first frame after a cut. At 0, labels of the previous shot remain where their colours fit.",
+    ),
     "face_importance": Strip(
-        
         "portrait", 30, (0, 0.5), "more detail at eyes and mouth at higher values.", zoom=(0.25, 0.05, 0.5)
-    ),  # fmt: skip
+    ),
     "saliency_importance": Strip("flower", 140, (0, 1), "finer regions on salient things."),
     "motion_importance": Strip("coffee", 40, (0, 1), "the importance map; the pouring arm moves.", show="importance"),
     "importance_half_life": Strip(
-        
         "bunny", 410, (0, 40), "the importance map of this frame, or averaged over many frames.", show="importance"
-    ),  # fmt: skip
+    ),
     "lines": Strip(*BIRD, ("flow", "off"), "difference of Gaussians, along the edges, no lines.", zoom=(0.3, 0.1, 0.5)),
     "line_width": Strip(*BIRD, (1.2, 6), "from thin to broad lines.", zoom=(0.2, 0.1, 0.6)),
     "line_threshold": Strip(*BROOK, (0.3, 4), "lines at every fold, or at strong contours only."),
     "line_sharpness": Strip(
-        *BIRD, (0.15, 6),
-        "gradual or abrupt transition between line and ground.", zoom=(0.2, 0.1, 0.6)
-    ),  # fmt: skip
+        *BIRD, (0.15, 6), "gradual or abrupt transition between line and ground.", zoom=(0.2, 0.1, 0.6)
+    ),
     "line_opacity": Strip(*BIRD, (0.35, 1), "from faint to black lines.", zoom=(0.2, 0.1, 0.6)),
     "line_length": Strip(*MEADOW, (0, 200), "short and long lines, or long ones only.", zoom=(0.35, 0.2, 0.6)),
     "mean_shift_steps": Strip(*MEADOW, (0, 12), "towards the hues of *The Great Wave*.", painting="great_wave"),
@@ -110,7 +107,7 @@ STRIPS: Mapping[str, Strip] = {
         *MEADOW, (0, 1), "with *The Starry Night*: its darkness, or the video's light.", painting="starry_night"
     ),
     "vividness": Strip("blackswan", 16, (0.4, 2), "weak or strong saturation."),
-}  # fmt: skip
+}
 
 
 def main() -> None:
