@@ -23,7 +23,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import FaceTracker
+from pipeline.segmentation.faces import FaceTracker, head_mask
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.skin import skin_beside_faces
@@ -55,6 +55,11 @@ class ImportanceParams:
     motion: float = 0.4
     half_life_frames: float = 6.0
     full_motion: float = 0.002
+
+
+SMALL_HEAD, LARGE_HEAD = 0.1, 0.25
+"""Width of a face up to which its head counts fully in `people`, and from which on it does not, as fractions of the
+longer side of the frame: strokes are fine enough for a large face."""
 
 
 class ImportanceTracker:
@@ -136,6 +141,16 @@ class ImportanceTracker:
         if self._gray is not None:
             self._faces.search(self._gray, self._age - 1)
             self._gray = None
+
+    def people(self) -> Plane | None:
+        """Hands and small heads in the latest frame, float32 at the size of the map, 0..1; None without a face."""
+        if not len(self._faces.faces):
+            return None
+        faces = self._faces.faces.copy()
+        widths = faces["box"][:, 2] / max(self._size)
+        faces["strength"] *= np.clip((LARGE_HEAD - widths) / (LARGE_HEAD - SMALL_HEAD), 0, 1)
+        heads = head_mask(faces, self._size, self._hands.shape)
+        return np.asarray(np.maximum(heads, np.float32(HANDS) * self._hands), np.float32)
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""

@@ -1,8 +1,8 @@
 """analogy: stylising animation by example (benard2013stylizing).
 
-The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, chosen by
-guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time, so
-a live stream is not supported.
+The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, chosen
+by guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time,
+so a live stream is not supported.
 """
 
 from __future__ import annotations

@@ -92,10 +92,11 @@ class StrokeAnalyzer:
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         forward, back = self._flow(gray, fresh)
-        with self.clock("denoise"):
-            picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back)
-        changed = self.denoiser.changed
         detail = self._detail(frame, gray, forward, fresh)
+        people = self.importance.people() if detail is not None else None
+        with self.clock("denoise"):
+            picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, people)
+        changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
         with self.clock("style"):
             values = self._values(placed)

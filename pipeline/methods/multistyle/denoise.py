@@ -22,6 +22,8 @@ MOVING_SHARE = 0.25
 LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
 """Change of the mean colour around a pixel, gray levels, see `changes`. Above the first the new picture is followed
 slowly, from the second on increasingly fast, above the third at once: another surface is visible."""
+ATTENTION = np.float32(4)
+"""Relative increase of the change at full attention: a hand or a small face that lags is a smear."""
 DIRECTION_SHARE = 0.3
 """Largest weight of new directions a frame."""
 MARGIN, NOISY = 1.4, 2.5
@@ -95,16 +97,19 @@ class TemporalDenoiser:
         self.past: NDArray[np.float32] | None = None
         self.changed: Mask | None = None
 
-    def step(self, frame: NDArray[np.float32], back: Flow | None) -> NDArray[np.uint8]:
+    def step(
+        self, frame: NDArray[np.float32], back: Flow | None, attention: Plane | None = None
+    ) -> NDArray[np.uint8]:  # fmt: skip
         """Denoise the next frame: uint8 (h, w, 3).
 
         Args:
             frame: float32 (h, w, 3).
             back: flow from this frame to the one before, px, exactly 0 where nothing moves; None = a shot begins.
+            attention: where changes count more, see `denoise`.
         """
         now = frame
         if back is not None and self.past is not None:
-            denoised, self.changed = denoise(now, self.past, back, self.tolerance)
+            denoised, self.changed = denoise(now, self.past, back, self.tolerance, attention)
             now = denoised if self.tolerance else now
         self.past = now
         return np.asarray(np.rint(now), np.uint8)
@@ -117,7 +122,7 @@ class TemporalDenoiser:
 
 
 def denoise(
-    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float
+    now: NDArray[np.float32], past: NDArray[np.float32], back: Flow, tolerance: float, attention: Plane | None = None
 ) -> tuple[NDArray[np.float32], Mask]:  # fmt: skip
     """Denoised frame, float32 (h, w, 3), and pixels that show another surface than before, bool (h, w).
 
@@ -129,6 +134,8 @@ def denoise(
         back: flow from this frame to the previous one, float32 (h, w, 2), px.
         tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past value; up to three times that, the
             new value's weight rises. Noisy pictures raise the tolerance, up to `NOISY` times.
+        attention: float32, a grid of any size over the frame, 0..1: where a change counts up to 1 + ATTENTION times;
+            None = 0.
     """
     advected = np.asarray(fetch(past, back), np.float32)
     red, green, blue = cv2.split(cv2.absdiff(now, advected))
@@ -137,6 +144,9 @@ def denoise(
     noise = float(np.partition(difference, difference.size // 2, axis=None)[difference.size // 2])
     tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
     changed = changes(now, advected)
+    if attention is not None:
+        size = (now.shape[1], now.shape[0])
+        changed *= 1 + ATTENTION * np.asarray(cv2.resize(attention, size, interpolation=cv2.INTER_LINEAR), np.float32)
     least_share = np.clip((changed - np.float32(LIKELY)) / np.float32(PLAIN - LIKELY), 0, 1)
     slow = np.float32(TEXTURE_SHARE) * np.clip((changed - np.float32(LEAST)) / np.float32(LEAST), 0, 1)
     out = np.empty_like(now)

@@ -234,6 +234,17 @@ def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
     assert not other.any() and np.abs(denoised - past).mean() < 0.4 * np.abs(fur - past).mean()
 
 
+def test_hands_and_small_heads_follow_smaller_changes_at_once() -> None:
+    nowhere, past = np.zeros((80, 120, 2), np.float32), np.full((80, 120, 3), 100, np.float32)
+    hand = past.copy()
+    hand[30:50, 40:60] += PLAIN / 3
+    slow, other = denoise(hand, past, nowhere, 3)
+    assert not other.any() and np.abs(slow - hand)[32:48, 42:58].min() > 1
+    at_once, other = denoise(hand, past, nowhere, 3, np.ones((4, 6), np.float32))
+    np.testing.assert_array_equal(at_once[32:48, 42:58], hand[32:48, 42:58])
+    assert other[32:48, 42:58].all()
+
+
 @cache
 def flights() -> list[Frame]:
     """A red ball, eleven pixels across, flies fast before a wall with a sensor's noise."""

@@ -76,6 +76,18 @@ def test_a_face_of_30_px_is_important_from_the_first_frame_on() -> None:
     assert plane.mean() < 0.03
 
 
+def test_small_heads_are_people_and_large_ones_are_not() -> None:
+    small, large = ImportanceTracker(ONLY_FACES, (640, 360)), ImportanceTracker(ONLY_FACES, FACE_SIZE)
+    assert small.people() is None
+    frame = np.full((360, 640, 3), 110, np.uint8)
+    frame[120:204, 200:312] = cv2.resize(portrait(), (112, 84), interpolation=cv2.INTER_AREA)
+    small.step(frame)
+    large.step(portrait())
+    found, other = small.people(), large.people()
+    assert found is not None and found.shape == (54, 96) and found.max() > 0.9 and found.mean() < 0.03
+    assert other is not None and other.max() < 0.4
+
+
 def test_faces_are_searched_in_a_sharper_picture_if_there_is_one() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     sharp = np.asarray(cv2.cvtColor(portrait(), cv2.COLOR_RGB2GRAY), np.uint8)
