@@ -55,7 +55,7 @@ impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
 impasto render clip.mp4 -o start.mp4 --frames 0:50
 
-impasto render clip.mp4 -o cartoon.mp4 --estimate       time, memory and disk space, without rendering
+impasto render clip.mp4 --estimate       time, memory and disk space, without rendering
 
 impasto render project.zip -o film.mp4     (a project that a service exported)
 
@@ -71,7 +71,7 @@ class RenderOptions:
     output: Annotated[
         str,
         typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .gif, .png or .zip file, or a folder DIR/."),
-    ]
+    ] = ""
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Print time, memory and disk space that it will take, and stop.")
     ] = False
@@ -111,6 +111,8 @@ def render(options: RenderOptions) -> None:
 
     As IN or OUT, - is a pipe (YUV4MPEG2, or raw RGB with --raw): causal methods write each frame as soon as it is done.
     """
+    if not options.output and not options.estimate:
+        raise BadInput("OUT is missing.", field="--output", remedy="Name the file of the result: -o painted.mp4.")
     if "-" in (str(options.source), options.output):
         _render_pipe(options)
     else:
@@ -186,7 +188,8 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     from impasto.delivery import target
     from workers.model import JobRequest, OutputSpec
 
-    where, artefacts, frames = target(options.output), artefacts_of(options.artefact or []), frames_of(options.frames)
+    output = options.output or str(scratch / "estimate.mp4")
+    where, artefacts, frames = target(output), artefacts_of(options.artefact or []), frames_of(options.frames)
     spec = OutputSpec(format=where.format, quality=options.quality, artefacts=tuple(sorted(artefacts)))
     request = JobRequest(
         options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),

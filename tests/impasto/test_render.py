@@ -137,7 +137,7 @@ def test_an_estimate_uses_the_methods_figures_then_earlier_renders(
     render: Here, tiny_clip: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out.mp4"
-    first = render(tiny_clip, "-o", out, "--estimate")
+    first = render(tiny_clip, "--estimate")
     assert (first["frames"], first["samples"]) == (TINY_FRAMES, 0)
     assert first["cpu_s"] > 0 and first["memory_bytes"] > 1e6 and first["disk_bytes"] > 0
     assert not out.exists(), "nothing is rendered"

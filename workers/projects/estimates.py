@@ -19,8 +19,9 @@ SAMPLES = 20
 """Finished jobs that are looked at, the newest first."""
 NEAREST = 5
 """Jobs of these that count: those whose frames and length are most alike."""
-ALIKE = 8.0
-"""Jobs whose frames have this many times more or fewer pixels tell nothing."""
+ALIKE_PIXELS, ALIKE_WORK = 8.0, 16.0
+"""Jobs whose frames have more than this many times more or fewer pixels, or that have more than this many times more or
+less work (frames times pixels), are not used: the time of a small job is mostly start-up."""
 STARTED_S = 1.0
 """CPU seconds of a job that do not depend on its length, where no job was measured: plans, opening of files, the last
 step."""
@@ -141,7 +142,11 @@ def _nearest(request: JobRequest, frames: int, pixels: int, history: Sequence[Me
     def distance(job: MeasuredJob) -> float:
         return abs(log(job.frames / frames)) + abs(log(job.pixels / pixels))
 
-    alike = [job for job in history if 1 / ALIKE <= job.pixels / pixels <= ALIKE]
+    def is_alike(job: MeasuredJob) -> bool:
+        sizes = (job.pixels / pixels, ALIKE_PIXELS), (job.frames * job.pixels / (frames * pixels), ALIKE_WORK)
+        return all(1 / most <= ratio <= most for ratio, most in sizes)
+
+    alike = [job for job in history if is_alike(job)]
     same = [job for job in alike if job.params == request.params]
     return sorted(same or alike, key=distance)[:NEAREST]
 

@@ -93,5 +93,11 @@ def test_short_jobs_tell_what_a_job_costs_once() -> None:
         assert _cpu_s(history, frames, 300) == pytest.approx(1.0 + 0.1 * frames, rel=0.3)
 
 
+def test_a_tiny_job_does_not_tell_what_a_large_one_takes() -> None:
+    start_up = _measured(6, 160, 4.4)
+    assert _cpu_s([start_up], 24, 352) == pytest.approx(_cpu_s([], 24, 352)), "the method's own figure"
+    assert _cpu_s([start_up], 12, 200) > 2 * _cpu_s([], 12, 200)
+
+
 def test_an_unknown_video_gives_no_estimate() -> None:
     assert estimate(JobRequest("toy", {}), [], ASSETS.__getitem__) == Estimate(None, None, 0)
