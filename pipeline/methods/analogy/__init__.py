@@ -1,6 +1,6 @@
 """analogy: stylising animation by example (benard2013stylizing).
 
-The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, chosen by
+The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, found by
 guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time, so
 a live stream is not supported.
 """
