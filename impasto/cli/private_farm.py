@@ -14,6 +14,7 @@ import json
 import shutil
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,6 +100,8 @@ def _locked(folder: Path) -> Iterator[IO[bytes] | None]:
             yield file
 
 
+_THREADS = 2
+"""Number of threads that check and store the inputs."""
 _BEAT_S = 0.5
 """Events arrive in bursts: progress is updated at most this often, seconds, to save processor time."""
 _POLL_S = 5.0
@@ -125,7 +128,9 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
 
 def submit(farm: Farm, request: JobRequest, files: Mapping[str, InputFile], key: str) -> Job:
     """Submit the job, or find the one of an interrupted render of the same command; retry it if it had failed."""
-    ids = {name: farm.assets.add(file.path, file.filename).id for name, file in files.items()}
+    with ThreadPoolExecutor(_THREADS, "impasto-inputs") as threads:  # each is decoded and checked in a child process
+        added = threads.map(lambda file: farm.assets.add(file.path, file.filename).id, files.values())
+        ids = dict(zip(files, added, strict=True))
     job = farm.jobs.submit(dataclasses.replace(request, inputs=ids), idempotency_key=key)
     if job.progress > 0:
         print_status(f"Resuming at {job.progress:.0%}.")

@@ -163,6 +163,12 @@ class Method:
         """A live session for frames of `size` (width, height) px; None if the method is not causal."""
         return None
 
+    def load(self) -> None:
+        """Load into this process what a task needs besides the method's modules: called beside the start of a job.
+
+        Raises: DeviceError.
+        """
+
     def live_filter(self, params: AnyParams, size: tuple[int, int]) -> LiveFilter | None:
         """A filter behind the live session of any method, for frames of `size` (width, height) px; None if the method
         cannot be one."""

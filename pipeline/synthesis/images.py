@@ -101,9 +101,11 @@ def halved(image: NDArray[np.generic], nearest: bool = False) -> NDArray[np.gene
     if nearest:
         return np.ascontiguousarray(even[::2, ::2])
     if even.dtype == np.uint8:
-        wide = even.astype(np.uint16)
-        sums = wide[::2, ::2] + wide[::2, 1::2] + wide[1::2, ::2] + wide[1::2, 1::2]
-        return np.asarray((sums + 2) >> 2, np.uint8)
+        rows = np.add(even[::2], even[1::2], dtype=np.uint16)
+        sums = rows[:, ::2] + rows[:, 1::2]
+        sums += 2
+        sums >>= 2
+        return sums.astype(np.uint8)
     size = (even.shape[1] // 2, even.shape[0] // 2)
     return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA))
 

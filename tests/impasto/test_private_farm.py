@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from impasto.cli import private_farm
@@ -20,6 +23,25 @@ REQUEST = JobRequest("abstraction", {}, {"lines": "off"})
 
 def submit(farm: Farm, clip: Path, scratch: Path) -> Any:
     return private_farm.submit(farm, REQUEST, {"video": gather("IN", clip, scratch)}, "key")
+
+
+def test_inputs_are_checked_two_at_a_time(
+    tiny_clip: Path, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = tmp_path / "reference.png"
+    cv2.imwrite(str(picture), np.full((48, 64, 3), 90, np.uint8))
+    farm, together = open_farm(FarmSettings(home=home, pool="none")), threading.Barrier(2, timeout=20)
+    add = farm.assets.add
+
+    def added(path: Path, filename: str) -> Any:
+        together.wait()
+        return add(path, filename)
+
+    monkeypatch.setattr(farm.assets, "add", added)
+    paths = {"video": tiny_clip, "reference": picture}
+    job = private_farm.submit(farm, REQUEST, {name: gather(name, path, tmp_path) for name, path in paths.items()}, "k")
+    assert set(job.request.inputs) == {"video", "reference"}
+    farm.stop()
 
 
 def test_a_cancelled_job_is_resumed(tiny_clip: Path, home: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.errors import BadInput
+from pipeline.errors import BadInput, DeviceError
 from pipeline.methods.base import Params
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
@@ -27,6 +27,12 @@ class Pupil:
 
     def __init__(self) -> None:
         self.frames = 0
+        self.loads = 0
+
+    def load(self) -> None:
+        self.loads += 1
+        if self.fault:
+            raise self.fault
 
     def stream(self, *args: Any) -> Pupil:
         return self
@@ -67,6 +73,16 @@ def test_a_method_warmed_by_a_render_is_not_warmed_again(pupil: Pupil) -> None:
     warm_up.warm_up_process()
     warm_up.finish_warm_up()
     assert pupil.frames == 2 * warm_up.FRAMES
+
+
+def test_only_a_render_loads_what_its_tasks_need_and_a_fault_shows_later(pupil: Pupil) -> None:
+    """Processes that serve all methods load it with the first task."""
+    warm_up.warm_up_process()
+    assert pupil.loads == 0
+    pupil.fault = DeviceError("no device", field="device", remedy="none")
+    warm_up.begin_warm_up(pupil, Params())  # type: ignore[arg-type]
+    warm_up.finish_warm_up()
+    assert pupil.loads == 1
 
 
 @pytest.mark.parametrize("fault", [BadInput("too small"), RuntimeError("broken")])

@@ -56,8 +56,8 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
 
 
 def begin_warm_up(chosen: Method, params: Params) -> None:
-    """`warm_up` on a thread, beside the start of a job; `finish_warm_up` waits for it."""
-    thread = threading.Thread(target=_practise, args=(chosen, params), name=WARM_UP_THREAD, daemon=True)
+    """`load` and `warm_up` on a thread, beside the start of a job; `finish_warm_up` waits for it."""
+    thread = threading.Thread(target=_load_and_practise, args=(chosen, params), name=WARM_UP_THREAD, daemon=True)
     _practised.set()
     _begun.append(thread)
     thread.start()
@@ -67,6 +67,12 @@ def finish_warm_up() -> None:
     """Wait for what `begin_warm_up` began, so that a step that paints is timed alone."""
     for thread in _begun:
         thread.join()
+
+
+def _load_and_practise(chosen: Method, params: Params) -> None:
+    with contextlib.suppress(ImpastoError):
+        chosen.load()
+    _practise(chosen, params)
 
 
 def _practise(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:

@@ -1,8 +1,8 @@
 """analogy: stylising animation by example (benard2013stylizing).
 
-The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, chosen
-by guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time,
-so a live stream is not supported.
+The input is a painting, or a plain picture and its painting. Every output pixel shows a place of the painting, found by
+guided texture synthesis and kept temporally coherent along the motion of the scene. Sweeps also go backward in time, so
+a live stream is not supported.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
+from pipeline.compute import device
 from pipeline.frames import Frame
 from pipeline.methods.analogy.keyframe_synthesizer import run_interval
 from pipeline.methods.analogy.layer_composite import run_composite
@@ -123,6 +124,10 @@ class Analogy(Method):
         Example("varied", "No repetitions", {"variety_weight": 200}),
         Example("frames", "Independent frames", {"temporal": "off"}),
     )
+
+    def load(self) -> None:
+        """Open the compute device."""
+        device()
 
     def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:
         """Parameters of a single frame of a video: without temporal coherence, and not those of a still."""

@@ -10,6 +10,7 @@ benard2013stylizing penalises.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.images import Bytes, halved
+from pipeline.synthesis.sweeps import SearchSchedule
 
 TEXTURE = 2.0
 """Factor of `texture_weight`: guide weights are then those of EbSynth, relative to the weight of the style."""
@@ -32,6 +34,11 @@ MAX_STRETCH = 16.0
 FURTHER_LEVELS, MOST_LEVELS = 2, 7
 ITERATIONS = 1.5
 """Factor of `iterations`."""
+FINEST_ITERATIONS = 2 / 3
+"""Factor of those iterations at the finest level, which the coarser ones have solved but for details: more rounds take
+time and tear strokes."""
+FINEST_SEARCH = 1 / 32
+"""Factor of `search_radius` at the finest level."""
 NEAR_SEARCH = 1 / 8
 """Factor of `search_radius` for guides that do not change faster in the frame than in the style: positions then follow
 from the coarser level, and a wide search finds similar texture at wrong places."""
@@ -63,6 +70,21 @@ def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
             "search_radius": params.search_radius * (NEAR_SEARCH if stretch <= 1 else 1.0),
         }
     )
+
+
+def guided_still_schedule(schedule: SearchSchedule, params: AnalogyParams, level: int) -> SearchSchedule:
+    """The effort of the search of a guided still at a level that starts from a coarser one.
+
+    Args:
+        schedule: effort by the parameters of the guided still.
+        params: the parameters that are set.
+        level: 0 = full size.
+    """
+    if level > 0:
+        return replace(schedule, settles=True)
+    rounds = max(1, round(schedule.iterations * FINEST_ITERATIONS))
+    search_px = min(schedule.search_px, max(1.0, params.search_radius * FINEST_SEARCH))
+    return replace(schedule, iterations=rounds, search_px=search_px, settles=True)
 
 
 def stretch_of_guides(frame: Bytes, style: Bytes, weights: Sequence[float]) -> float:

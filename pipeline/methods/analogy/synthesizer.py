@@ -12,7 +12,12 @@ import numpy as np
 from pipeline.arrays import AnyArray, Arrays
 from pipeline.compute import device
 from pipeline.frames import Frame
-from pipeline.methods.analogy.guided_stills import guided_still_params, is_guided_still, stretch_of_guides
+from pipeline.methods.analogy.guided_stills import (
+    guided_still_params,
+    guided_still_schedule,
+    is_guided_still,
+    stretch_of_guides,
+)
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
 from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_matching
@@ -76,7 +81,8 @@ class Synthesizer:
         with context.clock("style"):
             self.pair = pair or style_of(context, inputs)
             self._palette = Palette(self.pair.output) if pair is None and is_scaled(inputs) else None
-            if not self.keyframe_style and is_guided_still(context, inputs, self.pair):
+            self._guided_still = not self.keyframe_style and is_guided_still(context, inputs, self.pair)
+            if self._guided_still:
                 self.params = guided_still_params(self.params, self._stretch())
             self.pyramid = StylePyramid(self.pair, self.params, inputs.rotates)
         self.levels = levels_of(self.params, context.size, min(self.pair.output.shape[:2]))
@@ -142,7 +148,10 @@ class Synthesizer:
         coarsest = level == self.levels - 1
         iterations = self._iterations(level) * (COARSE_ROUNDS if coarsest else 1)
         search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
-        return SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
+        schedule = SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
+        if coarsest or not self._guided_still:
+            return schedule
+        return guided_still_schedule(schedule, self.inputs.params, level)
 
     def _sweep_schedule(self, task: SweepTask) -> SearchSchedule:
         """Effort of the search of a sweep.

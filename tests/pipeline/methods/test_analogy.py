@@ -15,7 +15,7 @@ from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.analogy import Analogy
-from pipeline.methods.analogy.guided_stills import guided_still_params, stretch_of_guides
+from pipeline.methods.analogy.guided_stills import guided_still_params, guided_still_schedule, stretch_of_guides
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import (
     MAX_INTERVAL_FRAMES,
@@ -33,6 +33,7 @@ from pipeline.scenes.shot import shot_files
 from pipeline.synthesis import sweeps
 from pipeline.synthesis.device_memory import operations
 from pipeline.synthesis.refine import refine
+from pipeline.synthesis.sweeps import SearchSchedule
 from tests.pipeline.methods.frames import painted
 
 pytestmark = pytest.mark.real("opencl")
@@ -339,6 +340,27 @@ def test_coherence_and_variety_count_less_where_guides_change_faster_than_in_the
     assert stretched.variety_weight == pytest.approx(equal.variety_weight / 8)
     assert guided_still_params(AnalogyParams(variety_weight=900), 4.0).variety_weight == 900
     assert (equal.search_radius, stretched.search_radius) == (16, 128)
+
+
+def test_a_guided_still_has_fewer_rounds_and_a_near_search_at_the_finest_level() -> None:
+    schedule, params = SearchSchedule(6, 128.0, 3, 4), AnalogyParams()
+    finest, coarser = (guided_still_schedule(schedule, params, level) for level in (0, 1))
+    assert finest == SearchSchedule(4, 4.0, 3, 4, settles=True)
+    assert coarser == SearchSchedule(6, 128.0, 3, 4, settles=True)
+    assert guided_still_schedule(schedule, AnalogyParams(search_radius=640), 0).search_px == 20
+
+
+def test_the_rounds_of_a_guided_still_are_those_of_its_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[tuple[int, float]] = []
+
+    def recorded(*args: Any) -> Any:
+        made.append((args[5], args[6]))
+        return refine(*args)
+
+    monkeypatch.setattr(sweeps, "refine", recorded)
+    rendered({"style_output": [painting()], "style": [painting()]}, shot()[:1], levels=1, iterations=4)
+    assert [rounds for rounds, _ in made] == [12, 4]  # this picture has two levels
+    assert made[-1][1] == 4
 
 
 def test_a_guide_without_style_counterpart_is_rejected() -> None:
