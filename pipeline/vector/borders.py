@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +32,10 @@ _LINE = 64
 """Ink from which a pixel belongs to a line, 0..255."""
 _UNDER = np.float32(0.9)
 """Distance of a border from the first pixel of the line that covers it, px: a pixel's rim is not opaque."""
+_FAR = 2
+"""Reach of a line for a border of a region that continues on the other side of it, relative to that for all borders."""
+_THICKEST_PX = 12
+"""Thickness from which a line does not attract such a border."""
 
 
 @dataclass(frozen=True)
@@ -79,19 +84,23 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
-def tuck_borders(borders: Borders, ink: NDArray[np.uint8], reach_px: int) -> Borders:
+def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
     """Borders near a line, moved just under its outline.
 
     A line beside a border would leave a sliver of one region between the two, which widens the edge; and a border
-    under a line cannot be seen to move.
+    under a line cannot be seen to move. Where the region between the two continues on the other side of the line, it
+    is such a sliver up to twice the reach: the line stands at the edge, and the border lags behind it.
 
     Args:
-        borders: before they are smoothed.
+        borders: of `labels`, before they are smoothed.
+        labels: int32 (height, width).
         ink: uint8 (height, width), coverage by lines at the size of the label map.
         reach_px: distance from a border in which lines are searched, px.
     """
     positions = borders.positions.copy()
-    _tuck(positions, borders.lattice, borders.edges, ink, reach_px)
+    side = 2 * _FAR * reach_px + 1
+    near = np.asarray(cv2.dilate(ink, np.ones((side, side), np.uint8)), np.uint8)
+    _tuck(positions, borders.lattice, borders.edges, ink, near, labels, reach_px)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -222,8 +231,10 @@ def _offset(
 
 @kernel
 def _tuck(
-    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], ink: NDArray[np.uint8], reach: int
+    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], ink: NDArray[np.uint8],
+    near: NDArray[np.uint8], labels: Labels, reach: int,
 ) -> None:  # fmt: skip
+    """Move the nodes of edges beside a line, in place. `near`: uint8 (h, w), the most ink within reach."""
     count = positions.shape[0]
     height, width = ink.shape
     moves = np.zeros((count, 2), np.float32)
@@ -232,8 +243,10 @@ def _tuck(
         if edges[k]["right"] == 0:
             continue
         a, b = edges[k]["start"], edges[k]["end"]
+        if near[lattice[a, 1], lattice[a, 0]] < _LINE:
+            continue
         axis = 0 if lattice[b, 0] == lattice[a, 0] else 1
-        move = _to_line(ink, lattice[a, 0], lattice[a, 1], axis, reach, height, width)
+        move = _to_line(ink, labels, lattice[a, 0], lattice[a, 1], axis, reach)
         if move != 0:
             for n in (a, b):
                 moves[n, axis] += move
@@ -242,19 +255,40 @@ def _tuck(
 
 
 @kernel
-def _to_line(ink: NDArray[np.uint8], x: int, y: int, axis: int, reach: int, height: int, width: int) -> np.float32:
+def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, reach: int) -> np.float32:
     """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
     line within reach, or the edge is under a line."""
+    height, width = labels.shape
     step_x, step_y = (1, 0) if axis == 0 else (0, 1)
-    for k in range(reach):
+    for k in range(_FAR * reach):
         ahead = _coverage(ink, x + k * step_x, y + k * step_y, height, width)
         behind = _coverage(ink, x - (k + 1) * step_x, y - (k + 1) * step_y, height, width)
         if max(ahead, behind) < _LINE:
             continue
         if k == 0 and min(ahead, behind) >= _LINE:
             return np.float32(0)
-        return np.float32(k) + _UNDER if ahead >= behind else -np.float32(k) - _UNDER
+        if ahead >= behind:
+            hidden = k < reach or _crosses_line(ink, labels, x, y, step_x, step_y, k)
+            return np.float32(k) + _UNDER if hidden else np.float32(0)
+        hidden = k < reach or _crosses_line(ink, labels, x - step_x, y - step_y, -step_x, -step_y, k)
+        return -np.float32(k) - _UNDER if hidden else np.float32(0)
     return np.float32(0)
+
+
+@kernel
+def _crosses_line(
+    ink: NDArray[np.uint8], labels: Labels, x: int, y: int, step_x: int, step_y: int, distance: int
+) -> bool:
+    """Whether one region reaches from pixel (x, y) to the other side of the line whose first pixel lies `distance` px
+    from it."""
+    height, width = labels.shape
+    for n in range(distance + _THICKEST_PX):
+        j, i = y + n * step_y, x + n * step_x
+        if not _is(labels, i, j, labels[y, x], height, width):
+            return False
+        if n > distance and ink[j, i] < _LINE:
+            return True
+    return False
 
 
 @kernel

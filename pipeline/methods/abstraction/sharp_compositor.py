@@ -92,7 +92,7 @@ class SharpCompositor(Compositor):
             borders = align_borders(borders, labels, analysis.lab, analysis.flow)
         if ink is not None:
             drawn = shrink_mask(ink, self.sizes)
-            borders = tuck_borders(borders, drawn, max(LEAST_REACH_PX, math.ceil(self.limit_px)))
+            borders = tuck_borders(borders, labels, drawn, max(LEAST_REACH_PX, math.ceil(self.limit_px)))
         borders = smooth_borders(borders, self.sigma_px, self.limit_px)
         if not self.simple_sigma_px:
             return borders

@@ -178,7 +178,7 @@ def test_smoothing_has_the_variance_of_a_gaussian_in_few_steps(sigma_px: float) 
 
 
 @pytest.mark.parametrize(
-    ("columns", "expected"), [((10, 13), 10.9), ((12, 15), 12.9), ((6, 9), 8.1), ((13, 16), 10.0), ((8, 12), 10.0)],
+    ("columns", "expected"), [((10, 13), 10.9), ((12, 15), 12.9), ((6, 9), 8.1), ((16, 18), 10.0), ((8, 12), 10.0)],
     ids=["beside", "near on the right", "near on the left", "too far", "over the border"],
 )  # fmt: skip
 def test_a_border_is_tucked_under_a_line_nearby(columns: tuple[int, int], expected: float) -> None:
@@ -186,6 +186,27 @@ def test_a_border_is_tucked_under_a_line_nearby(columns: tuple[int, int], expect
     labels = np.repeat(np.array([[1, 2]], np.int32), 20, axis=0).repeat(10, axis=1)
     ink = np.zeros(labels.shape, np.uint8)
     ink[:, columns[0] : columns[1]] = 255
-    borders = tuck_borders(find_borders(labels), ink, 3)
+    borders = tuck_borders(find_borders(labels), labels, ink, 3)
     inside = (borders.lattice[:, 0] == 10) & (borders.lattice[:, 1] > 0) & (borders.lattice[:, 1] < 20)
     np.testing.assert_allclose(borders.positions[inside, 0], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(("beyond", "expected"), [(2, 14.9), (3, 10.0)], ids=["a sliver", "a region of its own"])
+@pytest.mark.parametrize("transposed", [False, True])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_region_that_continues_beyond_a_line_has_no_sliver_beside_it(
+    beyond: int, expected: float, transposed: bool, mirrored: bool
+) -> None:
+    """A border at x = 10, a line from 14 to 17: further than 3 px, but what lies between is the region beyond it."""
+    labels = np.repeat(np.array([[1, 2, beyond]], np.int32), [10, 7, 8], axis=1).repeat(20, axis=0)
+    ink = np.zeros(labels.shape, np.uint8)
+    ink[:, 14:17] = 255
+    if mirrored:
+        labels, ink, expected = labels[:, ::-1].copy(), ink[:, ::-1].copy(), 25 - expected
+    if transposed:
+        labels, ink = labels.T.copy(), ink.T.copy()
+    borders = tuck_borders(find_borders(labels), labels, ink, 3)
+    axis, at = int(transposed), 15 if mirrored else 10
+    along = borders.lattice[:, 1 - axis]
+    inside = (borders.lattice[:, axis] == at) & (along > 0) & (along < 20)
+    np.testing.assert_allclose(borders.positions[inside, axis], expected, atol=1e-5)
