@@ -207,7 +207,7 @@ def test_the_bucket_is_created_once(s3: Swift) -> None:
         "IMPASTO_S3_SECRET_KEY": SECRET_KEY,
     }
     message = [_make_bucket(env) for _ in range(2)]
-    assert message == ["made the bucket made-by-compose\n", "the bucket made-by-compose is there\n"]
+    assert message == ["created the bucket made-by-compose\n", "the bucket made-by-compose already exists\n"]
 
 
 def _make_bucket(env: dict[str, Any]) -> str:
