@@ -28,7 +28,7 @@ SERVICE = Board(
                 ),
                 stat(
                     "Server errors",
-                    "Share of 5xx responses without 503 and 507, which have their own alerts. An alert fires above 2 %.",
+                    "Share of 5xx responses except 503 and 507 (separate alerts). An alert fires above 2 %.",
                     "percentunit",
                     f'sum(rate(impasto_http_requests_total{{{ONE}, status=~"5..", status!~"503|507"}}{RATE}))'
                     f" / sum(rate(impasto_http_requests_total{{{ONE}}}{RATE})) or vector(0)",
