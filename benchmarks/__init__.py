@@ -1,1 +1,1 @@
-"""Speed, as ratios measured in one run. `make bench` runs them all and prints tables."""
+"""Benchmarks of speed. Most report ratios measured within one run. `make bench` runs all of them and prints tables."""

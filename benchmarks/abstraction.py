@@ -1,8 +1,8 @@
-"""How many times faster than `cv2.stylization`, frame by frame, is the whole abstraction pipeline?
+"""Frame time of the whole abstraction pipeline relative to `cv2.stylization`.
 
-Both run in one process on the same decoded frames, in turns, so that a noisy machine slows both: a block of our
-frames, then a few of theirs. Decoding and encoding are outside both. Ours runs as a task does, its eye on a
-thread of its own; OpenCV keeps its own threads for its own filter.
+Both run in one process on the same decoded frames and take turns, so that a noisy machine slows both: a block of our
+frames, then a few frames of OpenCV's filter. Decoding and encoding are not measured. Our pipeline runs as in a task,
+with the analysis in a separate thread; OpenCV's filter uses OpenCV's own threads.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pipeline.methods.abstraction.session import PipelinedRunner
 from workers.execution.renderer import prepare_process
 
 BLOCK = 120
-"""Frames a block. The first and the last frame of a block overlap no others, which counts in a short block only."""
+"""Frames per block. The first and last frames of a block overlap no others, which distorts only short blocks."""
 THEIRS = 3
 SIZES = ((352, 288), (640, 480), (1280, 720))
 
@@ -43,7 +43,7 @@ class Stopwatch:
 
 @dataclass(frozen=True)
 class Row:
-    """Medians for one size: ms a frame of both, their ratio, and CPU ms a frame by stage."""
+    """Medians for one frame size: ms per frame of both programs, their ratio, and CPU ms per frame by stage."""
 
     size: str
     ours_ms: float
@@ -53,7 +53,7 @@ class Row:
 
 
 def ours(session: AbstractionSession, frames: list[Frame]) -> float:
-    """Wall seconds a frame."""
+    """Wall time of our pipeline, seconds per frame."""
     with PipelinedRunner(session) as runner:
         start = time.perf_counter()
         for _ in runner.run(frames):
@@ -62,7 +62,7 @@ def ours(session: AbstractionSession, frames: list[Frame]) -> float:
 
 
 def theirs(frames: list[Frame], threads: int) -> float:
-    """Wall seconds a frame of `cv2.stylization` with OpenCV's own threads."""
+    """Wall time of `cv2.stylization` with OpenCV's own threads, seconds per frame."""
     cv2.setNumThreads(threads)
     start = time.perf_counter()
     for frame in frames:
@@ -73,7 +73,7 @@ def theirs(frames: list[Frame], threads: int) -> float:
 
 
 def measure(size: tuple[int, int], blocks: int = 3) -> Row:
-    """One row: medians over `blocks` turns after a first one that warms both up."""
+    """Measure one frame size: medians over `blocks` turns, after a first turn that warms up both programs."""
     threads = cv2.getNumberOfCPUs()
     prepare_process()
     frames = clip(size, BLOCK * (blocks + 1))
@@ -93,7 +93,7 @@ def measure(size: tuple[int, int], blocks: int = 3) -> Row:
 
 
 def cpu_ms(frames: list[Frame], size: tuple[int, int]) -> dict[str, float]:
-    """CPU milliseconds a frame of each stage, in a run of its own: clocks cost time."""
+    """CPU milliseconds per frame of each stage, measured in a separate run, because reading the clocks takes time."""
     stopwatch = Stopwatch()
     session = AbstractionSession(AbstractionParams(), size, clock=stopwatch)
     ours(session, frames[: BLOCK // 4])

@@ -1,5 +1,5 @@
-"""Seconds a frame of the analogy method by size and stage, at the paper's settings: 9x9 patches, four levels, one pair
-of sweeps. Then its stills against EbSynth's CPU build, if that is there.
+"""Time per frame of the analogy method by size and stage, at the paper's settings: 9x9 patches, four levels, one pair
+of sweeps. Then compares its stills with EbSynth's CPU build, if it is installed.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ FRAMES = 3
 
 
 def painting(side_px: int = 800) -> Frame:
-    """A style with texture at every scale, px on its long side."""
+    """A style image with texture at every scale; its longer side has `side_px` px."""
     own = paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))
     scale = side_px / max(own.shape[:2])
     return np.asarray(cv2.resize(own, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 def measure(size: tuple[int, int], **params: Any) -> dict[str, Any]:
-    """One row: seconds a frame, wall and CPU, and the wall seconds of each stage."""
+    """Wall and CPU seconds per frame, and wall seconds of each stage."""
     context = Memory(AnalogyParams(**params), {"video": clip(size, FRAMES), "style_output": [painting()]})
     wall, cpu = time.perf_counter(), time.process_time()
     render(context)

@@ -1,7 +1,7 @@
 """Measurements of the analogy method: flicker, trails, variety, transitions at keyframes, two workers.
 
-`python -m benchmarks.analogy_claims [NAME ...]`. Flicker and likeness are measured by the tools of a `shared` folder
-beside the project, from outside; without it those columns are left out.
+`python -m benchmarks.analogy_claims [NAME ...]`. Independent tools in a `shared` folder beside the project measure
+flicker and similarity to the style; without that folder those columns are omitted.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SIZE = (480, 270)
 
 
 def painting(name: str) -> Frame:
-    """A painting of the media folder, or our own."""
+    """A painting of the media folder, or a synthetic one if the folder is missing."""
     path = MEDIA.parent / "style" / "paintings" / f"{name}.jpg"
     if not path.is_file():
         return paint_in_strokes(scene("portrait", (480, 320), frames=1).image(0))
@@ -53,7 +53,7 @@ def film(name: str, height: int, start: int = 10) -> list[Frame]:
 
 
 def shot(name: str, size: tuple[int, int] = SIZE, count: int = COUNT) -> tuple[list[Frame], Mapping[str, bytes]]:
-    """A scene's frames, and its files with exact vectors, without layers."""
+    """The frames of a procedural scene, and its files with exact motion vectors, without layers."""
     made = scene(name, size, frames=count)
     files = dict(shot_files(made))
     del files["shot.json"]
@@ -67,7 +67,7 @@ def painted(
     return render(context)
 
 
-# -- measured from outside
+# -- measurements by independent tools
 
 
 def saved(folder: Path, frames: Sequence[Frame]) -> Path:
@@ -106,7 +106,7 @@ def compare(source: Sequence[Frame], style: Frame, outputs: Mapping[str, Sequenc
 
 
 def clip() -> None:
-    """Live-action clips with nothing but a painting."""
+    """Live-action clips, with a painting as the only guidance."""
     for name, height, style in CLIPS:
         print(f"  {name}, {height} lines, {style}")
         source, exemplar = film(name, height), painting(style)
@@ -128,7 +128,7 @@ def stage() -> None:
 
 
 def trails() -> None:
-    """Lightness that is wrong where the background has just come out, as a multiple of what it is elsewhere."""
+    """Lightness error of background that was disoccluded in this frame, relative to the error elsewhere."""
     (source, files), style = shot("shapes"), painting("delaunay_1906")
     made = scene("shapes", SIZE, frames=COUNT)
     for name in ("on", "off"):
@@ -137,11 +137,11 @@ def trails() -> None:
 
 
 TRAILING = {"steadiness": 20, "guide_weight": 2, "tone_match": "off"}
-"""Firm enough that what is carried stays."""
+"""High steadiness, so that wrongly propagated pixels remain visible."""
 
 
 def trail(made: Any, source: Sequence[Frame], out: Sequence[Frame]) -> float:
-    """Mean lightness error where a pixel was hidden a frame ago, over that of all other pixels."""
+    """Ratio of the mean lightness error of pixels that were occluded one frame ago to that of all other pixels."""
     fresh, rest = [], []
     for index in range(1, len(out)):
         new = made.frame(index).occluded_previous.copy()
@@ -159,14 +159,14 @@ def _soft(frame: Frame) -> Plane:
 
 
 def variety() -> None:
-    """The histogram term."""
+    """Variety of the style pixels used, with and without the histogram term."""
     source, style = film("coffee_720p_audio.mp4", 270)[:1] * 5, painting("water_lilies")
     found = {f"h_s {w}": painted(source[:1], style, variety_weight=w) * 5 for w in (0, 200, 1000)}
     compare(source, style, found)
 
 
 def keys() -> None:
-    """Two painted keys across a shading change: mean difference of neighbouring frames at the keys and elsewhere."""
+    """Two keys with a change of light between them: mean difference of neighbouring frames, at keys and elsewhere."""
     source, images = shaded_keys()
     context = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": images})
     out = np.stack(render(context)).astype(int)
@@ -179,7 +179,7 @@ def keys() -> None:
 
 
 def shaded_keys() -> tuple[list[Frame], dict[int, Frame]]:
-    """Eleven frames of the portrait whose light falls by a third, and its first and last in short strokes."""
+    """Eleven frames of the portrait scene that darken by a third; the first and last are painted in short strokes."""
     from pipeline.methods.multistyle import MultistyleParams, MultistyleSession
 
     made = scene("portrait", (320, 240), frames=11)
@@ -190,7 +190,7 @@ def shaded_keys() -> tuple[list[Frame], dict[int, Frame]]:
 
 
 def workers() -> None:
-    """Two intervals between keys, by one worker and by two, each with one processor: CPU seconds of the busiest."""
+    """CPU seconds of the busiest worker for two intervals between keys: one worker against two, one processor each."""
     with ProcessPoolExecutor(2, get_context("spawn"), initializer=_one_processor) as pool:
         list(pool.map(_interval, ((0,), (1,))))  # both have compiled now
         one, whole = pool.submit(_interval, (0, 1)).result()
@@ -206,7 +206,7 @@ def _one_processor() -> None:
 
 
 def _interval(which: Sequence[int]) -> tuple[float, dict[int, Frame]]:
-    """Some of the tasks between three keys, and the CPU seconds that they took."""
+    """Run some of the tasks between three keys; the CPU seconds that they took, and their frames."""
     source, images = shaded_keys()
     given = {0: images[0], 5: _own_key(source[5]), 10: images[10]}
     context = Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": given})

@@ -1,4 +1,4 @@
-"""Interactive propagation: milliseconds from an edited keyframe to its four repainted neighbours, over 50 edits.
+"""Latency of interactive propagation: ms from an edit of a keyframe to its four repainted neighbours, over 50 edits.
 
 `python -m benchmarks.analogy_interactive`. 480x270, two frames on each side of the key; an edit is a disc of colour.
 """
@@ -35,7 +35,7 @@ def edited(image: Frame, rng: np.random.Generator) -> Frame:
 
 
 def measure(local: bool) -> list[float]:
-    """Seconds of each edit; `local` = earlier results are reused, else each edit starts from nothing but motion."""
+    """Seconds per edit. `local`: reuse earlier results; otherwise each edit reuses the optical flow only."""
     shot, rng = frames(), np.random.default_rng(1)
     image = paint_in_strokes(shot[KEY])
     propagator = Propagator(shot)

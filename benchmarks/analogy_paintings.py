@@ -1,9 +1,10 @@
-"""Steadiness and legibility of live action with a painting alone: every painting of the media folder, three clips.
+"""Flicker and legibility of live-action clips stylised from a painting alone: all paintings of the media folder, three
+clips.
 
 `python -m benchmarks.analogy_paintings [--frames N] [PART ...]` prints one row for each painting and clip: flicker
-(that of the video = 1), its share of the flicker of independent frames, structure, and the share of the faces of the
-video that are still found. Only rows are made whose painting or clip contains every PART. The tools of a `shared`
-folder beside the project measure; without them the command ends.
+relative to the video, flicker relative to frames synthesised independently, structure, and the fraction of the video's
+faces that are still detected. PARTs select the rows whose painting and clip names contain all of them. The tools
+in a `shared` folder beside the project are required.
 """
 
 from __future__ import annotations

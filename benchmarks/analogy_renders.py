@@ -1,4 +1,4 @@
-"""A context in memory for the analogy method, and its whole plan on one worker."""
+"""An in-memory task context for the analogy method, and functions that run its plan on one worker."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.methods.base import Arrays, PlanContext, TaskResult, VideoInfo
 
 
 class Memory:
-    """A context in memory that times its stages, wall seconds."""
+    """An in-memory task context that measures the wall seconds of each stage."""
 
     def __init__(
         self, params: AnalogyParams, inputs: Mapping[str, list[Frame]], files: Mapping[str, bytes] | None = None,
@@ -77,7 +77,7 @@ class Memory:
 
 
 def render(context: Memory) -> list[Frame]:
-    """The whole plan, on one worker."""
+    """Run the whole plan on one worker; returns the frames."""
     results: dict[str, dict[str, TaskResult]] = {}
     for step in Analogy.steps:
         context.step, results[step.name] = step.name, {}
@@ -87,7 +87,7 @@ def render(context: Memory) -> list[Frame]:
 
 
 def some(context: Memory, which: Sequence[int]) -> None:
-    """The scan, and only these tasks of the step `synthesise`: a worker's part."""
+    """Run the scan and the given tasks of the step `synthesise`, as one of several workers does."""
     scan, synthesise = Analogy.steps[:2]
     results: dict[str, dict[str, TaskResult]] = {}
     for step in (scan, synthesise):

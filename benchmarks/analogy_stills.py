@@ -1,8 +1,8 @@
-"""Stills against EbSynth's CPU build on EbSynth's own examples, with nothing set but the guides and their weights: CPU
-seconds, and how much each looks like the style.
+"""Comparison of stills with EbSynth's CPU build on EbSynth's own examples: CPU seconds and similarity to the style.
 
-EbSynth is taken from the PATH (`bin/ebsynth` of a build of its repository, with `examples` beside `bin`), and measured
-by the same tool, `style_fidelity.py` of a `shared` folder beside the project. Missing parts are reported and skipped.
+All parameters except the guides and their weights have their defaults. EbSynth is taken from the PATH (`bin/ebsynth` of
+a build of its repository, with `examples` beside `bin`). `style_fidelity.py` in a `shared` folder beside the project
+measures both results. Missing parts are reported and skipped.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ TOOL = Path(__file__).resolve().parents[2] / "shared" / "tools" / "style_fidelit
 
 @dataclass(frozen=True)
 class Still:
-    """An example: pictures by name without their "source_" and "target_", and their EbSynth weights."""
+    """An example of EbSynth: image names without the prefixes "source_" and "target_", and EbSynth's weights."""
 
     folder: str
     style: str
     guides: tuple[tuple[str, float], ...]
-    """The first one is our video, the others guides a and b; with EbSynth's weights, which both programs get."""
+    """Image name -> weight, the same in both programs. The first image is our video, the others are guides a and b."""
     options: tuple[str, ...] = ()
 
 
@@ -48,7 +48,7 @@ STILLS = (
 
 
 def ours(still: Still, examples: Path, out: Path) -> float:
-    """CPU seconds for our still, which is written to `out`."""
+    """Write our still to `out`; its CPU seconds."""
     folder = examples / still.folder
     inputs = {"style_output": [read_picture(folder / f"source_{still.style}.png")]}
     weights = {}
@@ -75,7 +75,7 @@ _NAMES = (
 
 
 def theirs(still: Still, program: str, examples: Path, out: Path) -> float:
-    """CPU seconds for EbSynth's."""
+    """Write EbSynth's still to `out`; its CPU seconds."""
     guides = [("-guide", f"source_{name}.png", f"target_{name}.png", "-weight", str(w)) for name, w in still.guides]
     command = [program, "-style", f"source_{still.style}.png", *(part for guide in guides for part in guide)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -1,9 +1,9 @@
 """API throughput: submissions and reads per second, and latency with 10,000 jobs and a job of 100,000 tasks.
 
-A service of one process that runs nothing (its workers would take the processors from it), over SQLite and over a real
-PostgreSQL, and a bounded client: so many connections, each with one request under way. For each kind of request the
-highest rate is shown at which 99 of 100 answers take less than 100 ms. All on the same
-two processors: client, service and PostgreSQL. PostgreSQL does not flush (tests.real.postgres), SQLite does.
+The service is one process without workers, which would compete with it for the processors. It runs on SQLite and on a
+real PostgreSQL. The client keeps a fixed number of connections open, each with one request in flight. For each kind of
+request, the table shows the highest rate at which the 99th percentile of the latency is at most 100 ms. Client, service
+and PostgreSQL share two processors. PostgreSQL does not flush to disk (tests.real.postgres), SQLite does.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from workers.store import Store
 
 CONNECTIONS = (1, 2, 4, 8, 16)
 SECONDS, TURNS = 1.5, 3
-"""For each number of connections; and so often, since other work on the machine comes and goes: the best one counts."""
+"""Length of a measurement, and measurements per number of connections. The best one counts, since the load of the
+machine varies."""
 P99_MS = 100.0
 SIZES = ((10, 100), (10_000, 100_000))
 """(queued jobs of 50 owners, tasks of one more job)"""
@@ -38,12 +39,12 @@ ADMIN = "a key for this benchmark only"
 
 @dataclass
 class Load:
-    """Answers to one kind of request."""
+    """Responses to one kind of request, measured with a fixed number of connections."""
 
     connections: int
     seconds: float = 0.0
     cpu_s: float = 0.0
-    """Of the service."""
+    """CPU time of the service, seconds."""
     took_ms: list[float] = field(default_factory=list)
 
     @property
@@ -58,13 +59,13 @@ Ask = Callable[["Connection", int], Awaitable[object]]
 
 
 class Connection:
-    """HTTP/1.1 with keep-alive, no more: a full client costs more than the service."""
+    """A minimal HTTP/1.1 client with keep-alive; a full client uses more CPU time than the service."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
 
     async def ask(self, verb: str, path: str, body: object = None) -> bytes:
-        """The body of the answer. Raises RuntimeError for a status that is no success."""
+        """Send a request; returns the response body. Raises RuntimeError unless the status is 2xx."""
         data = b"" if body is None else json.dumps(body).encode()
         head = f"{verb} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
         head += f"Authorization: Bearer {ADMIN}\r\nContent-Length: {len(data)}\r\n\r\n"
@@ -77,7 +78,7 @@ class Connection:
         return answer
 
     async def first_event(self, path: str) -> bytes:
-        """Up to the end of an event stream's first event; the connection is of no use after that."""
+        """Read an event stream to the end of its first event. The connection cannot be used afterwards."""
         head = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {ADMIN}\r\n\r\n"
         self._writer.write(head.encode())
         while b"data: " not in (line := await self._reader.readuntil(b"\n")):
@@ -120,7 +121,7 @@ def _measure(name: str, url: Callable[[tuple[int, int]], str]) -> None:
 
 @contextmanager
 def _service(database: str) -> Iterator[tuple[int, psutil.Process]]:
-    """`impasto serve` without workers: its port, its process."""
+    """Run `impasto serve` without workers; yields its port and process."""
     with tempfile.TemporaryDirectory(prefix="impasto-home-") as home:
         given = {"POOL": "none", "ADMIN_KEY": ADMIN, "REQUESTS_PER_MINUTE": "1000000", "QUOTA_ACTIVE_JOBS": "1000000"}
         env = os.environ | {f"IMPASTO_{name}": value for name, value in given.items()}
@@ -156,7 +157,7 @@ async def _all(port: int, service: psutil.Process, big: str) -> None:
 
 
 async def _looks(port: int, big: str) -> None:
-    """One connection, one request after another: medians and the slowest."""
+    """Median and maximum latency of sequential requests on one connection."""
     print("    one at a time              median ms   slowest ms")
     for name, path in {
         "the large job": f"/v1/jobs/{big}",
@@ -185,7 +186,7 @@ async def _looks(port: int, big: str) -> None:
 
 
 async def _best(port: int, service: psutil.Process, ask: Ask) -> Load:
-    """The highest rate with 99 of 100 answers in time; if there is none, the calmest."""
+    """The load with the highest rate whose 99th percentile is within `P99_MS`; if none is, the one with the lowest."""
     loads = [await _load(port, service, ask, connections) for _ in range(TURNS) for connections in CONNECTIONS]
     in_time = [load for load in loads if load.percentile(99) <= P99_MS]
     if not in_time:
@@ -210,7 +211,7 @@ async def _client(port: int, ask: Ask, load: Load, until: float) -> None:
 
 
 async def _time(answer: Awaitable[object]) -> float:
-    """Milliseconds until it is there."""
+    """Milliseconds until the response has arrived."""
     began = time.perf_counter()
     await answer
     return 1e3 * (time.perf_counter() - began)
@@ -225,7 +226,7 @@ def _job(asset: str, seed: int = 0) -> dict[str, object]:
 
 
 async def _asset(port: int) -> str:
-    """A clip, uploaded."""
+    """Upload a clip; the id of its asset."""
     import httpx
 
     with tempfile.TemporaryDirectory() as folder:

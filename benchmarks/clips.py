@@ -1,4 +1,4 @@
-"""Frames to measure on: a real clip from a media folder beside the project if there is one, else a procedural scene."""
+"""Frames for benchmarks: a real clip if there is a media folder beside the project, otherwise a procedural scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CLIPS = {(352, 288): "foreman_cif.mp4", (640, 480): "asl_walk_640x480.mkv", (128
 
 
 def clip(size: tuple[int, int], count: int) -> list[Frame]:
-    """`count` frames of `size` (width, height): a clip played to and fro if it is too short."""
+    """`count` frames of `size` (width, height). A clip that is too short is played forwards and backwards."""
     path = MEDIA / CLIPS.get(size, "")
     if path.is_file():
         with VideoReader(path) as reader:
@@ -35,7 +35,7 @@ def read_picture(path: Path) -> Frame:
 
 
 def fit(frame: Frame, size: tuple[int, int]) -> Frame:
-    """The frame at `size`; untouched if it has it."""
+    """The frame scaled to `size` (width, height); unchanged if it already has that size."""
     if (frame.shape[1], frame.shape[0]) == size:
         return frame
     return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)

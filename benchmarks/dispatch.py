@@ -1,7 +1,7 @@
-"""Cost of a claim and an answer with growing numbers of jobs and tasks, in SQLite and in a real PostgreSQL.
+"""Cost of claiming a task and recording its outcome, by number of jobs and tasks, in SQLite and in a real PostgreSQL.
 
-Milliseconds of wall time and of this process's CPU (PostgreSQL's own is not in it), medians of `ROUNDS`. Then the
-largest job as its users meet it: planned, shown, listed, cancelled.
+The table shows medians of `ROUNDS` in milliseconds: wall time, and CPU time of this process (without PostgreSQL's own).
+Then it shows the time to plan, show, list and cancel the largest job.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _plan(store: Store, job_id: str, tasks: int) -> None:
 
 
 def _queue(store: Store, jobs: int) -> None:
-    """Jobs with a task each that may start: one made by the store, the others as copies of its rows."""
+    """Add queued jobs with one ready task each. The store creates the first; the others are copies of its rows."""
     first = _submit(store)
     _plan(store, first, 1)
     ids = [new_id("job_") for _ in range(jobs - 1)]

@@ -1,8 +1,8 @@
-"""How well does a job's CPU time follow from that of other jobs of its method?
+"""Accuracy of CPU time estimates that are made from other jobs of the same method.
 
-For each method of the registry: jobs of three lengths and sizes are rendered in memory. The CPU time of each is then
-estimated from the two others, and without any (the method's own figure). Decoding and encoding are not measured.
-CPU time hardly depends on what else runs on the machine.
+For each method of the registry, jobs of three lengths and frame sizes are rendered in memory. The CPU time of each job
+is then estimated from the two others, and from the method's own figure alone. Decoding and encoding are not measured.
+CPU time hardly depends on the load of the machine.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Row:
 
 
 def measure(names: Sequence[str], jobs: Sequence[Job] = JOBS, media: str = "") -> Iterator[Row]:
-    """Rows of each method of those names, or of all. `media`: a file of the media folder, else a clip for each size."""
+    """Rows of the named methods, or of all. `media`: a file of the media folder; by default, a clip for each size."""
     for name, chosen in methods().items():
         if not names or name in names:
             _cpu_s(chosen, frames_of(media, *jobs[0]))  # compiles kernels
@@ -54,7 +54,7 @@ def measure(names: Sequence[str], jobs: Sequence[Job] = JOBS, media: str = "") -
 
 
 def frames_of(media: str, size: tuple[int, int], count: int) -> list[Frame]:
-    """The first frames of a file of the media folder; without one, of the clip for this size."""
+    """The first frames of a file of the media folder; if `media` is empty, of the clip for this size."""
     if not media:
         return clip(size, count)
     with VideoReader(MEDIA / media) as reader:
@@ -94,9 +94,11 @@ def _job(text: str) -> Job:
 
 def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("methods", nargs="*", help="names of methods; none: all")
-    parser.add_argument("--times", type=int, default=1, help="multiplies the numbers of frames: for fast methods")
-    parser.add_argument("--media", default="", metavar="FILE", help="of the media folder, instead of the usual clips")
+    parser.add_argument("methods", nargs="*", help="names of methods; all methods if omitted")
+    parser.add_argument("--times", type=int, default=1, help="factor on the numbers of frames, for fast methods")
+    parser.add_argument(
+        "--media", default="", metavar="FILE", help="a file of the media folder, instead of the usual clips"
+    )
     parser.add_argument("--jobs", nargs="+", type=_job, default=list(JOBS), metavar="WIDTHxHEIGHTxFRAMES")
     options = parser.parse_args(arguments)
     jobs = [(size, options.times * frames) for size, frames in options.jobs]

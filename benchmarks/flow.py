@@ -1,7 +1,7 @@
-"""Optical flow: our TV-L1 kernel against OpenCV's DualTVL1 and DIS, in time and in error.
+"""Optical flow: time and error of our TV-L1 kernel, OpenCV's DualTVL1 and DIS.
 
-The motion of the scene is known: the error is the mean distance to it, px, over what is visible in both pictures. All
-see the same two pictures in one process; OpenCV has all its threads.
+The scene's motion is known. The error is the mean end-point error, px, over pixels that are visible in both frames. All
+solvers get the same two frames in one process; OpenCV uses all its threads.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from pipeline.scenes import SceneFrame, scene
 SIZES = ((352, 288), (1280, 720))
 TURNS = 3
 Solver = Callable[[Any, Any], Any]
-"""Takes two gray pictures, gives a flow."""
+"""Computes the flow between two gray images."""
 
 
 def main() -> None:
-    """Print a table a size."""
+    """Print one table per frame size."""
     print(f"TV-L1 runs on: {device().name}")
     for size in SIZES:
         drawn = scene("harbour", size=size, frames=4)
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def measure(first: SceneFrame, second: Frame) -> Iterator[tuple[str, float, float]]:
-    """(solver, best ms of a few, mean error px) for each."""
+    """(solver, shortest time of `TURNS` runs in ms, mean end-point error in px) for each solver."""
     gray = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (first.image, second)]
     visible = ~first.occluded_next
     for name, solve in solvers().items():
@@ -48,7 +48,7 @@ def measure(first: SceneFrame, second: Frame) -> Iterator[tuple[str, float, floa
 
 
 def solvers() -> dict[str, Solver]:
-    """Name -> solver of two gray pictures."""
+    """Solvers by name."""
     theirs: Any = cv2.optflow.createOptFlow_DualTVL1()
     found: dict[str, Solver] = {"OpenCV DualTVL1": lambda a, b: theirs.calc(a, b, None)}
     for method in ("tvl1", "dis-medium", "dis-fast", "dis-ultrafast"):

@@ -1,8 +1,9 @@
-"""kill -9 of the whole process tree at ten random moments of a job: does it end, with the bytes of an undisturbed run?
+"""kill -9 of the whole process tree at ten random moments of a job. The job must finish with the same bytes as an
+undisturbed run.
 
-Three ways to run the job: `impasto render`; `impasto serve` and a client that waits; the same with the farm on Ray.
-After each death the command is started again, on the same home and at the same address. The short form is
-tests/e2e/test_kill.py.
+The job runs in three ways: with `impasto render`; with `impasto serve` and a client that waits; and the latter with the
+farm on Ray. After each kill the command is started again with the same home and address. tests/e2e/test_kill.py is the
+short form.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from tests.e2e.killing import RENDER, Killed, kill_points, render_killed, serve_
 
 CLIP, SIZE = "bikes_scene_cuts.mp4", "640x272"
 FRAMES = 750
-"""Half a minute of several shots, about ten tasks."""
+"""Half a minute of video with several shots, about ten tasks."""
 DEATHS, THEN_S = 10, 0.4
-"""Each death comes up to so many seconds after its share of the frames is painted."""
+"""Number of kills, and the maximum delay of a kill after its share of the frames is painted, seconds."""
 WAYS: dict[str, Callable[..., list[Killed]]] = {
     "render": render_killed,
     "serve --farm local": partial(serve_killed, farm="local"),
@@ -30,7 +31,7 @@ WAYS: dict[str, Callable[..., list[Killed]]] = {
 
 
 def main() -> None:
-    """Print every death, and whether the bytes are the same in the end."""
+    """Print every kill, and whether the final bytes are equal."""
     with tempfile.TemporaryDirectory(prefix="impasto-kill9-") as scratch:
         folder = Path(scratch)
         clip = looped(source(CLIP, SIZE, folder), FRAMES, folder / "clip.mp4")
@@ -50,7 +51,7 @@ def undisturbed(clip: Path, folder: Path) -> tuple[bytes, float]:
 
 
 def survives(name: str, clip: Path, whole: bytes, home: Path, seed: int) -> bool:
-    """Run the job one way, through ten deaths; print them; whether the result is `whole`."""
+    """Run the job in one way and kill it ten times; print the kills; whether the result equals `whole`."""
     out = home.with_suffix(".mp4")
     began = time.monotonic()
     deaths = WAYS[name](clip, out, home, plan=kill_points(DEATHS, 0.97 * FRAMES, THEN_S, seed))

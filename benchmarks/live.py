@@ -7,9 +7,9 @@
     python -m benchmarks.live --sessions 2                        two sessions at once, and a third that is refused
     python -m benchmarks.live --kill                              kill -9 of the worker in mid-stream
     python -m benchmarks.live --rude                              beside clients that do not read, send garbage, vanish
-    python -m benchmarks.live --server http://127.0.0.1:8420      a service that runs already: no memory, no kill
+    python -m benchmarks.live --server http://127.0.0.1:8420      a running service: without memory figures and kills
 
-The client is light: frames are encoded as JPEG beforehand, answers are counted by their headers.
+To keep the client's own CPU time low, frames are encoded as JPEG beforehand, and only headers of answers are decoded.
 """
 
 from __future__ import annotations
@@ -43,10 +43,11 @@ from workers.model import Json
 SIZES = (((352, 288), 60.0), ((640, 480), 30.0), ((1280, 720), 30.0))
 CLIP_FRAMES = 150
 MAX_FPS, MAX_PER_S = 120.0, 230.0
-"""A service's usual limits: what hello may say, and what may come (240) with room for jitter."""
+"""Highest frame rate that `hello` may declare, and the default limit of incoming frames per second (240) less a margin
+for jitter."""
 PROBE_S = 5.0
 SETTLE_S = 3.0
-"""Not counted: a stream's first frames are segmented from nothing."""
+"""Seconds at the start that are not counted: the first frames of a stream are segmented from scratch."""
 UNREAD_S = 60.0
 MIB = 1 << 20
 
@@ -55,7 +56,7 @@ Rate = tuple[tuple[int, int], float]
 
 @dataclass
 class Run:
-    """One client's figures."""
+    """Measurements of one client."""
 
     size: tuple[int, int]
     fps: float
@@ -64,7 +65,7 @@ class Run:
     server: Histogram = field(default_factory=Histogram)
     round_trip: Histogram = field(default_factory=Histogram)
     counted: int = 0
-    """Sent after the start was over."""
+    """Frames sent after the first `SETTLE_S` seconds."""
     work: tuple[int, int] = (0, 0)
     gap_s: float = 0.0
     """Longest time between answers."""
@@ -84,14 +85,14 @@ class Run:
 
 
 def pictures(size: tuple[int, int]) -> list[bytes]:
-    """A clip as JPEGs."""
+    """The frames of a clip as JPEG files."""
     frames = clip(size, CLIP_FRAMES)
     made = [cv2.imencode(".jpg", cv2.cvtColor(f, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])[1] for f in frames]
     return [data.tobytes() for data in made]
 
 
 def stream(address: str, rate: Rate, payloads: list[bytes], seconds: float, per_s: float = 0.0, **options: Any) -> Run:
-    """Send at the rate, or `per_s` frames a second, for so long; what came of it. `options`: see `LiveOptions`."""
+    """Send at the rate, or at `per_s` frames a second, for `seconds`; the measurements. `options`: `LiveOptions`."""
     size, fps = rate[0], per_s or rate[1]
     run = Run(size, fps)
 
@@ -130,7 +131,7 @@ def _count(client: LiveClient, run: Run, from_s: float) -> None:
 
 
 def too_much(address: str, rate: Rate, payloads: list[bytes]) -> float:
-    """Three times what the service paints of these frames at full size, frames a second, as far as it is let in."""
+    """Three times the service's capacity at full size, frames a second; at most the service's limit."""
     painted = stream(address, rate, payloads, PROBE_S, MAX_PER_S, prefer="sharp").painted / PROBE_S
     sent = min(3 * painted, MAX_PER_S)
     print(f"    capacity {painted:.1f} frames/s; {sent:.1f} are sent; two periods of the clip {2e3 / rate[1]:.1f} ms")
@@ -139,14 +140,14 @@ def too_much(address: str, rate: Rate, payloads: list[bytes]) -> float:
 
 @contextmanager
 def service(farm: str) -> Iterator[tuple[str, psutil.Process]]:
-    """A service of its own: its address and process."""
+    """Start a service; yields its address and process."""
     with tempfile.TemporaryDirectory() as home:
         command = [sys.executable, "-m", "impasto", "serve", "--port", "0", "--home", home, "--farm", farm]
         child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         try:
             assert child.stdout is not None
             address = child.stdout.readline().strip()
-            time.sleep(20)  # live workers get ready behind those at work; measure them ready
+            time.sleep(20)  # spare live workers start at the lowest priority; measure once they are ready
             yield address, psutil.Process(child.pid)
         finally:
             child.terminate()
@@ -154,7 +155,7 @@ def service(farm: str) -> Iterator[tuple[str, psutil.Process]]:
 
 
 def live_workers(parent: psutil.Process) -> list[psutil.Process]:
-    """The processes that paint, the busiest first."""
+    """The live workers' processes, by CPU time, highest first."""
     found = []
     for process in parent.children(recursive=True):
         with contextlib.suppress(psutil.Error):
@@ -164,14 +165,14 @@ def live_workers(parent: psutil.Process) -> list[psutil.Process]:
 
 
 def memory(parent: psutil.Process) -> str:
-    """RSS of the service and of its busiest live worker."""
+    """Resident set sizes of the service and of its busiest live worker, MiB."""
     workers = live_workers(parent)
     painter = f"{workers[0].memory_info().rss / MIB:.0f}" if workers else "-"
     return f"service {parent.memory_info().rss / MIB:.0f} MiB, live worker {painter} MiB"
 
 
 def measure(address: str, parent: psutil.Process | None, rate: Rate, options: argparse.Namespace) -> None:
-    """One client for a while, and memory a tenth of the way and at the end."""
+    """Measure one client, and memory after a tenth of the time and at the end."""
     payloads, memory_samples, seconds = pictures(rate[0]), [], options.seconds
     per_s = too_much(address, rate, payloads) if options.overload else 0.0
     behind: Json | None = {"method": options.filter} if options.filter else None
@@ -194,7 +195,7 @@ def _later(seconds: float, act: Callable[[], object]) -> None:
 
 
 def together(address: str, rate: Rate, seconds: float, count: int) -> None:
-    """Several sessions at once; one more than the service takes is to be refused."""
+    """Measure several sessions at once. The service must refuse one more session than it allows."""
     payloads, runs = pictures(rate[0]), []
     threads = [
         threading.Thread(target=lambda: runs.append(stream(address, rate, payloads, seconds))) for _ in range(count)
@@ -205,7 +206,7 @@ def together(address: str, rate: Rate, seconds: float, count: int) -> None:
     began = time.monotonic()
     try:
         with LiveClient(address, size=rate[0]):
-            print("    one more session was taken")
+            print("    one more session was accepted")
     except ImpastoError as error:
         print(f"    one more: {error.code} after {(time.monotonic() - began) * 1e3:.0f} ms: {error.remedy}")
     for thread in threads:
@@ -215,7 +216,7 @@ def together(address: str, rate: Rate, seconds: float, count: int) -> None:
 
 
 def rude(address: str, rate: Rate) -> None:
-    """One session at its rate, and beside it, one after the other, three that behave badly."""
+    """Measure one well-behaved session while three misbehaving clients connect one after the other."""
     payloads, runs = pictures(rate[0]), []
     good = threading.Thread(target=lambda: runs.append(stream(address, rate, payloads, UNREAD_S + 15)))
     good.start()
@@ -230,7 +231,7 @@ def rude(address: str, rate: Rate) -> None:
 
 @contextmanager
 def _bare(address: str, rate: Rate) -> Iterator[ClientConnection]:
-    """A session without any manners of its own: nothing is read unless it is asked for."""
+    """A session on a bare WebSocket: nothing is read unless the caller reads it."""
     (width, height), fps = rate
     hello = {"type": "hello", "method": "abstraction", "width": width, "height": height, "fps": fps}
     url = f"ws{address.removeprefix('http')}/v1/live"
@@ -257,7 +258,7 @@ def _garbage(socket: ClientConnection, rate: Rate, payloads: list[bytes]) -> str
         while True:
             socket.recv(timeout=5)
     except ConnectionClosed as closed:
-        return f"closed with {closed.rcvd.code} {closed.rcvd.reason}" if closed.rcvd else "closed without a word"
+        return f"closed with {closed.rcvd.code} {closed.rcvd.reason}" if closed.rcvd else "closed without a close frame"
 
 
 def _vanish(socket: ClientConnection, rate: Rate, payloads: list[bytes]) -> str:
@@ -274,12 +275,12 @@ def _send(socket: ClientConnection, rate: Rate, payloads: list[bytes], seconds: 
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Print a row a run."""
+    """Print one row per run."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.live")
     parser.add_argument("--seconds", type=float, default=20)
-    parser.add_argument("--size", help="WIDTHxHEIGHT@FPS; else three of them")
+    parser.add_argument("--size", help="WIDTHxHEIGHT@FPS; three sizes if omitted")
     parser.add_argument("--farm", default="ray", choices=("ray", "local"))
-    parser.add_argument("--server", help="else one is started")
+    parser.add_argument("--server", help="address of a running service; one is started if omitted")
     parser.add_argument("--filter", choices=("steady",), help="behind abstraction")
     parser.add_argument("--prefer", choices=("fluent", "sharp"), default="fluent")
     parser.add_argument("--overload", action="store_true")

@@ -1,4 +1,4 @@
-"""A clip of any length from a short one: its packets again and again, nothing decoded."""
+"""Loops a short clip to any length by repeating its packets, without decoding."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from impasto.cli.app import run
 
 
 def looped(source: Path, frames: int, out: Path) -> Path:
-    """`frames` pictures of `source`, an MP4, as often around as it takes; no sound."""
+    """Write `frames` frames of `source`, an MP4, looped as often as necessary, without sound."""
     with av.open(str(source)) as given, av.open(str(out), "w") as target:
         stream = target.add_stream_from_template(given.streams.video[0])
         for packet in islice(_packets(given), frames):
@@ -26,7 +26,7 @@ def looped(source: Path, frames: int, out: Path) -> Path:
 
 
 def _packets(given: InputContainer) -> Iterator[Packet[VideoStream]]:
-    """The video's packets without end, each turn later by the length of one."""
+    """The video's packets in an endless loop; timestamps rise by the clip's duration with each repetition."""
     video = given.streams.video[0]
     assert video.average_rate and video.time_base
     turn = round(video.frames / (video.average_rate * video.time_base))
@@ -39,7 +39,7 @@ def _packets(given: InputContainer) -> Iterator[Packet[VideoStream]]:
 
 
 def source(name: str, size: str, folder: Path) -> Path:
-    """The real clip `name` if there is a media folder, else a procedural scene with a cut of that size."""
+    """The real clip `name` if there is a media folder, otherwise a procedural scene of size `size` with a cut."""
     if (MEDIA / name).is_file():
         return MEDIA / name
     drawn = folder / "scene.mp4"

@@ -1,9 +1,9 @@
-"""Does the memory of a render grow with the length of the video? 10 s against 60 s of the same 720p clip, looped.
+"""Memory of a render by length of the video: 10 s against 60 s of the same looped 720p clip.
 
-`python -m benchmarks.memory METHOD CLIP SECONDS SECONDS` for another method, clip and other lengths.
+`python -m benchmarks.memory METHOD CLIP SECONDS SECONDS` measures another method and clip at other lengths.
 
-The same `impasto render` as a user's, one worker: decoding, painting, encoding, joining. Two figures: the peak of the
-resident sets of its process tree, sampled, and the kernel's own peak of the process that renders.
+The benchmark runs `impasto render` with one worker: decoding, painting, encoding, joining. It reports two figures: the
+sampled peak of the resident set size of the process tree, and the kernel's peak (VmHWM) of the process that renders.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MIB = 1 << 20
 
 @dataclass(frozen=True)
 class Peak:
-    """Memory of one render in MiB."""
+    """Peak memory of one render, MiB."""
 
     frames: int
     wall_s: float
@@ -38,7 +38,7 @@ class Peak:
 
 
 def main(method: str = "abstraction", name: str = CLIP, *, lengths: tuple[int, ...] = SECONDS) -> None:
-    """Print both peaks and how much the longer one is above the shorter."""
+    """Print the peaks of both lengths and the relative growth from the shorter to the longer."""
     with tempfile.TemporaryDirectory(prefix="impasto-memory-") as scratch:
         folder = Path(scratch)
         clip = source(name, SIZE, folder)
@@ -52,7 +52,7 @@ def main(method: str = "abstraction", name: str = CLIP, *, lengths: tuple[int, .
 
 
 def measure(clip: Path, seconds: int, folder: Path, method: str) -> Peak:
-    """Render the first `seconds` of `clip` without end."""
+    """Render the first `seconds` of `clip` in an endless loop; peak memory."""
     with av.open(str(clip)) as video:
         frames = round(seconds * (video.streams.video[0].average_rate or 25))
     long = looped(clip, frames, folder / f"{seconds}.mp4")
@@ -63,7 +63,7 @@ def measure(clip: Path, seconds: int, folder: Path, method: str) -> Peak:
 
 
 def _peaks(command: list[str]) -> tuple[int, int]:
-    """Run a command; (peak of its tree as sampled, peak of itself as the kernel counts), bytes."""
+    """Run a command; (sampled peak of its process tree, the kernel's peak of the process itself), bytes."""
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     peak = 0
     while True:
@@ -79,7 +79,7 @@ def _peaks(command: list[str]) -> tuple[int, int]:
 
 
 def _resident(root: psutil.Process) -> int:
-    """Bytes that a process and its descendants hold in memory now."""
+    """Present resident set size of a process and its descendants, bytes."""
     total = 0
     for process in (root, *root.children(recursive=True)):
         try:

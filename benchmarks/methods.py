@@ -1,7 +1,8 @@
-"""How long does each method of the registry take for a frame, at its default parameters?
+"""Time per frame of each method of the registry, at its default parameters.
 
-One row for each method, those of other packages included. Each renders the same frames in memory, in turns, so that a
-busy machine slows all of them; decoding and encoding are not measured. The first turn compiles kernels and is left out.
+The table has one row for each method, including methods of other packages. All render the same frames in memory and
+take turns, so that a busy machine slows all of them. Decoding and encoding are not measured. The first turn compiles
+kernels and is not counted.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ TURNS = 3
 
 @dataclass(frozen=True)
 class Row:
-    """Medians over the turns, ms a frame: wall time, CPU time of all threads."""
+    """Medians over the turns, ms per frame: wall time, and CPU time of all threads."""
 
     method: str
     wall_ms: float
@@ -36,7 +37,7 @@ def measure(frames: Sequence[Frame], turns: int = TURNS) -> Iterator[Row]:
     """A row for each method.
 
     Args:
-        turns: that are counted, after one that is not.
+        turns: counted turns, after one that is not counted.
     """
     prepare_process()
     taken = [{name: _turn(method, frames) for name, method in methods().items()} for _ in range(turns + 1)][1:]
@@ -46,7 +47,7 @@ def measure(frames: Sequence[Frame], turns: int = TURNS) -> Iterator[Row]:
 
 
 def _turn(method: Method, frames: Sequence[Frame]) -> tuple[float, float]:
-    """(wall ms, CPU ms) a frame."""
+    """(wall ms, CPU ms) per frame."""
     context = LocalContext(method.Params(), frames, required_inputs(method, frames))
     wall, cpu = time.perf_counter(), time.process_time()
     run_plan(method, context)

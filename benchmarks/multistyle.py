@@ -1,8 +1,8 @@
 """Cost of a painted frame by stage, with one worker and two, and the cost of OpenCV's painting filters.
 
-Every task of the plan runs alone, in one process, on decoded frames; its CPU seconds are taken, so that other work on
-the machine does not count. Two workers are then simulated as in `benchmarks.patches`. Decoding (once to scan, once to
-analyse) and encoding are timed separately and divided evenly.
+The tasks of the plan run one after the other in one process on decoded frames. The benchmark records CPU seconds, so
+that other work on the machine does not count. It then simulates two workers as in `benchmarks.patches`. Decoding (once
+to scan, once to analyse) and encoding are timed separately and divided evenly.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FEW = 8
 
 
 def measure(size: tuple[int, int], frames: int = FRAMES, **values: Any) -> dict[str, Any]:
-    """CPU seconds a frame with one worker, seconds with two, and CPU seconds by stage."""
+    """Per frame: CPU seconds with one worker, simulated seconds with two, and CPU seconds by stage."""
     prepare_process()
     source = [fit(frame, size) for frame in clip(SOURCE, frames)]
     run_timed(Multistyle(), TimedContext(MultistyleParams(**values), source[:3]))  # compile and load
@@ -48,7 +48,7 @@ def measure(size: tuple[int, int], frames: int = FRAMES, **values: Any) -> dict[
 
 
 def _coding(painted: list[Frame]) -> dict[str, float]:
-    """CPU seconds a frame of encoding, and of decoding twice."""
+    """CPU seconds per frame of encoding, and of decoding twice."""
     count, size = len(painted), (painted[0].shape[1], painted[0].shape[0])
     with tempfile.TemporaryDirectory(prefix="impasto-multistyle-") as folder:
         path = Path(folder) / "clip.mp4"
@@ -65,7 +65,7 @@ def _coding(painted: list[Frame]) -> dict[str, float]:
 
 
 def beside(size: tuple[int, int]) -> dict[str, float]:
-    """CPU seconds a frame of what else paints: each frame on its own, and OpenCV's filters."""
+    """CPU seconds per frame of the alternatives: painting each frame independently, and OpenCV's filters."""
     frames = [fit(frame, size) for frame in clip(SOURCE, FEW)]
     alone = MultistyleSession(MultistyleParams(temporal="off"), size)
     painters: dict[str, Callable[[Frame], Any]] = {

@@ -1,8 +1,8 @@
 """Overhead of the farm and its stores: the share of a render's CPU time that is not decoding, painting and encoding.
 
-A job of every method in a farm in this process, SQLite and a disk. Counted as overhead: all CPU of the farm's own
-threads (dispatching, events, leases, clearing up, waiting), and in workers' threads what goes into keeping and
-fetching artefacts, blobs, segments and the pictures that show progress, and into joining the film.
+One job of every method runs in a farm in this process, with SQLite and blobs on a disk. Overhead is all CPU time of the
+farm's own threads (dispatching, events, leases, garbage collection, waiting), and the CPU time that workers' threads
+spend on storing and fetching artefacts, blobs, segments and progress pictures, and on joining the segments.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from benchmarks.loops import looped, source
 
 CLIP, SIZE = "dog_720p_audio.mp4", "1280x720"
 FRAMES = {"abstraction": (60, 120), "multistyle": (36, 72), "patches": (24, 48), "analogy": (3, 6)}
-"""Two lengths of a method: what a job costs once and what a frame costs follow from them."""
+"""Two job lengths for each method, in frames; the fixed cost of a job and the cost per frame follow from them."""
 LONG = 300
 
 
 def main() -> None:
-    """Print two rows for each method, and what follows from them for LONG frames: a job of so many frames of analogy
-    would take an hour. About four minutes on two quiet processors.
+    """Print two measured rows for each method, and a row extrapolated from them to LONG frames, because a job of that
+    length takes an hour with analogy. The benchmark takes about four minutes on two idle processors.
     """
-    parser = argparse.ArgumentParser(description="What the farm and its stores cost beside the painting.")
-    parser.add_argument("method", nargs="?", choices=FRAMES, help="else all, one after the other")
-    parser.add_argument("frames", nargs="?", type=int, help="a job of this length, instead of two short ones")
+    parser = argparse.ArgumentParser(description="CPU time of the farm and its stores relative to a whole render.")
+    parser.add_argument("method", nargs="?", choices=FRAMES, help="all methods, one after the other, if omitted")
+    parser.add_argument("frames", nargs="?", type=int, help="frames of a single job, instead of two short jobs")
     given = parser.parse_args() if __name__ == "__main__" else parser.parse_args([])
     names = [given.method] if given.method else list(FRAMES)
-    print(f"{'method':>12} {'frames':>7} {'wall s':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   where, CPU s")
+    print(f"{'method':>12} {'frames':>7} {'wall s':>7} {'CPU s':>8} {'overhead s':>11} {'share':>7}   by part, CPU s")
     with tempfile.TemporaryDirectory(prefix="impasto-overhead-") as scratch:
         clip = source(CLIP, SIZE, Path(scratch))
         for name in names:
@@ -49,18 +49,18 @@ def main() -> None:
 
 
 Run = tuple[float, float, dict[str, float]]
-"""Wall seconds, CPU seconds, those of the overhead by part."""
+"""(wall seconds, CPU seconds, CPU seconds of the overhead by part)"""
 
 
 def _job(name: str, frames: int, clip: Path, folder: Path) -> Run:
-    """In a process of its own."""
+    """Measure a job in a separate process."""
     long = looped(clip, frames, folder / f"{name}-{frames}.mp4")
     with multiprocessing.get_context("spawn").Pool(1) as one:
         return one.apply(measure, (name, long, folder / f"home-{name}-{frames}"))
 
 
 def _prolonged(first: tuple[int, Run], second: tuple[int, Run]) -> Run:
-    """A job of LONG frames, by the straight line through two shorter ones: computed, not run."""
+    """Extrapolate linearly from two short jobs to a job of LONG frames."""
     (a, (wall_a, total_a, parts_a)), (b, (wall_b, total_b, parts_b)) = first, second
 
     def at(of_a: float, of_b: float) -> float:
@@ -105,14 +105,14 @@ OF_THE_FARM = {
 
 
 def _cpu() -> float:
-    """CPU seconds of this process and of the children that decode for it."""
+    """CPU seconds of this process and of its decoder processes."""
     mine = psutil.Process()
     times = [process.cpu_times() for process in (mine, *mine.children(recursive=True))]
     return sum(each.user + each.system for each in times)
 
 
 def _threads() -> dict[str, float]:
-    """CPU seconds of this process's threads that Python knows, by name."""
+    """CPU seconds of this process's Python threads, by thread name."""
     known = {thread.native_id: thread.name for thread in threading.enumerate()}
     spent: dict[str, float] = defaultdict(float)
     for row in psutil.Process().threads():
@@ -122,7 +122,7 @@ def _threads() -> dict[str, float]:
 
 
 def _count_stores() -> dict[str, float]:
-    """Count, from now on, the CPU seconds of whatever keeps and fetches."""
+    """Instrument the stores' functions; the returned dictionary accumulates their CPU seconds by part."""
     from workers.blobs.disk import DiskBlobs
     from workers.execution.context import AttemptContext
     from workers.execution.preview_publisher import PreviewPublisher

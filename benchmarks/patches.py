@@ -1,8 +1,9 @@
-"""Cost of painting patches by stage, and the speedup of two workers over one.
+"""Cost of the method patches by stage, and the simulated speedup of two workers over one.
 
-Every task runs alone, in one process, on the same decoded frames; its CPU seconds are taken, so that other work on the
-machine does not count. Two workers are then simulated: tasks in plan order, each to the worker that is free first, the
-next step when the one before is done, as the dispatcher does. Decoding and encoding are outside.
+The tasks run one after the other in one process on the same decoded frames. The benchmark records CPU seconds, so that
+other work on the machine does not count. Two workers are then simulated with the dispatcher's policy: tasks start in
+plan order on the first idle worker, and a step starts when the previous step is done. Decoding and encoding are not
+measured.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SOURCE = (1280, 720)
 
 
 def measure(size: tuple[int, int], frames: int = FRAMES) -> dict[str, Any]:
-    """CPU seconds of every task, and what follows from them."""
+    """Run the plan; the CPU seconds per frame, the simulated speedup, and the cost of each step and stage."""
     prepare_process()
     source = [fit(frame, size) for frame in clip(SOURCE, frames)]
     run_timed(Patches(), TimedContext(PatchesParams(), source[:6]))  # compile and load
@@ -43,7 +44,7 @@ def measure(size: tuple[int, int], frames: int = FRAMES) -> dict[str, Any]:
 
 
 def relaxation(results: Mapping[str, Mapping[str, TaskResult]]) -> dict[str, Any]:
-    """Of all patches: by how much energy falls from frame to frame and over all frames, and in how many iterations."""
+    """Energy after relaxation relative to before, and iterations, over all patches: pairs of frames, and all frames."""
     pairs, every = defaultdict[str, list[float]](lambda: [0.0, 0.0, 0, 0]), list[TaskResult]()
     for result in results.get("register", {}).values():
         for key, row in result["energies"].items():

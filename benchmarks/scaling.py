@@ -1,13 +1,13 @@
-"""One worker against two on the real farm: Ray, a database, blobs; the same film, the same bytes.
+"""Speedup of two workers over one on a real farm with Ray, a database and blobs. Both must give the same bytes.
 
-    python -m benchmarks.scaling                    every method, three turns: about five minutes on a quiet machine
-    python -m benchmarks.scaling METHOD ...         some of them; `--turns N`
+    python -m benchmarks.scaling                    every method, three turns: about five minutes on an idle machine
+    python -m benchmarks.scaling METHOD ...         the named methods; `--turns N`
 
-Two farms stand side by side, each a Ray cluster of its own with one worker and with two, and take turns at the same
-job. A worker is one processor here: it and its decoders are bound to one (one worker alone would else use both, since a
-task has threads of its own). What a step took is read from the farm's own record of attempts, from the first one's
-start to the last one's end; a step of one task (`scan`, `assemble`) cannot gain, and steps of several are summed up
-apart.
+Two farms, each with its own Ray cluster, run side by side and take turns at the same job: one has one worker, the other
+has two. Each worker, with its decoders, is bound to one processor; otherwise a single worker would use both, because a
+task is multithreaded. The time of a step is taken from the farm's record of attempts, from the start of the first
+attempt to the end of the last. A step of one task (`scan`, `assemble`) cannot become faster, so the steps of several
+tasks are also summed separately.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ import psutil
 from benchmarks.speedup import METHODS, short, style_of, submit
 
 FILMS = {"abstraction": (250, 480), "patches": (150, 320), "analogy": (60, 112), "multistyle": (144, 480)}
-"""(frames, width in px) of a film with cuts: ten to thirty seconds of one processor."""
+"""(frames, width in px) of a film with cuts, chosen so that a job takes ten to thirty seconds of one processor."""
 TURNS = 3
 READY_S, POLL_S = 60.0, 0.5
 
 
 @dataclass(frozen=True)
 class Run:
-    """One job on one farm."""
+    """Times and result of one job on one farm."""
 
     seconds: float
     """Seconds from the start of the first attempt to the end of the last one."""
     steps: dict[str, float]
-    """The same for each step."""
+    """Step -> seconds from the start of its first attempt to the end of its last one."""
     tasks: dict[str, int]
     sha256: str
 
 
 def main() -> None:
     """Print a row for each method and each of its steps."""
-    parser = argparse.ArgumentParser(description="One worker against two on the real farm.")
-    parser.add_argument("methods", nargs="*", metavar="METHOD", help=f"of {', '.join(METHODS)}; else all")
+    parser = argparse.ArgumentParser(description="Speedup of two workers over one on a real farm.")
+    parser.add_argument("methods", nargs="*", metavar="METHOD", help=f"{', '.join(METHODS)}; all of them if omitted")
     parser.add_argument("--turns", type=int, default=TURNS)
     given = parser.parse_args() if __name__ == "__main__" else parser.parse_args([])
     spawn = multiprocessing.get_context("spawn")
@@ -74,13 +74,13 @@ def _print(name: str, turns: Sequence[Sequence[Run]]) -> None:
     first = turns[0][0]
     same = len({run.sha256 for turn in turns for run in turn}) == 1
     print(f"{name}, {FILMS[name][0]} frames of {FILMS[name][1]} px, {'the same' if same else 'DIFFERENT'} bytes")
-    _row("all of it", [[run.seconds for run in turn] for turn in turns], sum(first.tasks.values()))
+    _row("whole job", [[run.seconds for run in turn] for turn in turns], sum(first.tasks.values()))
     for step, tasks in first.tasks.items():
         _row(step, [[run.steps[step] for run in turn] for turn in turns], tasks)
     wide = [step for step, tasks in first.tasks.items() if tasks > 1]
     _row("steps of several tasks", [[sum(run.steps[step] for step in wide) for run in turn] for turn in turns], 0)
     if not same:
-        raise SystemExit("One worker and two have made different bytes.")
+        raise SystemExit("The results of one worker and of two workers differ.")
 
 
 def _row(what: str, seconds: Sequence[Sequence[float]], tasks: int) -> None:
@@ -91,7 +91,7 @@ def _row(what: str, seconds: Sequence[Sequence[float]], tasks: int) -> None:
 
 
 class _Farm:
-    """A farm in a process of its own, since a process can be in one Ray cluster only."""
+    """A farm in a separate process, because a process can belong to one Ray cluster only."""
 
     def __init__(self, spawn: Any, home: Path, workers: int) -> None:
         self._pipe, theirs = spawn.Pipe()
@@ -113,7 +113,7 @@ class _Farm:
 
 
 def _serve(pipe: Connection, home: Path, workers: int) -> None:
-    """Run what is asked for, until None is."""
+    """Run the jobs that arrive on the pipe, until None arrives."""
     from workers.farm import open_farm
     from workers.settings import FarmSettings
 
@@ -128,7 +128,7 @@ def _serve(pipe: Connection, home: Path, workers: int) -> None:
 
 
 def _until_ready(farm: Any, workers: int) -> list[int]:
-    """Process ids of the farm's workers, once they are all there."""
+    """Wait until all workers of the farm are up; their process ids."""
     deadline = time.monotonic() + READY_S
     while time.monotonic() < deadline:
         slots = [slot for worker in farm.workers.workers().items for slot in worker.slots]
@@ -139,7 +139,7 @@ def _until_ready(farm: Any, workers: int) -> list[int]:
 
 
 def _bind(pids: Sequence[int]) -> None:
-    """Each worker, with its threads and children, to a processor of its own."""
+    """Bind each worker, with its threads and children, to a different processor."""
     processors = sorted(os.sched_getaffinity(0))
     for place, pid in enumerate(pids):
         for process in (root := psutil.Process(pid), *root.children(recursive=True)):

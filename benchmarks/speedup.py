@@ -1,17 +1,17 @@
-"""How much faster is a job with 1 to 512 workers, and what is in the way? A simulation over recorded tasks.
+"""Speedup of a job with 1 to 512 workers, and the limit that prevents more. A simulation from recorded tasks.
 
-    python -m benchmarks.speedup record METHOD ...     run a short job of the method, one task after another; keep what
-                                                       each took in benchmarks/recorded/METHOD.json
+    python -m benchmarks.speedup record METHOD ...     run a short job of the method, one task after another; write the
+                                                       time of each task to benchmarks/recorded/METHOD.json
     python -m benchmarks.speedup                       print the table
 
-Recorded are real jobs on a real film with cuts (small frames), through the store, planning, decoding, encoding and
-blobs, as a worker runs them; in CPU seconds, so that other work on the machine does not count. The simulation does what
-dispatchers do: steps one after the other, a task when those of its chain are done, ready tasks in plan order to
-whichever worker is free, and between two tasks the claim and the answer, which the database settles one by one.
+The recorded jobs are real: a film with cuts and small frames, run with the store, planning, decoding, encoding and
+blobs as in a worker. Times are CPU seconds, so that other work on the machine does not count. The simulation follows
+the dispatchers: steps run one after the other, a task becomes ready when the tasks it depends on are done, ready tasks
+go in plan order to any idle worker, and each task costs a claim and an outcome, which the database serialises.
 
-A short job has few tasks. A *film* is as if so many such clips were one: a step that planned several tasks has so many
-times as many, a step that planned one (it reads the whole video) has one that takes so many times as long. Its frames
-are 1280 px wide, and every task takes longer by the number of pixels.
+A short job has few tasks. A *film* simulates N such clips in a row: a step that planned several tasks has N times as
+many; a step that planned one task (it reads the whole video) has one task that takes N times as long. The film's frames
+are 1280 px wide, and the time of every task grows in proportion to the pixels.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
 WARM_FRAMES = 40
 """The film's first cut is at frame 30."""
 FILMS = (1, 100)
-"""Clips in the simulated films."""
+"""Numbers of clips in the simulated films."""
 FILM_WIDTH_PX = 1280
-"""Of their frames: tasks take longer by the number of pixels, the database does not."""
+"""Frame width of the simulated films, px. Task times grow with the number of pixels; database times do not."""
 CLIP = "bikes_scene_cuts.mp4"
 SIZES = {"abstraction": (250, 640), "patches": (96, 192), "analogy": (96, 128), "multistyle": (96, 192)}
-"""(frames, width in px): what is done in a minute or two."""
+"""(frames, width in px) of the recorded jobs, chosen so that a recording takes one or two minutes."""
 STYLE = "paintings"
 EXTRAPOLATED = f"""\
-Not measured but simulated, and extrapolated: recorded is one short clip of small frames a method (4 to 10 s, 128 to 640
-px wide). Rows of {FILMS[-1] * min(frames for frames, _ in SIZES.values()):,} and more frames repeat its tasks
-{FILMS[-1]} times, and let a step of one task take {FILMS[-1]} times as long; times grow with the pixels, to
-{FILM_WIDTH_PX} px. Machines share nothing in it: no disk, network or cache is full.
+These figures are simulated and extrapolated, not measured. For each method, one short clip of small frames was recorded
+(4 to 10 s, 128 to 640 px wide). Rows of {FILMS[-1] * min(frames for frames, _ in SIZES.values()):,} and more frames
+repeat its tasks {FILMS[-1]} times; a step of one task takes {FILMS[-1]} times as long. Times are scaled by the number
+of pixels to a width of {FILM_WIDTH_PX} px. The simulation does not model contention for disks, networks or caches.
 """
 
 
@@ -76,7 +76,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A simulated run."""
+    """The result of a simulation."""
 
     seconds: float
     limit: str
@@ -108,7 +108,7 @@ def _run_step(tasks: Sequence[Timed], workers: int, cost: float, now: float) -> 
     running: list[tuple[float, int]] = []
     database = last = now
     while ready or running:
-        if ready and len(running) < workers:  # each pays for its claim, and for the answer before it
+        if ready and len(running) < workers:  # each pays for its own claim and for the previous outcome
             database = max(database, now) + cost
             place = heapq.heappop(ready)
             heapq.heappush(running, (database + tasks[place].seconds, place))
@@ -123,7 +123,7 @@ def _run_step(tasks: Sequence[Timed], workers: int, cost: float, now: float) -> 
 
 
 def explain(job: Recorded, workers: int) -> Outcome:
-    """The run, and the largest of the bounds that it cannot beat."""
+    """Simulate the job, and name the largest lower bound of its time."""
     seconds = simulate(job, workers)
     chains = [_longest_chain(job, step) for step in range(len(job.steps))]
     bounds = {"workers": job.work_s / workers, "the database's claims": len(job.tasks) * job.dispatch_s}
@@ -152,7 +152,7 @@ def _longest_chain(job: Recorded, step: int) -> float:
 
 
 def larger(job: Recorded, width_px: int) -> Recorded:
-    """The same job on larger frames."""
+    """The job with its times scaled to larger frames."""
     times = (width_px / job.size[0]) ** 2
     size = (width_px, round(job.size[1] * width_px / job.size[0]))
     tasks = tuple(replace(task, seconds=times * task.seconds) for task in job.tasks)
@@ -160,7 +160,7 @@ def larger(job: Recorded, width_px: int) -> Recorded:
 
 
 def film(job: Recorded, clips: int) -> Recorded:
-    """A job on so many such clips in a row."""
+    """The job of a film of `clips` such clips in a row."""
     tasks: list[Timed] = []
     for step in range(len(job.steps)):
         mine = [task for task in job.tasks if task.step == step]
@@ -179,7 +179,7 @@ def film(job: Recorded, clips: int) -> Recorded:
 
 
 def record(name: str) -> Recorded:
-    """Run a job of the method here, one task after another."""
+    """Run a job of the method in this process, one task after another, and record the time of each task."""
     from workers.execution.renderer import Renderer
     from workers.farm import Farm
     from workers.scheduling.orders import Orders
@@ -196,7 +196,7 @@ def record(name: str) -> Recorded:
             warm = short(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
             submit(farm, name, {**inputs, "video": farm.assets.add(warm, warm.name).id})
             _run(farm, Orders(farm.store, shares_memory=False), renderer)
-            print("  now for the record", flush=True)
+            print("  recorded run:", flush=True)
             job = submit(farm, name, inputs)
             timed, dispatch_s = _run(farm, Orders(farm.store, shares_memory=False), renderer)
         state = farm.jobs.get(job)
@@ -214,7 +214,7 @@ def submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
 
 
 def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
-    """Do what a dispatcher and one worker do, in turn."""
+    """Act as a dispatcher and one worker in turn."""
     store, timed, costs = farm.store, [], []
     while True:
         plan(store)
@@ -249,7 +249,7 @@ def plan(store: Any) -> None:
 
 
 def short(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]:
-    """The first frames of the film, small."""
+    """Write the first frames of the film at a small size."""
     import av
 
     from benchmarks.loops import source
@@ -268,7 +268,7 @@ def short(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]
 
 
 def style_of(name: str) -> Path | None:
-    """A picture of strokes for the method that needs one."""
+    """A painting for the method that requires one."""
     from benchmarks.clips import MEDIA
 
     if name != "analogy":
@@ -280,7 +280,7 @@ def style_of(name: str) -> Path | None:
 
 
 def main() -> None:
-    """Print the table; with `record`, make the recordings first."""
+    """Print the table; with `record`, record the jobs first."""
     if "record" in sys.argv:
         for name in sys.argv[sys.argv.index("record") + 1 :] or METHODS:
             print(name)
@@ -297,7 +297,7 @@ def main() -> None:
 
 
 def load(name: str) -> Recorded:
-    """A recording that is in the repository."""
+    """Read a recording of the repository."""
     given = json.loads((RECORDED / f"{name}.json").read_text())
     tasks = tuple(Timed(**{**task, "after": tuple(task["after"])}) for task in given.pop("tasks"))
     return Recorded(**{**given, "size": tuple(given["size"]), "steps": tuple(given["steps"]), "tasks": tasks})

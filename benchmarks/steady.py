@@ -4,15 +4,15 @@
     python -m benchmarks.steady --frames 16 --painters stylization oil --param detail=1
     python -m benchmarks.steady --ebsynth ~/ebsynth/bin/ebsynth --keep /tmp/styled
 
-Columns, relative to the styled frames, so that 1 is theirs:
+The columns are relative to the styled frames, so that 1 means equal:
 
     flicker      root of the warping error along the source's motion (lai2018learning): less is steadier
     detail       mean gradient of the lightness
     laplacian    mean absolute Laplacian of the lightness
     difference   mean absolute difference of the two Laplacians; 0 = every frame has the styled frame's own texture
 
-The rows `median` state the same for the median of each styled frame and its two neighbours, moved along the motion:
-what the least possible steadying costs. CPU time is that of this process, without decoding and encoding.
+The rows `median` show the same figures for a minimal filter: the median of each styled frame and its two neighbours,
+which are warped along the motion. CPU time is that of this process, without decoding and encoding.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Row:
 
 
 def compare(source: Sequence[Frame], styled: Sequence[Frame], result: Sequence[Frame]) -> Row:
-    """The figures of `result`; all have the same number of frames and one size."""
+    """Measure `result`. All three videos have the same number of frames and the same size."""
     errors = [0.0, 0.0]
     for before, now in itertools.pairwise(range(len(source))):
         pair = source[before], source[now]
@@ -114,7 +114,7 @@ def gmic(frame: Frame) -> Frame:
 
 
 def ebsynth(program: str, first: Frame) -> Painter:
-    """EbSynth with one key: the oil painting of a clip's first frame, and the frames themselves as guides."""
+    """EbSynth with one keyframe, the oil painting of a clip's first frame; the frames themselves are the guides."""
 
     def paint(frame: Frame) -> Frame:
         with tempfile.TemporaryDirectory() as folder:
@@ -131,7 +131,7 @@ def ebsynth(program: str, first: Frame) -> Painter:
 
 
 def painters(names: Sequence[str], ebsynth_program: str | None) -> Mapping[str, Callable[[Frame], Painter]]:
-    """Painters by name, made for a clip from its first frame; those whose program is missing are left out and named."""
+    """Painters by name, created for a clip from its first frame. Painters whose program is missing are reported."""
     found: dict[str, Callable[[Frame], Painter]] = {
         "stylization": lambda first: stylization, "oil": lambda first: oil,
     }  # fmt: skip
@@ -151,7 +151,7 @@ def frames_of(name: str, count: int) -> list[Frame]:
 
 
 def styled_frames(source: Sequence[Frame], paint: Painter, kept: Path | None) -> list[Frame]:
-    """Each frame painted on its own. `kept`: a file that has them, or will have."""
+    """Paint each frame independently. `kept`: a file from which the frames are read, or to which they are written."""
     if kept is not None and kept.is_file():
         found = np.load(kept)
         if len(found) >= len(source):
@@ -164,7 +164,7 @@ def styled_frames(source: Sequence[Frame], paint: Painter, kept: Path | None) ->
 
 
 def steadied(source: Sequence[Frame], styled: Sequence[Frame], params: SteadyParams) -> list[Frame]:
-    """The result of a job."""
+    """The result of a job with the method `steady`."""
     context = LocalContext(params, list(source), {"styled": list(styled)})
     run_plan(Steady(), context)
     return [context.emitted[index] for index in range(len(source))]
@@ -186,7 +186,7 @@ def cpu_ms(source: Sequence[Frame], styled: Sequence[Frame], params: SteadyParam
 
 
 def rows(options: argparse.Namespace, params: SteadyParams) -> Iterator[str]:
-    """A line for each clip and painter, as it is measured."""
+    """Measure each clip and painter; yields a row as soon as it is measured."""
     chosen = painters(options.painters, options.ebsynth)
     for name in options.clips:
         source = frames_of(name, options.frames)
@@ -209,7 +209,7 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--clips", nargs="+", choices=CLIPS, default=list(CLIPS))
-    parser.add_argument("--painters", nargs="+", default=[], help="stylization, oil, gmic, ebsynth; none: all")
+    parser.add_argument("--painters", nargs="+", default=[], help="stylization, oil, gmic, ebsynth; all if omitted")
     parser.add_argument("--ebsynth", metavar="PROGRAM", help="EbSynth's command line program")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keeps the styled frames for the next run")
     parser.add_argument("--median", action="store_true", help="also measure the median of three frames")

@@ -3,9 +3,9 @@
     python -m benchmarks.studio                   everything
     python -m benchmarks.studio drop change pen   some: drop, change, pen, scrub, open
 
-Each row: median and 95th percentile (with few repetitions nearly the slowest), and the goal. Times are taken by the
-page's own clock, from the time stamp of the user's event until the picture is decoded; the stage draws it at the next
-refresh.
+Each row shows the median, the 95th percentile (with few repetitions, nearly the maximum) and the goal. Times are
+measured with the page's clock, from the time stamp of the user's event until the picture is decoded; the stage draws it
+at the next refresh.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Row:
 
 
 def drop(browser: Browser, address: str, folder: Path) -> list[Row]:
-    """Time from the choice of a file to its first painted picture. At the first time, no kernel is loaded."""
+    """Time from the choice of a file to its first painted picture. The first run also loads the kernels."""
     video = studio.written(folder / "drop.mp4", HD, 72)
     found = []
     for _ in range(DROPS):
@@ -108,7 +108,7 @@ def _bitmaps(page: Page, side_px: int) -> list[float]:
 
 
 def pen(browser: Browser, address: str, folder: Path) -> list[Row]:
-    """Strokes on a key: from the lifted pen to its repainted neighbours, and what blocks the page meanwhile."""
+    """Time from the end of a stroke on a key to its repainted neighbours, and tasks that block the page meanwhile."""
     video = studio.upload(address, "pen.mp4", studio.written(folder / "pen.mp4", HD, 48).read_bytes())
     rng = np.random.default_rng(1)
     nearest, all_, tasks = [], [], []
@@ -141,13 +141,13 @@ def _stroke(page: Page, rng: np.random.Generator) -> None:
 
 
 def _neighbours(page: Page) -> list[float]:
-    """ms after the pen was lifted: the key's own picture, then its neighbours, the nearest first."""
+    """Times of the key's own picture and then of its neighbours, nearest first, ms after the pen was lifted."""
     ups = studio.probed(page, "ups")
     return [at - ups[-1] for at in _bitmaps(page, PROXY_PX) if ups and at > ups[-1]]
 
 
 def scrub(browser: Browser, address: str, folder: Path) -> list[Row]:
-    """The playhead dragged over 720p video at 24 frames a second, forwards and back: frames drawn in each second."""
+    """Frames drawn per second while the playhead is dragged over 720p video at 24 frames a second, both ways."""
     frames = 240
     video = studio.upload(address, "scrub.mp4", studio.written(folder / "scrub.mp4", HD, frames).read_bytes())
     rows = []
@@ -175,7 +175,7 @@ def scrub(browser: Browser, address: str, folder: Path) -> list[Row]:
 
 
 def open_(browser: Browser, address: str, folder: Path) -> list[Row]:
-    """A project of ten minutes in 1080p with fifty painted keys: until it is shown, and the page's memory."""
+    """Time to open a project of ten minutes in 1080p with fifty painted keys, and the memory of its page."""
     short = MEDIA / "street_pan_1080p.mp4"
     source = short if short.is_file() else studio.written(folder / "short.mp4", FULL_HD, 48)
     film = looped(source, 25 * LONG_S, folder / "long.mp4")
@@ -207,7 +207,7 @@ def open_(browser: Browser, address: str, folder: Path) -> list[Row]:
 
 
 def _all_opened(browser: Browser, place: str) -> float:
-    """MiB at most, while every key is opened for painting, one after the other."""
+    """Peak memory of the page while every key is opened for painting, one after the other, MiB."""
     with studio.opened(browser) as page:
         page.goto(place)
         page.locator(".key-mark").nth(KEYS - 1).wait_for()

@@ -51,13 +51,14 @@ new MutationObserver((changes) => {
   }
 }).observe(document, { subtree: true, attributes: true, attributeFilter: ["data-frame"] });
 """
-"""Runs before the page's scripts. Times in ms of the page's clock: pictures that were decoded and their longest side,
-the pen lifted, form input, tasks of more than 50 ms on the main thread, frames that the stage has drawn."""
+"""A script that runs before the page's own. It records times of the page's clock, ms: decoded pictures with their
+longer side, the end of pen strokes, form input, main thread tasks of more than 50 ms, and frames that the stage has
+drawn."""
 
 
 @contextmanager
 def service(folder: Path) -> Iterator[str]:
-    """`impasto serve` with one worker, as a user starts it: its address."""
+    """Run `impasto serve` with one worker, as a user does; yields its address."""
     bundle.build()
     command = [
         sys.executable,
@@ -93,7 +94,7 @@ def chromium() -> Iterator[Browser]:
 
 @contextmanager
 def opened(browser: Browser) -> Iterator[Page]:
-    """A page with the probe."""
+    """A page that runs the script `PROBE`."""
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     context.set_default_timeout(1000 * WAIT_S)
     context.add_init_script(PROBE)
@@ -105,7 +106,7 @@ def wait(condition: Callable[[], object], page: Page | None = None, seconds: flo
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
-            raise TimeoutError("It did not happen in time.")
+            raise TimeoutError("The expected condition was not met in time.")
         page.wait_for_timeout(15) if page else time.sleep(0.05)
 
 
@@ -131,7 +132,7 @@ def renderer_mib() -> float:
 
 
 def on_stage(page: Page, size: Size, x: float, y: float) -> tuple[float, float]:
-    """A point of the fitted picture, in shares of width and height, on the screen."""
+    """Screen position of a point of the fitted picture; (x, y) are fractions of its width and height."""
     box = page.locator(".stage-canvas").bounding_box()
     assert box is not None
     width, height = size
@@ -158,7 +159,7 @@ def upload(address: str, name: str, data: bytes) -> str:
 
 
 def project(address: str, video: str, method: str, assets: Document | None = None, **layer: Any) -> str:
-    """A project of one layer; its page's address."""
+    """Create a project of one layer; the address of its page."""
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
     document = {"schema": 1, "name": "Measured", "assets": {"clip": {"id": video}, **(assets or {})}, "shots": [shot]}
     made = httpx.post(f"{address}/v1/projects", json={"name": "Measured", "document": document}, timeout=WAIT_S)
@@ -166,7 +167,7 @@ def project(address: str, video: str, method: str, assets: Document | None = Non
 
 
 def painting(size: Size, seed: int) -> bytes:
-    """A PNG as somebody might paint it: soft areas, some strokes."""
+    """A PNG that resembles a painting: soft areas and some strokes."""
     rng = np.random.default_rng(seed)
     ground = rng.integers(0, 256, (9, 16, 3), np.uint8)
     picture = cv2.resize(ground, size, interpolation=cv2.INTER_CUBIC)

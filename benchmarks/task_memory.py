@@ -1,9 +1,9 @@
-"""How much memory does a task of each step take, and how much does its method ask for?
+"""Peak memory of the tasks of each step, and the memory that the method requests for them.
 
     python -m benchmarks.task_memory METHOD FRAMES WIDTH ...      peaks at these widths (16:9), MiB
 
-A worker in this process runs a job's tasks one after the other. A task's peak is the kernel's own (VmHWM, set back
-before it begins), plus the memory of its decoders.
+A worker in this process runs a job's tasks one after the other. The peak of a task is the kernel's VmHWM, reset before
+the task begins, plus the memory of its decoders.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MIB = 1 << 20
 
 
 def main() -> None:
-    """Print the largest peak of each step, and what is asked for."""
+    """Print the largest task peak of each step, and the requested memory."""
     words = sys.argv[1:] if __name__ == "__main__" else []
     names = words[:1] or METHODS
     widths = tuple(map(int, words[2:])) or WIDTHS
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def measure(name: str, folder: Path, frames: int, width: int) -> dict[str, Sequence[float]]:
-    """By step: the largest peak of its tasks, and what they ask for, MiB."""
+    """Step -> (largest peak of its tasks, memory that they request), MiB."""
     from workers.execution.renderer import Renderer
     from workers.farm import Farm
     from workers.scheduling.orders import Orders
@@ -78,7 +78,7 @@ def _next(store: Any, orders: Any) -> Any:
 
 
 def _peak() -> int:
-    """Bytes: the peak of this process since the last reset, and the current memory of its children."""
+    """Peak of this process since the last reset plus the current memory of its children, bytes."""
     own = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
     children = psutil.Process().children(recursive=True)
     return int(own.split()[1]) * 1024 + sum(child.memory_full_info().pss for child in children)

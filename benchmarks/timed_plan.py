@@ -1,4 +1,4 @@
-"""A method's plan run in this process, with the CPU time of every task and stage; a simulation of several workers."""
+"""Runs a method's plan in this process, measures the CPU time of tasks and stages, and simulates several workers."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run_timed(method: Method, context: LocalContext[AnyParams]) -> TimedTasks:
 
 
 def makespan(tasks: Sequence[tuple[Task, float]], workers: int) -> float:
-    """Seconds that a step takes: each task, in plan order, begins when a worker is free and what it follows is done."""
+    """Seconds that a step takes: tasks start in plan order, when a worker is idle and their dependencies are done."""
     free, done = [0.0] * workers, dict[str, float]()
     waiting = list(tasks)
     while waiting:

@@ -1,13 +1,13 @@
-"""Latency and lost frames of WHIP in, painted, WHEP out: real WebRTC connections over loopback (aiortc).
+"""Latency and loss of frames sent with WHIP, painted, and played with WHEP: real WebRTC connections over loopback.
 
     python -m benchmarks.webrtc --seconds 600                         an acceptance run, 640x480 at 30 fps
     python -m benchmarks.webrtc --size 352x288@30 --filter steady     another size; a filter behind abstraction
-    python -m benchmarks.webrtc --server http://127.0.0.1:8420        a service that runs already
+    python -m benchmarks.webrtc --server http://127.0.0.1:8420        a running service
 
-A row of black and white squares at the top of every frame states its number. Latency is measured from the moment in
-which the sender hands a frame to its encoder to the moment in which the player has decoded its painting: both encoders,
-the network and the player's jitter buffer are included. A frame counts as lost if the player never shows it, also if
-the service drops it for a newer one. Sender, service and player share the machine's processors.
+A row of black and white squares at the top of every frame encodes its number. Latency is measured from the time at
+which the sender passes a frame to its encoder to the time at which the player has decoded the painting, and so includes
+both encoders, the network and the player's jitter buffer. A frame is lost if the player never shows it, including
+frames that the service drops for a newer one. Sender and player use aiortc and share the processors with the service.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from benchmarks.live import service
 from pipeline.frames import Frame
 
 BITS = 12
-"""Squares of a frame's number; numbers repeat after 4,096 frames."""
+"""Number of squares that encode a frame's number; numbers repeat after 4,096 frames."""
 CLIP_FRAMES = 60
 SETTLE_S = 5.0
-"""Not counted: connections are made, the encoders find their rates."""
+"""Seconds at the start that are not counted, while connections are made and encoders adapt their bit rates."""
 ANSWER_S = 20.0
 _SDP = {"Content-Type": "application/sdp"}
 _SQUARE_GRAY = 128
@@ -48,7 +48,7 @@ class Figures:
     sent: dict[int, float] = field(default_factory=dict)
     """Time at which a frame was handed to the encoder, s, by its number."""
     latencies_s: list[float] = field(default_factory=list)
-    """In the order in which frames were shown."""
+    """Latencies in the order in which frames were shown."""
     seen: set[int] = field(default_factory=set)
 
     def shown(self, number: int, now: float, since: float) -> None:
@@ -78,7 +78,7 @@ class Figures:
 
 
 class NumberedClip(VideoStreamTrack):
-    """A clip at a steady rate; each frame states its number."""
+    """A clip at a constant frame rate; each frame carries its number."""
 
     def __init__(self, frames: Sequence[Frame], fps: float, figures: Figures) -> None:
         super().__init__()
@@ -104,7 +104,7 @@ def numbered(frame: Frame, number: int) -> Frame:
 
 
 def number_of(frame: Frame) -> int:
-    """The number that a frame states, also if it was painted and encoded."""
+    """Read a frame's number; also works after painting and encoding."""
     squares = (frame[rows, columns] for rows, columns in _squares(frame.shape[1]))
     inner = (square[square.shape[0] // 4 : -(square.shape[0] // 4), 2:-2] for square in squares)
     return sum(int(square.mean() > _SQUARE_GRAY) << bit for bit, square in enumerate(inner))
@@ -117,7 +117,7 @@ def _squares(width: int) -> Iterator[tuple[slice, slice]]:
 
 
 async def run(address: str, size: tuple[int, int], fps: float, seconds: float, query: str) -> str:
-    """Send for `seconds` after the first seconds, and play meanwhile; the row of figures."""
+    """Send and play for `SETTLE_S` and then for `seconds`; the row of figures."""
     figures = Figures()
     peers = [RTCPeerConnection(RTCConfiguration(iceServers=[])) for _ in range(2)]
     sender, player = peers
@@ -138,7 +138,7 @@ async def run(address: str, size: tuple[int, int], fps: float, seconds: float, q
 
 
 async def _connect(http: httpx.AsyncClient, peer: RTCPeerConnection, path: str) -> str:
-    """Connect with an offer; the id of the session. A player waits until the session has its first frame."""
+    """Connect with an SDP offer; the id of the session. A player waits until the session has its first frame."""
     await peer.setLocalDescription(await peer.createOffer())
     deadline = time.monotonic() + ANSWER_S
     while True:
@@ -178,7 +178,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--size", default="640x480@30", help="WIDTHxHEIGHT@FPS")
     parser.add_argument("--filter", choices=("steady",), help="behind abstraction")
-    parser.add_argument("--server", help="else one is started")
+    parser.add_argument("--server", help="address of a running service; one is started if omitted")
     options = parser.parse_args(arguments or [])
     width, _, rest = options.size.partition("x")
     height, _, fps = rest.partition("@")

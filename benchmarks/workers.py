@@ -1,6 +1,6 @@
-"""How much faster is a video of several shots with two workers than with one? In turns, each a fresh `impasto render`.
+"""Speedup of two workers over one for a video of several shots. Each turn is a fresh `impasto render`.
 
-A single worker has several threads of its own, so on a machine of two processors two workers cannot be twice as fast.
+A single worker uses several threads, so two workers cannot be twice as fast on a machine with two processors.
 """
 
 from __future__ import annotations

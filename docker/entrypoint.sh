@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# What a container does: `service`, `worker` (joins a Ray cluster, or, without one, takes tasks from the stores), `head`
-# (is a cluster's head), or any command.
+# Entry point of the images: `service`, `worker` (joins a Ray cluster, or, without one, takes tasks from the stores),
+# `head` (runs a cluster's head), or any command.
 #
-# A driver of Ray must be on a node of the cluster, so a service on a cluster is a node without processors. Either of
-# the two ending ends the container: half of it would look alive and do nothing.
+# A Ray driver must run on a node of the cluster, so a service on a cluster starts a node without processors. If either
+# of the two ends, the container ends; otherwise it would seem healthy and do nothing.
 set -euo pipefail
 
 # Secrets may come as files: IMPASTO_ADMIN_KEY_FILE=/run/secrets/admin_key says where IMPASTO_ADMIN_KEY is.

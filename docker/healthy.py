@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether this container works: `healthy.py service` or `healthy.py worker`. Exit status 0 if so."""
+"""Health check of a container: `healthy.py service` or `healthy.py worker`. Exits with status 0 if it is healthy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RAY_AGENT_PORT = 52365
 
 
 def address(kind: str) -> str:
-    """Where it says so itself: our own answer, or that of Ray's agent about its node."""
+    """URL of the health check: our own endpoint, or that of Ray's agent for its node."""
     if kind == "service":
         return f"http://127.0.0.1:{os.environ.get('IMPASTO_PORT', '8420')}/healthz"
     return f"http://127.0.0.1:{os.environ.get('RAY_AGENT_PORT', RAY_AGENT_PORT)}/api/local_raylet_healthz"

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the bucket that IMPASTO_BLOB_URL names, if it is not there: for servers that come up empty."""
+"""Creates the bucket that IMPASTO_BLOB_URL names, if it does not exist, for S3 servers that start empty."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ HERE_ALREADY = ("BucketAlreadyOwnedByYou", "BucketAlreadyExists")
 
 
 def make_bucket(client: Any, name: str) -> str:
-    """What was done. Raises what boto3 does."""
+    """Create the bucket; returns what was done. Raises the errors of boto3."""
     try:
         client.create_bucket(Bucket=name)
     except ClientError as error:
         if error.response["Error"]["Code"] in HERE_ALREADY:
-            return f"the bucket {name} is there"
+            return f"the bucket {name} already exists"
         raise
-    return f"made the bucket {name}"
+    return f"created the bucket {name}"
 
 
 def main(tries: int = 30) -> int:

@@ -1,4 +1,4 @@
-"""Prints what an image needs besides ourselves: `requirements.py cpu` or `requirements.py gpu`."""
+"""Prints the dependencies that an image installs: `requirements.py cpu` or `requirements.py gpu`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EXTRAS = {"cpu": ("cpu", *FARM), "gpu": FARM}
 
 
 def requirements(project: Path, device: str) -> list[str]:
-    """The dependencies in `project`, with those that a device of this kind wants."""
+    """The dependencies that `project` declares, with the extras for a device of this kind."""
     found = tomllib.loads(project.read_text("utf-8"))["project"]
     return [*found["dependencies"], *(row for extra in EXTRAS[device] for row in found["optional-dependencies"][extra])]
 

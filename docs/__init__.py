@@ -1,1 +1,1 @@
-"""Scripts that draw the pictures: `python -m docs.make_gallery`, `python -m docs.make_abstraction_figures`."""
+"""Scripts that make figures and generated pages, such as `python -m docs.make_gallery`."""

@@ -1,4 +1,4 @@
-"""The reference of the HTTP API as Markdown, from the service's OpenAPI document."""
+"""Writes the reference of the HTTP API as Markdown, from the service's OpenAPI document."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from workers.model import Json
 
 
 def http_reference() -> str:
-    """A page with every operation: parameters, body, answers; and every schema."""
+    """A page with all operations (parameters, body, responses) and all schemas."""
     document = openapi_document()
     return "\n".join(_lines(document))
 
 
 def _lines(document: Json) -> Iterator[str]:
     yield "# HTTP reference\n"
-    yield "Made from the OpenAPI document of the service. [The HTTP API](api.md) explains it with examples.\n"
+    yield "Generated from the OpenAPI document of the service. [The HTTP API](api.md) explains it with examples.\n"
     for tag in document["tags"]:
         yield f"## {tag['name'].capitalize()}\n\n{tag['description']}\n"
         for path, item in document["paths"].items():

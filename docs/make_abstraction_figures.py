@@ -1,4 +1,4 @@
-"""The pictures of docs/abstraction.md, from real intermediate results, and its table of parameters from the schema.
+"""Draws the figures of docs/abstraction.md from real intermediate results, and writes its table of parameters.
 
 python -m docs.make_abstraction_figures [MEDIA] [--only NAME ...]    NAME: a parameter, pipeline, svg or table
 """
@@ -28,29 +28,29 @@ from pipeline.vector.svg import to_svg
 FOLDER = DOCS / "abstraction"
 HEIGHT = 360
 WARM_UP, WATCHED = 14, 10
-"""Frames before the one that is shown, and frames over which change is averaged."""
+"""Number of frames before the displayed one, and number of frames over which change is averaged."""
 LOUDER = 40
-"""Change is shown this much stronger, dark on white."""
+"""Factor by which change is amplified in figures, dark on white."""
 STILL_LEVELS = 3.0
-"""A pixel of the video that changes less than this a frame, around it, stands still."""
+"""Mean change per frame of a pixel's surroundings, gray levels, below which the pixel counts as static."""
 MOVES = (214, 226, 240)
 Settings: TypeAlias = tuple[tuple[str, Any], ...]
 
 
 @dataclass(frozen=True)
 class Strip:
-    """A parameter's effect: the same frame at three values, the middle one the default."""
+    """The effect of a parameter: the same frame at three values; the middle one is the default."""
 
     clip: str
     frame: int
     values: tuple[Any, ...]
-    """Beside the default, in ascending order; where the default is an end, its neighbours follow it."""
+    """The two other values, in ascending order. If the default is the lowest or highest value, they follow it."""
     words: str
     show: Literal["picture", "change", "flow", "importance"] = "picture"
-    """The picture, how much it changes from frame to frame where the video stands still, the motion found, or I(p)."""
+    """What is drawn: the picture, its change between frames where the video is static, the optical flow, or I(p)."""
     painting: str = ""
     zoom: tuple[float, float, float] = (0, 0, 1)
-    """Left, top, side: the part that is shown, in shares of the frame."""
+    """(left, top, side) of the displayed part, as fractions of the frame."""
 
 
 CUT = Clip("Cut", "cut", OURS)
@@ -133,14 +133,14 @@ def draw(name: str, media: Path) -> None:
 
 
 def captions() -> dict[str, str]:
-    """What each parameter's picture shows."""
+    """Caption of each parameter's figure."""
     return {
         name: f"{', '.join(str(value) for value in _values(name))}: {shown.words}" for name, shown in STRIPS.items()
     }
 
 
 def _values(name: str) -> tuple[Any, ...]:
-    """The values shown: low, default, high, or the default first where there is no order."""
+    """The displayed values: low, default, high; the default comes first if the values have no order."""
     default = AbstractionParams.model_fields[name].default
     others = STRIPS[name].values
     if isinstance(default, str):
@@ -165,7 +165,7 @@ def strip(name: str, media: Path) -> Frame:
 
 
 def round_(value: Any) -> Any:
-    """A default as it is shown."""
+    """A default, rounded for display."""
     return round(value, 2) if isinstance(value, float) else value
 
 
@@ -194,9 +194,9 @@ def _importance(shown: Strip, media: Path, params: Settings) -> Frame:
 
 
 def show_change(originals: Sequence[Frame], cartoons: Sequence[Frame]) -> tuple[Frame, float]:
-    """What changes from frame to frame, dark on white, and its mean (8-bit levels), where the originals stand still.
+    """Map of the change between frames where the original is static, dark on white, and its mean (8-bit levels).
 
-    Where they move, the picture is blue.
+    Pixels where the original moves are blue.
     """
     change, motion = _change(cartoons), cv2.blur(_change(originals), (9, 9))
     still = motion < STILL_LEVELS
@@ -228,7 +228,7 @@ def _zoomed(picture: Frame, part: tuple[float, float, float]) -> Frame:
 
 
 def pipeline(media: Path) -> Frame:
-    """Every stage's result for one frame, as the method itself makes them."""
+    """The results of all stages for one frame, computed by the method itself."""
     *before, frame = frames(CLIPS["bunny"], media, 390, 411, 540)
     session = session_for(frame, {})
     for earlier in before:
@@ -236,7 +236,7 @@ def pipeline(media: Path) -> Frame:
     known = session.regions.segmenter.last
     analysis = session.analyzer.step(frame)
     if known is None or analysis.flow is None or analysis.residual is None or analysis.ink is None:
-        raise RuntimeError("The figure needs a frame with a past.")
+        raise RuntimeError("The figure needs a frame with previous frames.")
     limit = session.regions.params.flow_error_limit
     remainder = session.regions.segmenter.remainder
     carried = smooth_labels(propagate(known.labels, analysis.flow, remainder, analysis.residual, limit)[0])
@@ -271,7 +271,7 @@ def _in_colours(media: Path, source: list[Frame]) -> Frame:
 
 
 def show_flow(flow: Flow) -> Frame:
-    """Direction as hue, speed as saturation, white = still."""
+    """Draw a flow: direction as hue, speed as saturation, white = static."""
     speed = np.hypot(flow[..., 0], flow[..., 1])
     hue = np.degrees(np.arctan2(flow[..., 1], flow[..., 0])) % 360 / 2
     saturation = 255 * np.clip(speed / max(1e-6, float(np.percentile(speed, 99))), 0, 1)
@@ -285,7 +285,7 @@ def show_plane(plane: Plane) -> Frame:
 
 
 def show_labels(labels: Labels, ids: NDArray[np.int64]) -> Frame:
-    """Every region in a colour of its own, which its lasting id decides; unlabelled pixels red."""
+    """Draw regions in colours that follow from their permanent ids; unlabelled pixels are red."""
     hue = ids * 67 % 180
     value = 150 + ids * 31 % 90
     hsv = np.stack([hue, np.full_like(hue, 90), value], axis=-1).astype(np.uint8)

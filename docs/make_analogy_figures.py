@@ -1,4 +1,4 @@
-"""The pictures of docs/analogy.md, each term of the goal function on and off, and its table of parameters.
+"""Draws the figures of docs/analogy.md, each term of the energy on and off, and writes its table of parameters.
 
 python -m docs.make_analogy_figures [MEDIA] [--only NAME ...]    NAME: one of `FIGURES`, or table
 """
@@ -257,7 +257,7 @@ def parameters_table() -> Iterator[str]:
 
 
 def table() -> None:
-    """Write the table of parameters between its marks."""
+    """Write the table of parameters between its markers."""
     before, _, after = PAGE.read_text().partition(MARK[0])
     rows = "\n".join(parameters_table())
     PAGE.write_text(f"{before}{MARK[0]}\n\n{rows}{MARK[1]}{after.partition(MARK[1])[2]}")

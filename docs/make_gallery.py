@@ -1,10 +1,10 @@
-"""The gallery: real renders of the media folder, as docs/gallery/*.jpg, docs/gallery.md and the README's picture.
+"""Draws the gallery from real renders of the media folder: docs/gallery/*.jpg, docs/gallery.md, the README's picture.
 
-    python -m docs.make_gallery [MEDIA] [--only NAME ...]   draws what is committed
-    python -m docs.make_gallery [MEDIA] --all FOLDER        draws a sheet of every clip into FOLDER, for your eyes only
+    python -m docs.make_gallery [MEDIA] [--only NAME ...]   draws the committed pictures python -m docs.make_gallery
+    [MEDIA] --all FOLDER        draws a sheet of every clip into FOLDER, for private use only
 
-Committed are only clips whose licence in the media folder's MANIFEST.md clearly allows it (`Clip.credit`), and none
-that shows a face.
+Pictures are committed only of clips whose licence in the media folder's MANIFEST.md clearly allows it (`Clip.credit`)
+and that show no face.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SCHEME_CLIPS = ("meadow", "harbour", "bird")
 
 @dataclass(frozen=True)
 class Scene:
-    """A stretch of a clip, and the frames of it worth showing. It starts early, so that regions have settled."""
+    """A range of a clip, and the frames to show. It starts earlier, so that regions have become stable."""
 
     clip: str
     picks: tuple[int, ...]
@@ -59,22 +59,22 @@ class Scene:
 
 
 SCENES: Mapping[str, Scene] = {
-    "bird": Scene("bunny", (410, 450), "A still camera: tree and branch stand, the bird moves."),
-    "brook": Scene("bunny", (310, 350), "Grass, water and stones become flat shapes; blossoms stay."),
-    "meadow": Scene("bunny", (150, 225), "A slow pan: regions move with the hills."),
-    "burrow": Scene("bunny", (575, 640), "A dark wood and a bright lawn, and lettering that stays sharp."),
-    "coffee": Scene("coffee", (32, 104), "Wall and table stand, only the pouring moves."),
+    "bird": Scene("bunny", (410, 450), "A static camera: tree and branch stay still while the bird moves."),
+    "brook": Scene("bunny", (310, 350), "Grass, water and stones become flat shapes; blossoms are kept."),
+    "meadow": Scene("bunny", (150, 225), "A slow pan: the regions move with the hills."),
+    "burrow": Scene("bunny", (575, 640), "A dark wood and a bright lawn; the lettering stays sharp."),
+    "coffee": Scene("coffee", (32, 104), "Wall and table are static; only the pouring moves."),
     "blackswan": Scene("blackswan", (8, 19), "Ripples turn into a few tones of water."),
-    "flower": Scene("flower", (75, 140), "A time-lapse: hours between the two."),
-    "harbour": Scene("harbour", (16, 60), "Several boats, gulls behind a tree, a pan."),
-    "portrait": Scene("portrait", (14, 40), "A face keeps its eyes and mouth: finer regions there."),
+    "flower": Scene("flower", (75, 140), "A time-lapse: there are hours between the two frames."),
+    "harbour": Scene("harbour", (16, 60), "A pan over several boats, with gulls behind a tree."),
+    "portrait": Scene("portrait", (14, 40), "The face keeps its eyes and mouth, because regions are finer there."),
 }
 
 HERO = {"bird": (450, 0.5), "brook": (310, 0.5), "coffee": (104, 0.45), "blackswan": (19, 0.42)}
-"""Scene -> its frame, and where the line cuts it, share of the width."""
+"""Scene -> its frame, and the position of the dividing line as a fraction of the width."""
 
 ALIKE = {"bird": 450, "coffee": 104, "blackswan": 19}
-"""Scene -> its frame that every method paints."""
+"""Scene -> the frame that every method paints."""
 EXEMPLAR = "starry_night"
 METHODS = {
     "abstraction": "Cartoon abstraction", "multistyle": "Painting in many styles", "patches": "Painting patches",
@@ -82,9 +82,9 @@ METHODS = {
 }  # fmt: skip
 
 DETAILS = {"harbour": (16, 1080, (1000, 430)), "coffee": (104, 720, (430, 120))}
-"""Scene -> its frame, the height at which it is painted, px, and the left upper corner of the detail (x, y), px."""
+"""Scene -> its frame, the height of the painting, px, and the upper left corner of the detail (x, y), px."""
 DETAIL_PX = (448, 336)
-"""(width, height) of a detail; it is shown pixel for pixel."""
+"""(width, height) of a detail, px; it is shown without scaling."""
 
 PRESETS = ("bird", "harbour")
 PICTURES = [
@@ -110,7 +110,7 @@ def main() -> None:
 
 
 def draw_all(media: Path, folder: Path) -> None:
-    """A sheet of six moments of every clip, whoever may see it."""
+    """Draw a sheet of six frames of every clip, whatever its licence."""
     for name, clip in CLIPS.items():
         count = length(clip, media)
         picks = [round((i + 0.5) * count / 6) for i in range(6)]
@@ -119,7 +119,7 @@ def draw_all(media: Path, folder: Path) -> None:
 
 
 def draw_gallery(media: Path, only: Sequence[str]) -> None:
-    """The committed pictures whose names are in `only`, and the page that shows all of them."""
+    """Draw the committed pictures whose names are in `only`, and write the page."""
     for name in only:
         folder, limit = (DOCS / "images", 260_000) if name in ("hero", "methods") else (GALLERY, LIMIT_BYTES)
         print(save(_picture(name, media), folder / f"{name}.jpg", limit))
@@ -165,7 +165,7 @@ def _interleaved(pairs: Sequence[tuple[Frame, Frame]], columns: int) -> list[Fra
 def _alike(
     name: str, media: Path, pick: int, height: int, methods: Iterable[str] = tuple(METHODS)
 ) -> dict[str, Frame]:  # fmt: skip
-    """A frame as it is and as each of these methods paints it in its film."""
+    """A frame of the video, and the same frame painted by each of these methods as a part of its film."""
     source = list(frames(CLIPS[SCENES[name].clip], media, max(0, pick - 11), pick + 1, height))
     tiles = {"original": source[-1]}
     for method in methods:
@@ -176,7 +176,7 @@ def _alike(
 
 
 def details(name: str, media: Path) -> Frame:
-    """A detail of one frame as it is and as the methods that need no painting paint it, pixel for pixel."""
+    """A detail of one frame of the video, and of its paintings by the methods that need no input, without scaling."""
     pick, height, (x, y) = DETAILS[name]
     width, rows = DETAIL_PX
     tiles = _alike(name, media, pick, height, [method for method in METHODS if method != "analogy"])
@@ -185,7 +185,7 @@ def details(name: str, media: Path) -> Frame:
 
 
 def presets(scene: Scene, media: Path) -> Frame:
-    """One frame as it is and with every example of the method."""
+    """One frame of the video, and its paintings with every preset of the method."""
     pick = scene.picks[:1]
     ((original, _),) = _frame_pairs(scene, media, pick, height=360)
     tiles, names = [original], ["original"]
@@ -214,7 +214,7 @@ def _cropped(picture: Frame, shape: float = 16 / 9) -> Frame:
 
 
 def hero(media: Path) -> Frame:
-    """Four frames, each cut by a slanting line: left as it was, right as it is painted."""
+    """Four frames, each divided by a slanting line: video on the left, painting on the right."""
     panels = []
     for name, (pick, share) in HERO.items():
         ((original, cartoon),) = _frame_pairs(SCENES[name], media, [pick], height=720)
@@ -240,8 +240,8 @@ def page() -> str:
 def _head() -> Iterator[str]:
     yield "# Gallery"
     yield ""
-    yield "Real renders. Drawn by `make gallery MEDIA=../shared/media`; every parameter is at its default"
-    yield "unless a caption says otherwise. What each parameter does: [abstraction](abstraction.md),"
+    yield "All pictures are real renders, made by `make gallery MEDIA=../shared/media`. Every parameter has its default"
+    yield "unless a caption says otherwise. These pages describe the parameters: [abstraction](abstraction.md),"
     yield "[multistyle](multistyle.md), [patches](patches.md), [analogy](analogy.md)."
 
 
@@ -253,7 +253,7 @@ def _methods() -> Iterator[str]:
 
 
 def _details() -> Iterator[str]:
-    yield from ("", "## Pixel for pixel")
+    yield from ("", "## Details at full resolution")
     for name, (pick, height, _) in DETAILS.items():
         clip = CLIPS[SCENES[name].clip]
         yield from ("", f"![A detail of frame {pick} in three methods: {name}](gallery/details_{name}.jpg)", "")
@@ -277,14 +277,14 @@ def _presets() -> Iterator[str]:
         values = " ".join(f"--param {key}={value}" for key, value in example.params.items())
         yield f"- **{example.title}**: `{values}`"
     for name in PRESETS:
-        yield from ("", f"![The {name} in every ready-made look](gallery/presets_{name}.jpg)", "")
+        yield from ("", f"![The {name} with every preset](gallery/presets_{name}.jpg)", "")
         yield f"<sub>{CLIPS[SCENES[name].clip].credit}</sub>"
 
 
 def _colours() -> Iterator[str]:
-    yield from ("", "## Colours learnt from a painting", "")
-    yield "`--input reference=painting.jpg`. Hues move to the painting's nearest peak, saturation and brightness to its"
-    yield "own; whites and greys stay what they are."
+    yield from ("", "## Colours of a painting", "")
+    yield "With `--input reference=painting.jpg`, hues move to the nearest peak of the painting's hue histogram, and"
+    yield "saturation and brightness to the painting's own; whites and greys do not change."
     thanks = " ".join(dict.fromkeys(CLIPS[SCENES[clip].clip].credit for clip in SCHEME_CLIPS))
     for name, (title, painter) in PAINTINGS.items():
         yield from ("", f"![{title}, and three clips in its colours](gallery/colours_{name}.jpg)", "")

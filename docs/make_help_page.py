@@ -1,6 +1,6 @@
-"""The help page of the studio, `service/docs/shot.html`, from docs/tutorials/shot.md: `python -m docs.make_help_page`.
+"""Writes the studio's help page, service/docs/shot.html, from docs/tutorials/shot.md: `python -m docs.make_help_page`.
 
-The page has no pictures, since whoever reads it has the studio before them.
+The page has no pictures, because its readers have the studio in front of them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The pictures of docs/multistyle.md, its table of parameters from the schema, and docs/design.schema.json.
+"""Draws the figures of docs/multistyle.md, and writes its tables and docs/design.schema.json.
 
 python -m docs.make_multistyle_figures [MEDIA] [--only NAME ...]
 
@@ -54,7 +54,7 @@ RIPPLES: dict[str, Any] = {
         }
     ],
 }  # fmt: skip
-"""The design by example: a swan in fine strokes on rings of water whose colour turns."""
+"""The example of a design: a swan in fine strokes on rings of water whose hue changes."""
 
 
 def painted(clip: str, **params: Any) -> Frame:
@@ -80,7 +80,7 @@ def styles() -> None:
 
 
 def renderers() -> None:
-    """Detail at its own size: implicit, explicit, and OpenCV's two paintings."""
+    """Draw a detail at full resolution: implicit and explicit strokes, and OpenCV's two painting filters."""
     source = lead("bunny")[-1]
     tiles = [painted("bunny", renderer=name) for name in ("implicit", "explicit")]
     bgr = cv2.cvtColor(source, cv2.COLOR_RGB2BGR)
@@ -92,7 +92,7 @@ def renderers() -> None:
 
 
 def steady() -> None:
-    """A row of pixels over 60 frames, time from above to below: as it is painted, and each frame on its own."""
+    """Draw a row of pixels over 60 frames, time from top to bottom: the painting, and independently painted frames."""
     source = list(frames(CLIPS["coffee"], MEDIA, 0, 60, 288))
     size, tiles = (source[0].shape[1], source[0].shape[0]), []
     for style in ("van-gogh", "pointillism"):
@@ -105,7 +105,7 @@ def steady() -> None:
 
 
 def effects() -> None:
-    """Each effect at the start, in the middle and at the end of 60 frames, of which every tenth is looked at."""
+    """Draw each effect at the start, in the middle and at the end of a video of 60 frames."""
     source = list(frames(CLIPS["coffee"], MEDIA, 0, 61, HEIGHT))[::10]
     size = (source[0].shape[1], source[0].shape[0])
     tubes, ids, results = TubeTracker(size, 0), [], []
@@ -127,7 +127,7 @@ def effects() -> None:
 
 
 def design() -> None:
-    """A still, and what the example's design makes of it."""
+    """Draw a frame, and its painting with the example of a design."""
     folder = MEDIA / "davis" / "blackswan"
     mask = read_picture(sorted(folder.rglob("*.png"))[SHOWN["blackswan"]])[..., 0]
     source = lead("blackswan")
@@ -161,7 +161,7 @@ def parameters_table() -> Iterator[str]:
 
 
 def table() -> None:
-    """Put the tables between their marks, and write the schema of designs."""
+    """Write the tables between their markers, and the schema of designs."""
     text = PAGE.read_text()
     for name, lines in (("styles", styles_table()), ("parameters", parameters_table())):
         begin, end = MARKS[name]

@@ -1,4 +1,4 @@
-"""The pictures of docs/patches.md, and its table of parameters from the schema.
+"""Draws the figures of docs/patches.md, and writes its table of parameters.
 
 python -m docs.make_patches_figures [MEDIA] [--only NAME ...]    NAME: pipeline, styles, time, table
 """
@@ -49,7 +49,7 @@ HEIGHT, LIMIT = 360, 230_000
 SHOWN: Mapping[str, tuple[int, int, int]] = {
     "blackswan": (0, 20, 12), "coffee": (20, 32, 6), "bunny": (436, 460, 12),
 }  # fmt: skip
-"""Clip -> frames [start, stop) that are painted, and which of them is shown."""
+"""Clip -> painted frames [start, stop), and the one that is shown."""
 TITLES = {"video": "video", "on": "patches", "strokes": "strokes advected by flow", "off": "frame by frame"}
 MARKS = ("<!-- parameters: written by docs/make_patches_figures.py -->", "<!-- end of parameters -->")
 HUES = 0.618034
@@ -127,7 +127,7 @@ def distortion_maps(registration: Registration, track: PatchTrack) -> list[Frame
 
 
 def pipeline() -> None:
-    """Draws how patches works: frames of a swan are placed in a panorama, relaxed, painted and warped back."""
+    """Draw the stages of patches: frames of a swan are placed in a panorama, relaxed, painted and warped back."""
     swan = painted("blackswan")
     shown, track, context = SHOWN["blackswan"][2], swan.largest_object, swan.context
     maps, source = LabelMaps(context, track.begin), swan.source[shown]
@@ -155,7 +155,7 @@ def styles() -> None:
 
 
 def time() -> None:
-    """A row of pixels over time, of the video, of patches and of both baselines."""
+    """Draw a row of pixels over time, of the video, of patches and of both baselines."""
     start, stop, _ = SHOWN["bunny"]
     source = list(frames(CLIPS["bunny"], MEDIA, start, stop, HEIGHT))
     made = {mode: painted("bunny", temporal=mode).frames for mode in ("on", "strokes", "off")}
@@ -182,7 +182,7 @@ def parameters_table() -> Iterator[str]:
 
 
 def table() -> None:
-    """Write the table of parameters between its marks."""
+    """Write the table of parameters between its markers."""
     begin, end = MARKS
     before, _, after = PAGE.read_text().partition(begin)
     rows = "\n".join(parameters_table())

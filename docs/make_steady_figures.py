@@ -1,4 +1,4 @@
-"""The picture and the table of parameters of docs/steady.md.
+"""Draws the figure of docs/steady.md, and writes its table of parameters.
 
 python -m docs.make_steady_figures [MEDIA] [--only table]
 """
@@ -32,7 +32,7 @@ def oil(frame: Frame) -> Frame:
 
 
 def slits(media: Path) -> Frame:
-    """One row of pixels of every frame, below each other: source, oil painting of each frame, steady, side by side."""
+    """One row of pixels over time, from top to bottom: source, frame-by-frame oil painting and steady, side by side."""
     steady = SteadyFilter(SteadyParams(), SIZE)
     rows: list[Frame] = []
     with VideoReader(media / CLIPS["coffee"].path) as reader:
@@ -50,7 +50,7 @@ def parameters_table() -> Iterator[str]:
 
 
 def table() -> None:
-    """Put the table between its marks."""
+    """Write the table between its markers."""
     begin, end = MARKS
     before, _, rest = PAGE.read_text().partition(begin)
     PAGE.write_text(f"{before}{begin}\n\n" + "\n".join(parameters_table()) + f"\n\n{end}{rest.partition(end)[2]}")

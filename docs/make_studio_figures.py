@@ -1,8 +1,8 @@
-"""The pictures of docs/studio.md and docs/tutorials/shot.md: the real pages in Chromium, with a clip of Impasto's own.
+"""Takes the screenshots of docs/studio.md and docs/tutorials/shot.md in Chromium, with a clip of Impasto's own.
 
 python -m docs.make_studio_figures
 
-Needs Playwright, Chromium and about two minutes. Strokes are drawn by real pointer events.
+It needs Playwright, Chromium and about two minutes. Strokes are drawn by real pointer events.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SUN = (0.695, 0.41)
 
 @contextmanager
 def service() -> Iterator[str]:
-    """A service of its own with an empty home; its address."""
+    """Start a service with an empty home; yields its address."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
@@ -70,7 +70,7 @@ def shoot(page: Page, name: str) -> Path:
 
 
 def stroke(page: Page, radius: float) -> None:
-    """An arc around the sun."""
+    """Draw an arc around the sun."""
     box = page.locator(".stage-canvas").bounding_box()
     assert box is not None
     x, y = box["x"] + SUN[0] * box["width"], box["y"] + SUN[1] * box["height"]
@@ -86,7 +86,7 @@ def stroke(page: Page, radius: float) -> None:
 
 
 def painted_key(page: Page, address: str) -> None:
-    """The first project with one painted key, and the frames around it."""
+    """Take a screenshot of the first project with one painted key, and of the frames around it."""
     page.goto(address)
     shoot(page, "start")
     page.get_by_role("button", name="Learn painted keys in two minutes").click()
@@ -103,7 +103,7 @@ def painted_key(page: Page, address: str) -> None:
 
 
 def library(page: Page) -> None:
-    """The style library, with a painting chosen."""
+    """Take a screenshot of the style library with a selected painting."""
     page.get_by_role("group", name="View").get_by_role("button", name="Compare").click()
     page.get_by_role("button", name="End the lesson").click()
     cards = page.get_by_role("group", name="Paintings of the library")
@@ -117,7 +117,7 @@ def library(page: Page) -> None:
 
 
 def film(page: Page) -> None:
-    """The finished film of the first project, and the heat map of its flicker."""
+    """Take screenshots of the first project's finished film and of the heat map of its flicker."""
     page.get_by_role("button", name="Paint the film").click()
     page.get_by_role("link", name="Page of the film").click()
     expect(page.get_by_role("button", name="Download")).to_be_visible(timeout=SLOW_MS)
@@ -126,7 +126,7 @@ def film(page: Page) -> None:
 
 
 def flicker(page: Page, project: str) -> None:
-    """The view of flicker over the newest film."""
+    """Take a screenshot of the flicker view of the newest film."""
     page.goto(project)
     page.get_by_role("group", name="View").get_by_role("button", name="Flicker").click()
     page.get_by_role("button", name="Find the worst frames").click()
@@ -139,7 +139,7 @@ def flicker(page: Page, project: str) -> None:
 
 
 def main() -> None:
-    """Draw all pictures."""
+    """Take all screenshots."""
     bundle.build()
     chromium = shutil.which("chromium")
     with service() as address, sync_playwright() as playwright:

@@ -1,4 +1,4 @@
-"""Tables of methods and their parameters, made from the registry and the schemas, so that they cannot drift.
+"""Generates tables of methods and parameters from the registry and the schemas, so that they match the code.
 
 `python -m docs.parameters` writes docs/methods.md (`--print` prints it). The pages of single methods take `table` and
 `section` from here.
@@ -23,10 +23,10 @@ SYMBOLS = {"sigma_e": "σₑ", "epsilon": "ε", "phi_e": "φₑ", "lambda": "λ"
 
 
 def section(captions: Mapping[str, str]) -> str:
-    """Every parameter by group: a table, then a picture of each one's effect.
+    """All parameters by group: a table, then a figure of each parameter's effect.
 
     Args:
-        captions: by parameter, what its picture shows.
+        captions: caption of each parameter's figure.
     """
     properties: Mapping[str, Mapping[str, Any]] = AbstractionParams.model_json_schema()["properties"]
     lines: list[str] = []
@@ -37,7 +37,7 @@ def section(captions: Mapping[str, str]) -> str:
 
 
 def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Parameters as rows: what each does, unit, range, default, the paper's symbol."""
+    """Parameters as rows: description, unit, range, default, the paper's symbol."""
     yield "| parameter | what it does | unit | range | default | in the paper |"
     yield "|---|---|---|---|---|---|"
     for name, about in properties.items():
@@ -70,14 +70,14 @@ def _pictures(properties: Mapping[str, Mapping[str, Any]], captions: Mapping[str
 
 
 def rewrite(captions: Mapping[str, str]) -> None:
-    """Put the section between its marks in docs/abstraction.md."""
+    """Write the section between its markers in docs/abstraction.md."""
     before, _, rest = PAGE.read_text().partition(BEGIN)
     _, _, after = rest.partition(END)
     PAGE.write_text(f"{before}{BEGIN}\n\n{section(captions)}\n{END}{after}")
 
 
 def methods_page(found: Iterable[Method]) -> str:
-    """A page that lists methods, with every input of each. Parameters are on the methods' own pages."""
+    """A page that lists methods with all their inputs. The methods' own pages list the parameters."""
     listed = list(found)
     lines = ["# Methods", "", "Written by `python -m docs.parameters` from the registry.", "", *methods_table(listed)]
     for method in listed:
@@ -86,7 +86,7 @@ def methods_page(found: Iterable[Method]) -> str:
 
 
 def methods_table(found: Iterable[Method]) -> Iterator[str]:
-    """Methods as rows: name, what it does, inputs beside the video, artefacts, the paper's key in references.bib."""
+    """Methods as rows: name, description, inputs besides the video, artefacts, the paper's key in references.bib."""
     yield "| method | what it does | further inputs | artefacts | paper |"
     yield "|---|---|---|---|---|"
     for method in found:

@@ -1,4 +1,4 @@
-"""What the documents' pictures are made of: clips with their credits, renders, labelled tiles, JPEG under a limit."""
+"""Helpers of the figure scripts: clips with their credits, renders, labelled tiles, JPEG files of limited size."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from pipeline.video.stills import encode_png
 DOCS = Path(__file__).resolve().parent
 MEDIA = DOCS.parent.parent / "shared" / "media"
 WIDTH_PX, GAP_PX = 900, 4
-"""Of a picture, and between its tiles."""
+"""Width of a figure, and the gap between its tiles, px."""
 LIMIT_BYTES = 120_000
 PAPER, LETTERS = 255, (70, 70, 70)
 
 
 @dataclass(frozen=True)
 class Clip:
-    """A video that pictures are made of, and whom to thank for it."""
+    """A video used in figures, and its credit."""
 
     title: str
     path: str
-    """Below the media folder, or a procedural scene's name."""
+    """Path below the media folder, or the name of a procedural scene."""
     credit: str = ""
-    """Markdown. Empty: the licence does not clearly allow pictures of it here, so they are never committed."""
+    """Markdown. Empty: the licence does not clearly allow publication, so pictures of the clip are never committed."""
 
 
 BLENDER = (
@@ -86,7 +86,7 @@ PAINTINGS: Mapping[str, tuple[str, str]] = {
     "water_lilies": ("Water Lilies", "Claude Monet, 1919"),
     "delaunay_1906": ("Portrait", "Robert Delaunay, 1906"),
 }
-"""Public-domain paintings to learn colours from: file stem -> title, painter and year."""
+"""Public-domain paintings used as colour references: file stem -> title, painter and year."""
 
 
 def frames(clip: Clip, media: Path, start: int = 0, stop: int | None = None, height: int = 540) -> Iterator[Frame]:
@@ -101,7 +101,7 @@ def frames(clip: Clip, media: Path, start: int = 0, stop: int | None = None, hei
 
 
 def length(clip: Clip, media: Path) -> int:
-    """How many frames a clip has."""
+    """Number of frames of a clip."""
     if clip.path in scenes():
         return scene(clip.path).frames
     with VideoReader(media / clip.path) as reader:
@@ -127,7 +127,7 @@ def session_for(frame: Frame, params: Mapping[str, Any], scheme: ColourStats | N
 def render(
     source: Iterable[Frame], params: Mapping[str, Any], scheme: ColourStats | None = None
 ) -> Iterator[tuple[Frame, Frame]]:  # fmt: skip
-    """(original, cartoon) for frame after frame."""
+    """(original, cartoon) of each frame."""
     session: AbstractionSession | None = None
     for frame in source:
         session = session or session_for(frame, params, scheme)
@@ -137,7 +137,7 @@ def render(
 def film(
     source: Iterable[Frame], method: str, params: Mapping[str, Any] | None = None, **inputs: Path
 ) -> list[Frame]:  # fmt: skip
-    """Frames as `impasto render` paints them: any method, the whole way."""
+    """Frames as `impasto render` paints them, with any method and its whole plan."""
     with tempfile.TemporaryDirectory(prefix="impasto-pictures-") as scratch:
         shots, out = Path(scratch, "in"), Path(scratch, "out")
         shots.mkdir()
@@ -151,7 +151,7 @@ def film(
 
 
 def shrink(frame: Frame, width: int) -> Frame:
-    """The frame scaled to `width` px, its shape kept; untouched if it has it."""
+    """The frame scaled to `width` px with its aspect ratio; unchanged if it already has that width."""
     if frame.shape[1] == width:
         return frame
     size = (width, round(frame.shape[0] * width / frame.shape[1]))
@@ -159,7 +159,7 @@ def shrink(frame: Frame, width: int) -> Frame:
 
 
 def grid(tiles: Sequence[Frame], columns: int, names: Sequence[str] = (), width: int = WIDTH_PX) -> Frame:
-    """Tiles of one shape in rows, `width` px wide together, each with its name below it."""
+    """Tiles of equal size in rows with a total width of `width` px, each with its name below it."""
     side = (width - (columns - 1) * GAP_PX) // columns
     made = [_named(shrink(tile, side), names[i] if names else "") for i, tile in enumerate(tiles)]
     height = max(tile.shape[0] for tile in made)
@@ -180,7 +180,7 @@ def _named(tile: Frame, name: str) -> Frame:
 
 
 def save(picture: Frame, path: Path, limit: int = LIMIT_BYTES) -> Path:
-    """Write a JPEG of at most `limit` bytes: quality 82, less where it must be."""
+    """Write a JPEG of at most `limit` bytes, at quality 82 or, if necessary, lower."""
     path.parent.mkdir(parents=True, exist_ok=True)
     for quality in range(82, 40, -4):
         options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]

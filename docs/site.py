@@ -1,7 +1,7 @@
-"""The documentation as a searchable site: `python -m docs.site FOLDER`, or `make docs`.
+"""Builds the documentation as a searchable site: `python -m docs.site FOLDER`, or `make docs`.
 
-Sphinx with MyST builds it from the Markdown files of the repository as they are, the docstrings of the package
-`impasto`, and the OpenAPI document. Nothing that is written here is committed.
+Sphinx with MyST builds it from the repository's Markdown files, unchanged, the docstrings of the package `impasto`, and
+the OpenAPI document. Its output is not committed.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ SETTINGS: dict[str, object] = {
 
 
 def build(out: Path) -> int:
-    """Write the site to `out`, which is made. Returns the number of Sphinx's warnings, which go to stderr."""
+    """Write the site to `out`, which is created. Returns the number of Sphinx's warnings, which go to stderr."""
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source"
         collect(source)
@@ -75,7 +75,7 @@ def build(out: Path) -> int:
 
 
 def collect(source: Path) -> None:
-    """Copy everything that pages show or link to, and write the pages that are made from code."""
+    """Copy everything that pages show or link to, and write the pages that are generated from code."""
     source.mkdir(parents=True)
     for name in (*PAGES, *LINKED):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ def collect(source: Path) -> None:
 
 
 def _copy_files_of_html(source: Path, out: Path) -> None:
-    """Copy the files that HTML within the pages shows; Sphinx copies those of Markdown only."""
+    """Copy the files that HTML within the pages references; Sphinx copies only those of Markdown."""
     for page in source.rglob("*.md"):
         for link in _FILE.findall(page.read_text()):
             file = page.parent / link

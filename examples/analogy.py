@@ -1,10 +1,10 @@
 """Stylise by example, two ways, with nothing to download.
 
     python examples/analogy.py layers               a scene with exact velocities, four layers, each in its own style
-    python examples/analogy.py keyframe [CLIP]      one painted frame, carried over a clip (or a scene of ours)
+    python examples/analogy.py keyframe [CLIP]      one painted frame, propagated through a clip (or a scene of ours)
 
-Both write what they make into ./analogy/ and then run the `impasto render` command that they print. The paintings are
-made by another of our methods in place of a painter; put your own files there and run the command again.
+Both write their inputs to ./analogy/ and then run the `impasto render` command that they print. Another of our methods
+makes the paintings; replace them with your own files and run the command again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ STYLES = {"1 sky": "van-gogh", "2 hills": "watercolor", "3 sea": "impressionism"
 
 
 def layers() -> list[str]:
-    """Write a shot; the command that renders it."""
+    """Write the inputs of a shot; the command that renders it."""
     made = scene("harbour", SIZE, frames=FRAMES)
     shot = FOLDER / "shot"
     _write(shot, shot_files(made, LAYERS))
@@ -43,7 +43,7 @@ def layers() -> list[str]:
 
 
 def keyframe(clip: Path | None) -> list[str]:
-    """Paint one frame of a clip; the command that carries it over the others."""
+    """Paint one frame of a clip; the command that propagates it to the other frames."""
     frames = _first_frames(clip)
     source = FOLDER / "frames"
     _write(source, ((f"{index:04d}.png", encode_png(frame)) for index, frame in enumerate(frames)))

@@ -1,7 +1,7 @@
-"""`make demo`: a clip is drawn, the real service is started, and the clip is painted through the real API.
+"""`make demo`: draws a clip, starts the service, and paints the clip through the API.
 
-Nothing is shipped and nothing is fetched: the clip is the procedural scene "harbour". What is left afterwards is in
-demo-output/: the clip, the cartoon, a contact sheet and a poster.
+The demo ships and downloads no media: the clip is the procedural scene "harbour". The results are in demo-output/: the
+clip, the cartoon, a contact sheet and a poster.
 """
 
 from __future__ import annotations
@@ -32,11 +32,13 @@ def main() -> None:
     print("\nThe picture is in")
     for name in ("cartoon.mp4", "contact-sheet.jpg", "poster.jpg", "harbour.mp4"):
         print(f"  {OUTPUT / name}")
-    print("\nNow yours:  .venv/bin/impasto serve   (a web page), or   .venv/bin/impasto render clip.mp4 -o cartoon.mp4")
+    print(
+        "\nTry your own:  .venv/bin/impasto serve  (a web page), or  .venv/bin/impasto render clip.mp4 -o cartoon.mp4"
+    )
 
 
 def paint(impasto: Client, clip: Path) -> None:
-    """One job, as any client would do it."""
+    """Run one job, as any client would."""
     video = impasto.upload(clip)
     job = impasto.submit("abstraction", {"video": video["id"]}, name="demo")
     print(f"Painting it: job {job['id']} at {impasto.server}")
@@ -50,7 +52,7 @@ def paint(impasto: Client, clip: Path) -> None:
 
 @contextlib.contextmanager
 def service(home: Path) -> Iterator[Client]:
-    """The real service as a process of its own, on a free port of this machine; a client to it."""
+    """Start the service in a separate process on a free port; yields a client of it."""
     log = home / "service.log"
     with log.open("wb") as sink:
         process = subprocess.Popen(  # noqa: S603  (our own command, no shell, no foreign word in it)
@@ -64,7 +66,7 @@ def service(home: Path) -> Iterator[Client]:
         assert process.stdout is not None
         address = process.stdout.readline().strip()  # printed once it answers; nothing if it could not start
         if not address:
-            sys.exit(f"The service did not start. It said:\n{log.read_text(errors='replace')[-4000:]}")
+            sys.exit(f"The service did not start. Its log:\n{log.read_text(errors='replace')[-4000:]}")
         with Client(address) as impasto:
             yield impasto
     finally:

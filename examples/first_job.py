@@ -1,4 +1,4 @@
-"""A video in, a cartoon out, through a running `impasto serve`.
+"""Turns a video into a cartoon through a running `impasto serve`.
 
 python examples/first_job.py clip.mp4 cartoon.mp4 [http://127.0.0.1:8420]
 """

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# A video in, a cartoon out, with nothing but curl and a running `impasto serve`.
+# Turns a video into a cartoon with curl and a running `impasto serve`.
 #   examples/first_job.sh clip.mp4 cartoon.mp4 [http://127.0.0.1:8420]
 set -euo pipefail
 in=$1 out=$2 api=${3:-http://127.0.0.1:8420}/v1

@@ -36,7 +36,7 @@ PLAIN_FILES = frozenset({"result", "poster", "sheet", "preview"})
 POLL_INTERVAL_S = 0.2
 """Seconds between requests for the state of a job."""
 PATIENCE_S = 60.0
-"""How long `watch` and `wait` retry while the service does not answer, seconds."""
+"""Time for which `watch` and `wait` retry while the service does not answer, seconds."""
 
 
 def _quiet(done: int, total: int) -> None:

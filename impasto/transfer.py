@@ -91,7 +91,7 @@ def download(http: httpx.Client, url: str, target: Path, progress: Progress) -> 
 
 @dataclass
 class _Part:
-    """What has arrived of a file so far, and which version of it that is."""
+    """The part of a file that has arrived, and the version of the file that it belongs to."""
 
     path: Path
     etag: str = ""

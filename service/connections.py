@@ -42,7 +42,7 @@ class Phase(IntEnum):
 class _Client:
     phase: Phase
     since: float
-    """When the phase began; for BODY: when bytes last arrived."""
+    """Time at which the phase began; for BODY, at which bytes last arrived."""
     unsent_bytes: int = 0
     unsent_since: float = 0.0
     """Since when `unsent_bytes` has been the same."""
@@ -127,6 +127,6 @@ class ConnectionGuard:
 
 
 def connection_limit(descriptors: int, wanted: int) -> int:
-    """How many connections a process with so many descriptors may keep: `wanted`, less if files would have too few."""
+    """Maximum number of connections with this many descriptors: `wanted`, or fewer to leave some for files."""
     reserved = max(MIN_RESERVED, int(descriptors * RESERVED_SHARE))
     return max(1, min(wanted, descriptors - reserved))

@@ -44,7 +44,7 @@ class Settings(BaseSettings, FarmSettings):
 
     max_json_bytes: int = Field(default=1 * MIB, ge=1024)
     max_project_bytes: int = Field(default=32 * MIB, ge=1024)
-    """Of a request about a project: a preview may bring a painted frame with it."""
+    """Largest body of a request about a project, bytes: a preview may contain a painted frame."""
     upload_ttl_s: float = Field(default=24 * 3600.0, gt=0)
     """An unfinished resumable upload without new bytes for this long is deleted."""
     idle_s: float = Field(default=60.0, gt=0)

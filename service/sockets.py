@@ -20,8 +20,8 @@ ABORT = "impasto.abort"
 """ASGI extension: {"call": drops the connection and what was to be sent}."""
 LOST = 1006
 UNSENT_BYTES = 256 << 10
-"""What the kernel takes before it is sent: frames for a slow reader wait where newer ones can replace them, not in a
-buffer of megabytes."""
+"""Limit of unsent bytes in the kernel's send buffer (TCP_NOTSENT_LOWAT). It is small, so that frames for a slow reader
+wait where newer ones can replace them."""
 
 
 class GuardedHttp(H11Protocol):

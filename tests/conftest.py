@@ -122,7 +122,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """From here on the garbage collector works, and leaves out what was imported."""
+    """Start garbage collection now, and exclude the imported objects from it."""
     gc.freeze()
     gc.enable()
 
@@ -173,7 +173,7 @@ def s3() -> Iterator[Swift]:
 
 @pytest.fixture(scope="session", autouse=True)
 def one_opencv_thread() -> Iterator[None]:
-    """Two cores, many tests: OpenCV's own pool only gets in the way of figures and of determinism checks."""
+    """One OpenCV thread: its thread pool disturbs timings and determinism checks when many tests share two cores."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     yield
@@ -230,7 +230,7 @@ def tiny_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _tone(stream: av.AudioStream) -> Iterator[list[av.Packet]]:
-    """Two seconds of 440 Hz in the encoder's own frame size."""
+    """Two seconds of a 440 Hz tone in frames of the encoder's size."""
     seconds, rate = TINY_FRAMES / TINY_FPS, 44100
     samples = (np.sin(np.arange(int(seconds * rate)) * 2 * np.pi * 440 / rate) * 8000).astype(np.int16)
     for start in range(0, len(samples), 1024):

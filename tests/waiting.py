@@ -19,12 +19,12 @@ A wait ends with its event, so that a longer limit costs time only where a test 
 
 
 def pause_s(waited_s: float) -> float:
-    """How long to wait before an event is looked for again: a twentieth of the time waited so far, 0.02 to 0.25 s."""
+    """Delay before the next check: a twentieth of the time waited so far, 0.02 to 0.25 s."""
     return min(0.25, max(0.02, waited_s / 20))
 
 
 def until(ask: Callable[[], Any], timeout_s: float = 10.0) -> Any:
-    """The first true answer of `ask`; AssertionError after `SLOWER * timeout_s` seconds."""
+    """Wait for the first true result of `ask`. Raises AssertionError after `SLOWER * timeout_s` seconds."""
     start = time.monotonic()
     while not (answer := ask()):
         waited_s = time.monotonic() - start

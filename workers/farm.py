@@ -207,7 +207,7 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None) -> Pool
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:
-    """On a Ray cluster every live session has a process of its own."""
+    """Live workers. On a Ray cluster every live session has a separate process."""
     if settings.pool != "ray":
         return None
     from workers.live.ray_workers import RayLiveWorkers
@@ -216,7 +216,7 @@ def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:
 
 
 def _preview_runner(settings: FarmSettings, blobs: Blobs) -> PreviewRunner | None:
-    """On a Ray cluster, previews have processes of their own."""
+    """Runner of previews. On a Ray cluster, previews run in separate processes."""
     if settings.pool != "ray":
         return None
     from workers.previews.ray_runner import PreviewActors, RayRunner

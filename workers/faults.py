@@ -65,7 +65,7 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
 
 
 def is_final(fault: Fault) -> bool:
-    """Whether another attempt would fail in the same way: the input is wrong."""
+    """Whether another attempt would fail in the same way, because the input is wrong."""
     return fault.code in _FINAL
 
 

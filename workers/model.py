@@ -47,7 +47,7 @@ class TaskState(StrEnum):
     RUNNING = "running"
     SUCCEEDED = "succeeded"
     FAILED = "failed"
-    """Its attempts are used up."""
+    """The task has used all its attempts."""
     CANCELLED = "cancelled"
 
 
@@ -64,7 +64,7 @@ class Asset:
     kind: str
     """"video", "image", "archive" or "json"."""
     info: Json
-    """What probing found: width, height, frames, fps, duration_s, codec, has_audio, rotation_deg, ..."""
+    """Results of probing: width, height, frames, fps, duration_s, codec, has_audio, rotation_deg, ..."""
     created_at: float
     owner: str = ""
 
@@ -196,7 +196,7 @@ class Submitted(Job):
     """A job as `submit` answers it."""
 
     new: bool = True
-    """Whether this call made it; False: the same key and request had, before."""
+    """Whether this call created the job; False if a job with the same key and request existed."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ class TaskView:
     attempts: tuple[Json, ...]
     """Per attempt: id, number, worker, started_at, finished_at, outcome, error (Fault as JSON) or None."""
     reused: bool = False
-    """Whether its result was taken over from an earlier job."""
+    """Whether its result was taken from an earlier job."""
 
 
 @dataclass(frozen=True)
@@ -272,9 +272,9 @@ class TaskOrder:
     frames: tuple[int, int] | None = None
     """As in the request. All other frame numbers of the order are counted from its start."""
     leads: bool = False
-    """Whether tasks of this step wait for it."""
+    """Whether later tasks of this step depend on it."""
     on_damage: str = WARN
-    """As in `JobRequest`."""
+    """Same values as in `JobRequest`."""
     earlier: EarlierTask | None = None
     """The same task of an earlier job, whose result is used if nothing that it read has changed."""
 
@@ -299,9 +299,9 @@ class TaskOutcome:
     cancelled: bool = False
     warnings: tuple[JobWarning, ...] = ()
     trace: Json | None = None
-    """What the task read; None: its result cannot be reused."""
+    """Record of what the task has read; None: its result cannot be reused."""
     reused: bool = False
-    """Whether it is the result of an earlier job's task."""
+    """Whether the result was taken from an earlier job's task."""
 
 
 @dataclass(frozen=True)
@@ -349,5 +349,5 @@ class Delivery:
     state: str = "waiting"
     """"waiting", "delivered" or "dead" (the last try failed)."""
     next_at: float | None = None
-    """When it is tried again; None once it is delivered or dead."""
+    """Time of the next attempt; None once it is delivered or dropped."""
     last_error: str = ""

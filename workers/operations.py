@@ -1,4 +1,4 @@
-"""What operators see and steer: who works, on which machines, what failed, a job's attempts in time, live sessions.
+"""Data that operators inspect and control: workers, machines, failures, timelines of attempts, live sessions.
 
 A *worker* is a process that takes tasks (`impasto serve`, `impasto worker`): in the store, a dispatcher. It has
 *slots*: each runs one attempt at a time, on some *node*, a machine (in a Ray cluster, one of its nodes). Draining a
@@ -26,7 +26,7 @@ class DrainScope(StrEnum):
 
 @dataclass(frozen=True)
 class Slot:
-    """Where one attempt at a time runs, as its pool knows it."""
+    """A place of a pool that runs one attempt at a time."""
 
     name: str
     """Unique in its worker."""
@@ -45,7 +45,7 @@ class WorkerInfo:
     role: str
     """"serve" (it answers requests as well) or "worker"."""
     kind: str
-    """Where its slots are: "local" or "ray"."""
+    """Kind of its slots: "local" or "ray"."""
     version: str
 
 
@@ -143,9 +143,9 @@ class Violation:
     """Something in the database that contradicts itself."""
 
     kind: str
-    """For example "task-without-attempt"."""
+    """Kind of the inconsistency, for example "task-without-attempt"."""
     id: str
-    """Of the job, task, attempt, message or worker."""
+    """Id of the affected job, task, attempt, message or worker."""
     message: str
     remedy: str
 
@@ -166,7 +166,7 @@ class TimelineBar:
     started_at: float
     finished_at: float | None
     code: str = ""
-    """Of its fault."""
+    """Error code; empty if it has not failed."""
 
 
 @dataclass(frozen=True)
@@ -196,6 +196,6 @@ class LiveView:
     connected: bool
     """False: it waits for a client that was lost."""
     figures: Json = field(default_factory=dict)
-    """Of the whole session, as in the `stats` message of the live protocol."""
+    """Statistics of the whole session, as in the `stats` message of the live protocol."""
     ending: bool = False
     """An operator has asked for its end."""

@@ -15,7 +15,7 @@ from workers.pools.machine import usable_cpus
 
 
 class FarmSettings(BaseModel):
-    """Where a farm stores its data, how many tasks it runs at once, and its limits."""
+    """Storage, concurrency and limits of a farm."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -31,7 +31,7 @@ class FarmSettings(BaseModel):
     """New work is refused while less than this is free on the disk of the blobs (with S3: of their local copies)."""
 
     s3_endpoint_url: str = ""
-    """Of a server that is not Amazon's, such as `http://localhost:9000`."""
+    """Endpoint of an S3 server other than Amazon's, such as `http://localhost:9000`."""
     s3_region: str = ""
     s3_access_key: SecretStr = SecretStr("")
     """Empty: boto3 looks where it always does (AWS_ACCESS_KEY_ID, ~/.aws, the machine's role)."""
@@ -148,7 +148,7 @@ class FarmSettings(BaseModel):
 
     @property
     def limits(self) -> Limits:
-        """How large an asset may be."""
+        """Limits of an asset's size."""
         return Limits(
             size_bytes=self.max_asset_bytes,
             pixels=self.max_pixels,

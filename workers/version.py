@@ -1,4 +1,4 @@
-"""Which version of Impasto this is."""
+"""The version of Impasto."""
 
 from __future__ import annotations
 

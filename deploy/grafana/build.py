@@ -1,6 +1,6 @@
-"""Writes deploy/grafana/dashboards/*.json: `python -m deploy.grafana.build`. A test holds the files to this.
+"""Generates deploy/grafana/dashboards/*.json: `python -m deploy.grafana.build`. A test compares files and output.
 
-What is drawn is said here in a few words a panel; Grafana's own format, which repeats itself, is made from it.
+`deploy.grafana.boards` declares each panel in a few lines; this module expands the panels to Grafana's verbose format.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ COLUMNS = 24
 
 @dataclass
 class _Place:
-    """Where the next panel goes: left to right, then down."""
+    """Position of the next panel: from left to right, then in the next row."""
 
     x: int = 0
     y: int = 0
@@ -40,7 +40,7 @@ class _Place:
 
 
 def render(board: Board) -> dict[str, Any]:
-    """A board as Grafana keeps it."""
+    """A board in Grafana's JSON format."""
     place = _Place()
     panels: list[dict[str, Any]] = []
     for title, group in board.groups:

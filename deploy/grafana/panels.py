@@ -1,4 +1,4 @@
-"""The words that dashboards are said in."""
+"""Data types and shared queries for declaring dashboards."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Line:
     """One query of a panel."""
 
     expr: str
-    """PromQL; `$instance` is what the reader has chosen."""
+    """PromQL; `$instance` is the dashboard's variable, the instances that the reader has selected."""
     legend: str = ""
 
 
@@ -20,15 +20,15 @@ class Panel:
     title: str
     lines: tuple[Line, ...]
     text: str
-    """What it tells, and what to think when it looks odd."""
+    """Description: what the panel shows, and how to interpret unusual values."""
     unit: str = "short"
-    """Grafana's name of a unit."""
+    """A unit as Grafana names it."""
     kind: Literal["timeseries", "stat"] = "timeseries"
     stacked: bool = False
     limits: tuple[tuple[float, str], ...] = ()
-    """(from this value on, colour): where alerts begin."""
+    """(lower bound, colour) of each range of values; red begins at the threshold of the alert."""
     low_is_bad: bool = False
-    """Below the first limit it is red."""
+    """Values below the first limit are red."""
     width: int = 0
 
 
@@ -58,4 +58,4 @@ ONE = 'instance=~"$instance"'
 RATE = "[$__rate_interval]"
 BAD = ((1.0, "red"),)
 ASKED = f'{ONE}, route!~".*(uploads|assets|previews|frame|thumbnail|result|files|content|regions|metrics|readyz).*"'
-"""Questions, as the alert ImpastoSlow has them: uploads and pictures are work."""
+"""Short requests, selected as in the alert ImpastoSlow: without uploads and images, which take long by nature."""

@@ -144,7 +144,7 @@ class _Bars:
 
 
 class _Lines:
-    """For logs and pipes: one line when a step starts and one when it ends."""
+    """Output for logs and pipes: one line when a step starts and one when it ends."""
 
     def __init__(self) -> None:
         self._states: dict[str, str] = {}

@@ -239,7 +239,7 @@ def _size(text: str) -> tuple[int, int] | None:
 
 
 def _loops(text: str) -> int:
-    """How often a file is played; 0 = without end."""
+    """Number of times that a file is played; 0 = without end."""
     if text == "forever":
         return 0
     if not text.isdecimal():

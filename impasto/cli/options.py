@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class DamagePolicy(StrEnum):
-    """What a job does when frames of an input are missing or unreadable."""
+    """Behaviour of a job if frames of an input are missing or unreadable."""
 
     WARN = "warn"
     FAIL = "fail"

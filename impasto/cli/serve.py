@@ -30,14 +30,14 @@ Secrets should: IMPASTO_DATABASE_URL, IMPASTO_S3_ACCESS_KEY and IMPASTO_S3_SECRE
 
 
 class FarmKind(StrEnum):
-    """Where tasks run."""
+    """Backend that runs the tasks."""
 
     LOCAL = "local"
     RAY = "ray"
 
 
 class Auth(StrEnum):
-    """When a key is required."""
+    """Conditions under which a key is required."""
 
     AUTO = "auto"
     REQUIRED = "required"

@@ -44,7 +44,7 @@ MAX_SIDE_PX = 16384
 ANSWERS_KEPT = 120
 """Most answers that wait for the caller. Beyond it, reading stops and the service drops frames."""
 PATIENCE_S = 10.0
-"""How long a lost connection is retried, seconds: as long as the service keeps the session."""
+"""Time for which a lost connection is retried, seconds: equal to the time for which the service keeps the session."""
 CLOSE_S = 2.0
 FRUITLESS = 3
 """Most consecutive connections that may break without an answer."""

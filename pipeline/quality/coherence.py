@@ -1,4 +1,4 @@
-"""How steady a painted video is, how much detail it has, and whether its subject can still be read."""
+"""Measures temporal coherence, detail, and legibility of the subject of a painted video."""
 
 from __future__ import annotations
 

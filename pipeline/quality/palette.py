@@ -1,4 +1,4 @@
-"""How far the colours of a painting are from those of a picture whose colours it was to take on."""
+"""Measures the distance between the colours of a painting and those of the reference image."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from pipeline.quality.sharpness import edge_widths
 FramePair = tuple[Frame, Frame]
 """Frames t - 1 and t, uint8 (height, width, 3)."""
 WORST = 3
-"""How many of the pairs with the most flicker a report names."""
+"""Number of the pairs with the most flicker that a report names."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Which pairs of frames, and which part of them, a quality report measures, so that it costs little of the render."""
+"""Selects the frame pairs, and the part of them, that a quality report measures, to limit its cost."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def sampled_pairs(frames: int, count: int) -> list[int]:
 
 @dataclass(frozen=True)
 class SampleSize:
-    """How much the report of a job measures.
+    """Number of measurements in the report of a job.
 
     Attributes:
         pairs: pairs of frames, at least 1.

@@ -1,4 +1,4 @@
-"""How sharp the edges of a picture are, in its own pixels."""
+"""Measures the width of edges in an image, in its own pixels."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ Gray = NDArray[np.uint8]
 Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
 Pose = Literal["frontal", "left", "right", "tilted left", "tilted right"]
-"""How a head is turned. The cascade of profiles knows one side; the other one is searched in the mirrored picture."""
+"""Pose of a head. The profile cascade knows one side; for the other side the mirrored picture is searched."""
 
 POSES: tuple[Pose, ...] = ("frontal", "left", "right", "tilted left", "tilted right")
 WINDOW_PX = 24

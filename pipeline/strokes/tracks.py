@@ -64,7 +64,7 @@ class StrokeTracks:
 
 @dataclass(frozen=True)
 class LifecycleParams:
-    """When strokes are added, recoloured and removed.
+    """Parameters of the addition, recolouring and removal of strokes.
 
     Attributes:
         gap: smallest distance of a new stroke from any other, in spacings.

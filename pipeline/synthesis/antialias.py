@@ -100,7 +100,7 @@ def _render(style: Bytes, offsets: Offsets, piece: Piece, out: Bytes) -> None:
 
 @kernel
 def _position(offsets: Offsets, piece: Piece, x: int, y: int, dx: int, dy: int) -> tuple[int, int]:
-    """Where the piece of the pixel (x, y) is in the style at the pixel at distance (dx, dy), in steps."""
+    """Position in the style, in steps, of the piece of pixel (x, y), at a pixel displaced by the distance (dx, dy)."""
     direction = piece.bins[y, x] if piece.bins.size else NO_DIRECTION
     at_x, at_y = extrapolated_offset(
         offsets[y, x, 0], offsets[y, x, 1], np.float32(dx), np.float32(dy), direction, piece.directions

@@ -18,7 +18,7 @@ _RUNS_KEPT = 1000
 
 @dataclass(frozen=True)
 class Damage:
-    """What is wrong with a video.
+    """Missing and unreadable frames of a video.
 
     Attributes:
         frames: number of frames that the file should have.

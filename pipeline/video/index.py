@@ -149,7 +149,7 @@ def _missing(path: Path, limits: Limits, packets: list[_Packet], stream: VideoSt
 
 
 def _ending(packets: list[_Packet], stream: VideoStream, index: Index) -> Ending | None:
-    """How the frames of the file end; None if their times are unknown."""
+    """The ending of the file's frames; None if their times are unknown."""
     times = [packet.time for packet in packets if packet.time is not None]
     if len(times) < max(1, len(packets)) or stream.time_base is None:
         return None

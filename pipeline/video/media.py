@@ -48,7 +48,7 @@ class MediaInfo:
     rotation_deg: int = 0
     """Clockwise rotation for display, from the file's metadata: 0, 90, 180 or 270."""
     damage: str = ""
-    """What is wrong with the file as far as this shows without decoding it, one sentence; empty: nothing."""
+    """Damage that is visible without decoding the file, one sentence; empty: none."""
 
     def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)

@@ -33,7 +33,7 @@ _STEADY = 0.95
 
 @dataclass(frozen=True)
 class Ending:
-    """How the frames of a file end.
+    """Measurements of the end of a file.
 
     Attributes:
         end_s: end of the last frame.
@@ -74,9 +74,9 @@ def missing_at_end(path: Path, limits: Limits, stream: VideoStream, count: int, 
 
 
 def gaps_between(pts: NDArray[np.int64]) -> tuple[Gap, ...]:
-    """Where at least eight frames are missing in the middle of a video of constant frame rate.
+    """Gaps of at least eight missing frames in the middle of a video of constant frame rate.
 
-    For containers without a table of frames, where the demuxer passes over what it cannot read.
+    This is for containers without a table of frames, where the demuxer skips data that it cannot read.
 
     Args:
         pts: presentation times, ticks, ascending.

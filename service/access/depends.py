@@ -75,7 +75,7 @@ class FrameSlots:
 
 @dataclass
 class ServiceContext:
-    """What routes work with: settings, farm, semaphores, metrics. Created by `create_app`."""
+    """Shared objects of all routes: settings, farm, semaphores, metrics. Created by `create_app`."""
 
     settings: Settings
     farm: Farm
@@ -85,7 +85,7 @@ class ServiceContext:
     preview_threads: CapacityLimiter
     """Threads in which previews of projects are made, so that they cannot block other requests."""
     frames: FrameSlots
-    """For decoding single frames of assets and films, and pictures of styles."""
+    """Slots for decoding single frames of assets and films, and pictures of styles."""
     webhook_secrets: WebhookSecrets
     styles: StyleLibrary
     registry: CollectorRegistry

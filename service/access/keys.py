@@ -32,7 +32,7 @@ class Principal:
 
     @property
     def only_owner(self) -> str | None:
-        """For listings: the only owner whose entries are visible; None: all owners."""
+        """The only owner whose entries a listing shows; None: all owners."""
         return None if Scope.ADMIN in self.scopes else self.owner
 
 

@@ -1,4 +1,4 @@
-"""How a connection ends: close codes, and the errors they stand for."""
+"""Close codes of live connections, and the errors that they represent."""
 
 from __future__ import annotations
 

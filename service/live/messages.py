@@ -85,7 +85,7 @@ FORMATS = {"h264": "annexb"}
 
 
 def receiving(codec: str, size: tuple[int, int], fps: float) -> Receiving:
-    """How frames of `size` (width, height) px are sent."""
+    """Encoding of the frames that a client receives; `size` = (width, height), px."""
     return Receiving(codec=codec, format=FORMATS.get(codec), webcodecs=webcodecs_name(codec, size, fps))
 
 

@@ -51,7 +51,7 @@ class LiveOut:
 
 @router.get("/v1/live")
 def describe(response: Response, context: Context, _caller: Submitter) -> LiveOut:
-    """What live sessions support, and how many are free. The WebSocket has the same address: see docs/live.md."""
+    """Capabilities of live sessions, and the number of free ones. The WebSocket has the same URL: see docs/live.md."""
     live = context.farm.live
     if not live.free:
         response.headers.update(retry_after(RETRY_AFTER_S))

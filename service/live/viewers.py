@@ -18,7 +18,7 @@ MAX_WAITING = 30
 
 @dataclass(frozen=True)
 class ViewFormat:
-    """How the frames of a session are encoded."""
+    """Encoding of a session's frames for viewers."""
 
     codec: str
     size: tuple[int, int]

@@ -38,7 +38,7 @@ class QueueOut:
 
     paused: bool
     drain: Drain | None
-    """Who paused the queue, when and why; null while it is not paused."""
+    """The pause of the queue: operator, time and reason; null while it is not paused."""
 
 
 @router.get("/queue")

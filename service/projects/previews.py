@@ -185,7 +185,7 @@ async def preview_cuts(project_id: ProjectId, body: CutsIn, context: Context, ca
 async def preview_flicker(
     project_id: ProjectId, body: FlickerIn, context: Context, caller: Submitter
 ) -> StreamingResponse:
-    """Where the painting of a frame flickers against its source, or how much that of several frames does."""
+    """Map of the flicker of one painted frame relative to its source, or the flicker of several frames."""
     options = body.model_dump(include={"frame", "frames", "count"})
     if body.film is not None:
         options |= await run_in_threadpool(_film, context, caller, body.film)

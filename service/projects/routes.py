@@ -134,7 +134,7 @@ def restore_project(project_id: ProjectId, response: Response, context: Context,
 
 @router.get("/{project_id}/check")
 def check_project(project_id: ProjectId, context: Context, caller: Reader) -> ProblemsOut:
-    """What keeps the project from being rendered: every problem with its place in the document."""
+    """Problems that keep the project from being rendered, with their places in the document."""
     project = find_project(context, caller, project_id)
     version, value = context.farm.projects.document(project_id)
     found = context.farm.projects.problems(parse_document(value), project.owner)

@@ -37,7 +37,7 @@ class ShareIn(_In):
 
 
 class ProjectJobsIn(_In):
-    """Which jobs to submit."""
+    """The jobs to submit."""
 
     shots: tuple[Id, ...] | None = Field(default=None, max_length=500, description="None: all.")
     variants: tuple[Id, ...] = Field(default=(), max_length=100, description="Each a job; then shots is not read.")
@@ -89,7 +89,7 @@ class VersionOut:
 
 @dataclass(frozen=True)
 class ProblemsOut:
-    """What keeps a version from being rendered."""
+    """Problems that keep a version from being rendered."""
 
     version: int
     errors: tuple[DocumentFault, ...]

@@ -59,7 +59,7 @@ def get_shared(token: Token, context: Context) -> ProjectOut:
 
 @router.get("/v1/shared/{token}/jobs")
 def list_shared_jobs(token: Token, context: Context) -> Listing[ProjectJobOut]:
-    """Its jobs, newest first."""
+    """Jobs of the shared project, newest first."""
     project = _shared(context, token)
     return Listing(tuple(project_job_out(*found) for found in context.farm.projects.jobs(project.id)), None)
 

@@ -38,7 +38,7 @@ class StyleOut:
     origin: Literal["impasto", "folder"]
     """Painted by Impasto itself, or a file of the operator's folder."""
     credit: str
-    """Who painted it, and where it is from; empty if unknown."""
+    """Painter and origin; empty if unknown."""
     paired: bool
     """Whether the picture that it was painted from is known, too."""
 

@@ -100,7 +100,7 @@ class Checksum:
 
     @classmethod
     def of(cls, headers: Headers) -> Checksum | None:
-        """From the header Upload-Checksum; None without it. Raises BadRequest (unknown algorithm, invalid base64)."""
+        """Parse the header Upload-Checksum; None without it. Raises BadRequest (unknown algorithm, invalid base64)."""
         text = headers.get("upload-checksum")
         if text is None:
             return None

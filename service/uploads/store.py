@@ -105,7 +105,7 @@ class UploadStore:
                     yield upload
 
     def reserved(self) -> Reservation:
-        """What all open uploads together may still occupy."""
+        """Bytes that all open uploads together may still occupy."""
         rows = [(upload.owner, upload.length, self._part_bytes(upload.id)) for upload in self.open_uploads()]
         owned: dict[str, int] = {}
         counts: dict[str, int] = {}

@@ -16,7 +16,7 @@ router = Router(prefix="/v1", tags=["webhooks"])
 @dataclass(frozen=True)
 class SecretOut:
     secret: str
-    """As Standard Webhooks libraries take it: `whsec_...`."""
+    """The secret in the format of Standard Webhooks libraries: `whsec_...`."""
 
 
 @router.get("/webhooks/secret")

@@ -1,1 +1,1 @@
-"""Faults by a seeded schedule on real parts, and what they cost: nothing."""
+"""Fault injection: a seeded schedule of faults on real components must not lose, repeat or change any work."""

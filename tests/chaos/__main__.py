@@ -125,7 +125,7 @@ def _setup(given: argparse.Namespace) -> str:
 
 
 def _extracted(revision: str, folder: Path) -> Path:
-    """The repository as of a commit."""
+    """Export the repository at a commit."""
     folder.mkdir()
     archive = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
     subprocess.run(["tar", "-x"], cwd=folder, input=archive, check=True)
@@ -146,7 +146,7 @@ def _faults(given: argparse.Namespace) -> tuple[Callable[[Scene], None], ...]:
 
 
 def undisturbed(folder: Path, shapes: Sequence[Shape] = SHAPES) -> list[bytes]:
-    """Results of the jobs on a local disk with SQLite, without faults."""
+    """Results of the jobs in a run without faults, on a local disk with SQLite."""
     settings = FarmSettings(home=folder / "quiet", workers=2, reserve_bytes=0)
     blobs = open_blobs(settings)
     farm = Farm(settings, LocalPool(lambda: ToyRunner(blobs), 2))

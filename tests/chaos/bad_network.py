@@ -1,4 +1,4 @@
-"""A proxy between the farm and S3 that spoils answers: errors, slowness, answers that break off, broken connections."""
+"""A proxy between the farm and S3 that injects faults: errors, latency, truncated answers, broken connections."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BadNetwork:
         self.mode: Mode = ""
         self.share = 0.5
         self.spoilt = 0
-        """Connections and answers that were spoilt."""
+        """Number of connections and answers with an injected fault."""
         threading.Thread(target=self._serve, name="bad-network", daemon=True).start()
 
     @property
@@ -75,7 +75,7 @@ class BadNetwork:
                 end.shutdown(socket.SHUT_RDWR)
 
     def _spoil(self, data: bytes, sink: socket.socket) -> bool:
-        """Whether the connection goes on."""
+        """Inject the current fault; whether the connection continues."""
         if self.mode == "slow":
             time.sleep(self._chance.uniform(0.1, 1.0))
             return True

@@ -45,7 +45,7 @@ RESERVE_BYTES = 8 << 20
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that faults may be done to."""
+    """The components into which faults can be injected, and the jobs of the run."""
 
     settings: FarmSettings
     folder: Path
@@ -64,9 +64,9 @@ class Scene:
     network: BadNetwork | None = None
     """Between the workers and S3."""
     jobs: list[tuple[str, int]] = field(default_factory=list)
-    """Accepted, and their shape: each must succeed."""
+    """Accepted jobs with their shapes: each must succeed."""
     poisoned: list[str] = field(default_factory=list)
-    """Accepted, with a task that always fails: each must fail, and keep what is done."""
+    """Accepted jobs with a task that always fails: each must fail and keep the results of its other tasks."""
 
     def away(self) -> None:
         time.sleep(self.chance.uniform(*self.away_s))
@@ -80,7 +80,7 @@ def kill_worker(scene: Scene) -> None:
 
 
 def kill_all_workers(scene: Scene) -> None:
-    """Every farm at once, as when a machine loses power."""
+    """Kill every farm at once, as when a machine loses power."""
     for worker in scene.workers:
         worker.kill()
     for worker in scene.workers:
@@ -88,7 +88,7 @@ def kill_all_workers(scene: Scene) -> None:
 
 
 def freeze_worker(scene: Scene) -> None:
-    """A farm that is silent beyond its lease, and then goes on as if nothing had happened: late answers."""
+    """Stop a farm for longer than its lease, then continue it: it sends late answers."""
     chosen = scene.chance.choice(scene.workers)
     chosen.freeze()
     time.sleep(scene.lease_s + 1)
@@ -96,21 +96,21 @@ def freeze_worker(scene: Scene) -> None:
 
 
 def crash_postgres(scene: Scene) -> None:
-    """It ends without tidying up, and recovers when it comes back."""
+    """Kill PostgreSQL without a clean shutdown; it recovers when it starts again."""
     scene.postgres.stop(signal.SIGQUIT)
     scene.away()
     scene.postgres.start()
 
 
 def stop_postgres(scene: Scene) -> None:
-    """It cuts every connection and is away for a while."""
+    """Stop PostgreSQL for a while; all connections are cut."""
     scene.postgres.stop(signal.SIGINT)
     scene.away()
     scene.postgres.start()
 
 
 def freeze_postgres(scene: Scene) -> None:
-    """It takes every request and answers none."""
+    """Freeze PostgreSQL: it accepts requests and answers none."""
     server = psutil.Process(scene.postgres.process.pid)
     frozen = [server, *server.children(recursive=True)]
     for process in frozen:
@@ -128,14 +128,14 @@ def stop_objects(scene: Scene) -> None:
 
 
 def kill_s3(scene: Scene) -> None:
-    """Nobody listens where S3 was."""
+    """Kill S3: its port refuses connections."""
     scene.s3.stop()
     scene.away()
     scene.s3.start()
 
 
 def answer_again(scene: Scene) -> None:
-    """Every attempt that has ended answers once more, with something else: all of it must be refused."""
+    """Send a second, different answer for every ended attempt: all of them must be refused."""
     patiently(lambda: _answer_again(scene.asking.store))
 
 
@@ -150,7 +150,7 @@ def _answer_again(store: Store) -> bool:
 
 
 def kill_accepting(scene: Scene) -> None:
-    """kill -9 of a process while it accepts jobs: what it has answered is there, what it has not comes once."""
+    """kill -9 of a process while it accepts jobs: acknowledged jobs must exist, others are accepted once on retry."""
     asset = _asset(scene)
     accepting = Accepting(scene.settings, scene.folder / f"accepting-{len(scene.jobs)}")
     _start(accepting)
@@ -169,7 +169,7 @@ def kill_accepting(scene: Scene) -> None:
 
 
 def step_clock(scene: Scene) -> None:
-    """The clock of a machine jumps an hour ahead, and later back."""
+    """Set the clock of a machine an hour ahead, and later back."""
     chosen = scene.chance.choice(scene.workers)
     chosen.step_clock()
     time.sleep(scene.chance.uniform(0.5, scene.lease_s))
@@ -177,7 +177,7 @@ def step_clock(scene: Scene) -> None:
 
 
 def fill_disk(scene: Scene) -> None:
-    """A worker's disk is full for a while; it is a small one for the test. Only root can make one."""
+    """Fill a worker's disk for a while. The disk is a small one made for the test; only root can make it."""
     chosen = scene.workers[-1]
     chosen.kill()
     with small_disk(scene.folder / f"small-{len(scene.jobs)}") as disk:
@@ -194,7 +194,7 @@ def fill_disk(scene: Scene) -> None:
 
 @contextmanager
 def small_disk(place: Path) -> Iterator[Path]:
-    """A file system of DISK_BYTES."""
+    """A file system of `DISK_BYTES`."""
     place.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(place)], check=True)
     try:
@@ -204,34 +204,34 @@ def small_disk(place: Path) -> Iterator[Path]:
 
 
 def cut_connections(scene: Scene) -> None:
-    """PostgreSQL ends every connection, some of them in the middle of a transaction or a commit; and again."""
+    """Let PostgreSQL end every connection, some in the middle of a transaction or a commit; then once more."""
     for _ in range(scene.chance.randint(1, 4)):
         scene.postgres.execute(_CUT)
         time.sleep(scene.chance.uniform(0.0, 0.2))
 
 
 def restart_postgres(scene: Scene) -> None:
-    """A fail-over: connections are cut, and the same name answers again a moment later."""
+    """Simulate a fail-over: connections are cut, and the same address answers again a moment later."""
     scene.postgres.stop(signal.SIGINT)
     scene.postgres.start()
 
 
 def exhaust_descriptors(scene: Scene) -> None:
-    """A worker may open no more files for a while."""
+    """Let a worker open no more files for a while."""
     if (pid := scene.chance.choice(scene.workers).pid) is not None:
         with limited(pid, resource.RLIMIT_NOFILE, open_files(pid)):
             scene.away()
 
 
 def exhaust_memory(scene: Scene) -> None:
-    """A worker's address space may hardly grow for a while."""
+    """Limit the growth of a worker's address space for a while."""
     if (pid := scene.chance.choice(scene.workers).pid) is not None:
         with limited(pid, resource.RLIMIT_AS, address_space(pid) + (1 << 20)):
             scene.away()
 
 
 def spoil_s3(scene: Scene) -> None:
-    """S3 answers 503, slowly, with answers that break off, or not at all, for half of the connections."""
+    """Spoil half of the connections to S3: 503, latency, truncated answers, or no answer."""
     assert scene.network is not None
     for mode in scene.chance.sample(_MODES, 2):
         scene.network.mode = mode
@@ -244,7 +244,7 @@ _CUT = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE application
 
 
 def poison(scene: Scene) -> None:
-    """A task that fails whenever it runs."""
+    """Submit a job with a task that always fails."""
     params = {**max(scene.shapes, key=lambda shape: shape["tasks"]), "trouble": "raise", "chain": False}
     request = JobRequest("toy", {"data": _asset(scene)}, params, seed=7)
     key = f"poisoned-{len(scene.poisoned)}"
@@ -257,7 +257,7 @@ def _asset(scene: Scene) -> str:
 
 
 def _start(worker: Worker) -> None:
-    """Start it, again if it has ended since the database was away, as systemd would."""
+    """Start a component; start it again if it has ended because the database was down, as systemd would."""
     deadline = time.monotonic() + PATIENCE_S
     worker.start()
     while not worker.came_up():
@@ -266,13 +266,13 @@ def _start(worker: Worker) -> None:
 
 
 def kill_node(scene: Scene) -> None:
-    """kill -9 of a Ray node and of all that runs there; another one joins."""
+    """kill -9 of a Ray node and everything that runs there; another node joins."""
     assert scene.raylets is not None
     scene.raylets.kill_node(scene.chance)
 
 
 def kill_actor(scene: Scene) -> None:
-    """kill -9 of the process in which a task runs."""
+    """kill -9 of an actor that runs a task."""
     assert scene.raylets is not None
     scene.raylets.kill_actor(scene.chance)
 
@@ -290,15 +290,15 @@ TO_POSTGRES: tuple[Fault, ...] = (crash_postgres, stop_postgres, freeze_postgres
 TO_CALLERS: tuple[Fault, ...] = (kill_accepting, answer_again, poison)
 FAULTS = (*TO_WORKERS, *TO_POSTGRES, *TO_CALLERS)
 OF_S3: tuple[Fault, ...] = (stop_objects, kill_s3, spoil_s3)
-"""Besides, where blobs are in S3."""
+"""Additional faults if blobs are in S3."""
 OF_A_CLUSTER: tuple[Fault, ...] = (kill_node, kill_actor)
-"""Besides, where tasks run on Ray."""
+"""Additional faults if tasks run on Ray."""
 OF_ROOT: tuple[Fault, ...] = (fill_disk,)
-"""Besides, where one may mount."""
+"""Additional faults if the process may mount file systems."""
 BY_NAME = {fault.__name__: fault for fault in (*FAULTS, *OF_S3, *OF_A_CLUSTER, *OF_ROOT)}
 _COMPONENTS = ((*TO_WORKERS, *OF_ROOT), TO_POSTGRES, TO_CALLERS, OF_S3, OF_A_CLUSTER)
 
 
 def component(fault: Fault) -> int:
-    """Number of the component that the fault is done to: one has one fault at a time."""
+    """Number of the component that the fault affects; a component has one fault at a time."""
     return next(number for number, faults in enumerate(_COMPONENTS) if fault in faults)

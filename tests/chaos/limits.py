@@ -1,4 +1,4 @@
-"""Shortages of a running process: its limits of memory and of open files are lowered for a while, and put back."""
+"""Resource shortages of a running process: its limits of memory and open files are lowered for a while."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Questions to a farm whose stores may be away."""
+"""Queries to a farm whose stores may be down."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Ray cluster of several raylets on this machine, of which some are killed."""
+"""A Ray cluster of several raylets on this machine, some of which are killed."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Raylets:
 
 
 def _actors() -> list[psutil.Process]:
-    """Ours: the descendants of this process that run tasks."""
+    """The actors of this process's cluster: descendants that run tasks."""
     ours = psutil.Process().children(recursive=True)
     return sorted((one for one in ours if _is_actor(one)), key=lambda one: one.pid)
 

@@ -24,7 +24,7 @@ from workers.model import Job, JobRequest
 from workers.settings import FarmSettings
 
 _THREADS = ThreadPoolExecutor(8)
-"""They live as long as the process: the kernel ends a server when the thread that started it ends."""
+"""These threads live as long as the process, because the kernel kills a server when the thread that started it ends."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +34,15 @@ class Outcome:
     faults: Counter[str]
     jobs: int
     lost: int
-    """Jobs that did not succeed, or made other bytes; of those with a task that always fails, that did not fail so."""
+    """Jobs that did not succeed or gave other bytes, and poisoned jobs that did not fail as expected: must be 0."""
     attempts: Counter[str]
     """Ended attempts by outcome."""
     running: int
-    """Attempts that still count as running: none."""
+    """Attempts that are still recorded as running: must be 0."""
     twice: int
-    """Tasks that succeeded more than once, and jobs that were accepted more than once: none."""
+    """Tasks that succeeded more than once, and jobs that were accepted more than once: must be 0."""
     orphans: int
-    """Number of unreferenced blobs after the sweep: none."""
+    """Unreferenced blobs after garbage collection: must be 0."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def run(
 
 
 def _workers(settings: FarmSettings, folder: Path, plan: Plan) -> list[Worker]:
-    """Two; with Ray each in a new process, since Ray does not survive a fork."""
+    """Start two workers. With Ray each is a new process, since Ray does not survive a fork."""
     kind = ForkedWorker if plan.raylets is None else Worker
     one, two = (folder / name if settings.blob_url else settings.home for name in ("one", "two"))
     return [kind(settings, one), Worker(settings, two, plan.older) if plan.older else kind(settings, two)]
@@ -144,7 +144,7 @@ def _upload(farm: Farm, folder: Path) -> str:
 
 
 def _do(scene: Scene, plan: Plan) -> Counter[str]:
-    """Faults in a shuffled order, each as often as the others if there are so many; jobs come before each group."""
+    """Run the faults in a shuffled order, each about equally often; jobs are submitted before each group."""
     whole = list(plan.faults) * (plan.times // len(plan.faults))
     order = [*whole, *scene.chance.sample(plan.faults, plan.times - len(whole))]
     scene.chance.shuffle(order)
@@ -174,7 +174,7 @@ def grouped(order: Sequence[Fault], together: int) -> Iterator[list[Fault]]:
 
 
 def _inject(scene: Scene, faults: Sequence[Fault]) -> None:
-    """Inject the faults at once, each with random numbers of its own."""
+    """Inject the faults at once, each with its own random numbers."""
     scenes = [replace(scene, chance=random.Random(scene.chance.random())) for _ in faults]
     list(_THREADS.map(lambda fault, own: fault(own), faults, scenes))
 

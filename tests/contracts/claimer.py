@@ -1,4 +1,4 @@
-"""A dispatcher as a process of its own, to be killed: claims what there is, answers, and prints what it did.
+"""A dispatcher in a separate process that tests kill: it claims tasks, answers, and prints what it did.
 
 `python -m tests.contracts.claimer URL NAME`
 """

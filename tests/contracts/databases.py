@@ -1,4 +1,4 @@
-"""The databases that every promise of the store is tested on."""
+"""The databases on which the contract of the store is tested."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ MAX_JOBS, MAX_ACTIVE, MAX_RUNNING = 6, 3, 3
 """Jobs at once; unfinished jobs and running tasks of an owner."""
 ENDS = ("succeed", "succeed", "succeed", "fail", "fail", "fail for good", "release")
 UNLUCKY_ENDS = ("succeed", "fail", "fail")
-"""Outcomes of a task that has failed before. With fewer failures, hardly any task would use all its attempts."""
+"""Outcomes of a task that has failed before. Frequent failures let some tasks use all their attempts."""
 ACTIONS = (
     *["submit"] * 2, *["plan"] * 6, *["claim"] * 10, *["complete"] * 12, *["command"] * 4, *["complete_late"] * 2,
     *["complete_superseded"] * 4, "retry_at_quota", "crash", "freeze", *["time_passes"] * 3, "clock_steps",
@@ -54,7 +54,7 @@ Draw = Callable[[st.SearchStrategy[Any]], Any]
 
 
 class Attempt(NamedTuple):
-    """An attempt, and what it works for."""
+    """An attempt and its task."""
 
     id: str
     job_id: str
@@ -83,9 +83,9 @@ class FarmMachine(RuleBasedStateMachine):
         self.keys: dict[tuple[str, str], tuple[str, int]] = {}
         """Owner and idempotency key -> job and its priority."""
         self.running: dict[str, tuple[str, str, str]] = {}
-        """Attempt -> job, key, dispatcher, of attempts that count."""
+        """Attempt -> job, key, dispatcher, for current attempts."""
         self.ended: list[Attempt] = []
-        """Attempts that count no more."""
+        """Attempts that are no longer current."""
         shutil.rmtree(self.folder / "blobs", ignore_errors=True)
         self.blobs = DiskBlobs(self.folder / "blobs")
         self.collector = GarbageCollector(self.store, self.blobs, 3600.0, lambda: True)
@@ -210,7 +210,7 @@ class FarmMachine(RuleBasedStateMachine):
             job.requeue(key, self.clock[0])
 
     def _end(self, attempt_ids: list[str]) -> list[Attempt]:
-        """These attempts count no more."""
+        """Mark these attempts as no longer current."""
         found = [Attempt(attempt_id, *self.running.pop(attempt_id)[:2]) for attempt_id in attempt_ids]
         self.ended += found
         return found
@@ -297,7 +297,7 @@ class FarmMachine(RuleBasedStateMachine):
         self._complete_late(draw, self.ended[-20:])
 
     def _complete_late(self, draw: Draw, attempts: list[Attempt]) -> None:
-        """An attempt that counts no more answers: nothing changes."""
+        """Answer for an attempt that is no longer current: nothing may change."""
         attempt, how = draw(st.sampled_from(attempts)), draw(st.sampled_from(["succeed", "fail", "release", "beat"]))
         before = self._shown(attempt.job_id)
         if how == "beat":
@@ -312,7 +312,7 @@ class FarmMachine(RuleBasedStateMachine):
         return None
 
     def crash(self, draw: Draw) -> None:
-        """The process dies; the others see that its lock is free."""
+        """End the dispatcher without cleaning up; the others see that its lock is free."""
         dispatcher = draw(st.sampled_from(DISPATCHERS))
         self.store.queue.interrupt([dispatcher])
         self.store.queue._enlisted.discard(dispatcher)
@@ -334,8 +334,7 @@ class FarmMachine(RuleBasedStateMachine):
             self.store.queue.renew(dispatcher, LEASE_S)
 
     def freeze(self, draw: Draw) -> None:
-        """A dispatcher is silent for longer than its lease. An answer that comes before another dispatcher takes over
-        counts."""
+        """Silence a dispatcher beyond its lease. Answers before another dispatcher takes over are still valid."""
         dispatcher = draw(st.sampled_from(DISPATCHERS))
         self.clock[0] += LEASE_S + 1
         if self._of(dispatcher) and draw(st.booleans()):
@@ -346,7 +345,7 @@ class FarmMachine(RuleBasedStateMachine):
         self._interrupted(dispatcher)
 
     def clock_steps(self, draw: Draw) -> None:
-        """The clock is set; every dispatcher that lives renews its lease."""
+        """Set the clock; every live dispatcher renews its lease."""
         seconds = draw(st.sampled_from([-3600.0, 3600.0, -0.001]))
         self.clock[0] = max(1.0, self.clock[0] + seconds)
         for dispatcher in DISPATCHERS:
@@ -387,7 +386,7 @@ class FarmMachine(RuleBasedStateMachine):
             return {str(job_id): int(count) for job_id, count in rows}
 
     def teardown(self) -> None:
-        """The history of every job tells all of its states, each once."""
+        """The history of every job must list all of its states, each once."""
         if not hasattr(self, "jobs"):
             return
         assert self.store.validation.validate_state() == []

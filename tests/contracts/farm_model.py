@@ -24,11 +24,11 @@ class ModelTask:
     ready_at: float = 0.0
 
     def is_due(self, now: float) -> bool:
-        """Whether it may be claimed: a wait that is too long was begun before the clock was set back."""
+        """Whether it may be claimed. A wait that is too long was begun before the clock was set back, and is over."""
         return self.state == "ready" and (self.ready_at <= now or self.ready_at > now + LONGEST_WAIT_S)
 
     def refresh(self, state: str) -> None:
-        """Start again, with all attempts."""
+        """Reset the task, with all its attempts."""
         self.state, self.failures, self.interruptions, self.ready_at = state, 0, 0, 0.0
 
 
@@ -50,7 +50,7 @@ class ModelJob:
     done: int = 0
     """Tasks of earlier steps."""
     history: list[str] = field(default_factory=lambda: ["queued"])
-    """Every state, oldest first."""
+    """All states so far, oldest first."""
 
     @property
     def active(self) -> bool:
@@ -58,7 +58,7 @@ class ModelJob:
 
     @property
     def messages(self) -> int:
-        """How many webhook messages it has had: one for each end."""
+        """Number of its webhook messages: one for each end."""
         return sum(state in FINAL for state in self.history)
 
     def record_state(self) -> None:
@@ -168,7 +168,7 @@ class ModelJob:
                 task.state = "ready"
 
     def _settle(self) -> None:
-        """The next step, or the end, once nothing runs."""
+        """Start the next step, or end the job, once nothing runs."""
         if self.state in FINAL or not self.planned or self._having("running"):
             return
         if all(task.state == "succeeded" for task in self.tasks.values()):

@@ -1,4 +1,4 @@
-"""Rules of the store that are broken on purpose, one at a time: random work must find each."""
+"""Rules of the store that are broken on purpose, one at a time; the random work must detect each."""
 
 from __future__ import annotations
 

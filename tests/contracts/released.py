@@ -1,4 +1,4 @@
-"""What earlier versions have left in their databases: rows as they wrote them, in words that every database knows."""
+"""Contents of databases of earlier versions: the rows that each version wrote, in SQL that any database accepts."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _LEASED_DISPATCHERS = (
     "INSERT INTO dispatchers (id, started_at, lease_until) VALUES ('dsp_old@host', 1, 30)",
     "UPDATE jobs SET ready = 1 WHERE id = 'job_1'",
 )
-"""Who runs something has had its lease in a table of its own since 0003."""
+"""Since revision 0003 the leases of dispatchers are in a separate table."""
 
 RELEASED = {
     "0001": _ROWS + _LEASED_ATTEMPTS,

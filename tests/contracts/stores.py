@@ -11,7 +11,7 @@ from workers.blobs.s3 import S3Blobs
 from workers.blobs.s3_client import S3Options
 
 PART_BYTES = 5 << 20
-"""The least that S3 allows."""
+"""Smallest part that S3 accepts, bytes."""
 
 
 def s3_options(server: Swift, **changes: Any) -> S3Options:

@@ -1,4 +1,4 @@
-"""Several processes at one store: who is served, who is alive, what the others see, and what it costs."""
+"""Several processes on one store: fairness, liveness, visibility and cost."""
 
 from __future__ import annotations
 
@@ -301,7 +301,7 @@ def test_an_unreachable_server_is_reported_and_comes_back(postgres: Postgres) ->
 
 
 def _effort(store: Store) -> int:
-    """Steps of SQLite's machine for two claims and answers: the same on any computer."""
+    """Virtual machine steps of SQLite for two claims and answers: the same number on any computer."""
     steps = [0]
 
     def count() -> int:
@@ -321,7 +321,7 @@ def _effort(store: Store) -> int:
 
 
 def _fill(store: Store, jobs: int, tasks: int) -> None:
-    """Rows as planning makes them, quickly."""
+    """Insert rows as planning would, quickly."""
     for i in range(jobs):
         request = JobRequest("toy", {"video": "ast_" + "a" * 64})
         store.jobs.add(Accepted(request, {}, STEPS), f"owner-{i % 5}")
@@ -342,7 +342,7 @@ def _fill(store: Store, jobs: int, tasks: int) -> None:
 
 
 def test_the_cost_of_a_claim_is_independent_of_the_queue_length(tmp_path: Path, clock: Clock) -> None:
-    """Counted, not timed; `python -m benchmarks.dispatch` times it up to 100,000 tasks and 10,000 jobs."""
+    """Counts steps instead of time; `python -m benchmarks.dispatch` times up to 100,000 tasks and 10,000 jobs."""
     efforts = []
     for jobs, tasks in ((10, 100), (100, 4000)):
         store = _open(f"sqlite:///{tmp_path / f'{tasks}.db'}", clock)

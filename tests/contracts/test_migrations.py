@@ -1,4 +1,4 @@
-"""A database of any earlier version is brought up to date, and the work that is in it goes on."""
+"""A database of any earlier version is migrated, and its unfinished work continues."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def url(request: pytest.FixtureRequest) -> str:
 
 
 def _at(url: str, revision: str) -> None:
-    """A database as the version with that revision left it."""
+    """A database in the state of the version with that revision."""
     config = Config()
     config.set_main_option("script_location", str(FOLDER))
     engine = create_engine(url)

@@ -33,7 +33,7 @@ MUTATIONS_IN_CI = 6
 
 
 class Counted(NamedTuple):
-    """What a run has done."""
+    """Counts of a run."""
 
     steps: int
     states: set[str]

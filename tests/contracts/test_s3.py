@@ -60,7 +60,7 @@ def test_a_signed_url_is_valid_for_one_blob_only(blobs: S3Blobs) -> None:
 
 
 def test_a_signed_url_expires(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both URLs are signed ten minutes ago: one for an hour, one for a minute."""
+    """Two URLs are signed ten minutes in the past: one is valid for an hour, one for a minute."""
     blobs.put("k", b"mine")
     earlier = botocore.auth.get_current_datetime() - timedelta(minutes=10)
     monkeypatch.setattr("botocore.auth.get_current_datetime", lambda: earlier)
@@ -83,7 +83,7 @@ def test_sweeping_aborts_abandoned_multipart_uploads(blobs: S3Blobs, s3: Swift) 
 
 @pytest.fixture
 def away(s3: Swift) -> Iterator[Swift]:
-    """The server with its object server stopped; started again at the end, if the test has not."""
+    """A server whose object server is stopped; it is started again at the end, unless the test has done so."""
     s3.stop("object")
     yield s3
     if not s3.runs("object"):

@@ -1,4 +1,4 @@
-"""Every PromQL expression that we ship, with where it stands."""
+"""The PromQL expressions of dashboards and alerts, with their locations."""
 
 from __future__ import annotations
 

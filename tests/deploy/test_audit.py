@@ -1,4 +1,4 @@
-""".ci/audit.py: a finding fails the build, a machine without a network does not."""
+""".ci/audit.py: a finding fails the build, a missing network does not."""
 
 from __future__ import annotations
 

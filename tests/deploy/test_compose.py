@@ -1,4 +1,4 @@
-"""deploy/compose.yaml against the Compose specification, and against what it refers to."""
+"""deploy/compose.yaml is checked against the Compose specification and the files that it references."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _VARIABLE = re.compile(r"\$\{(\w+)(?::([-?])([^}]*))?\}")
 
 
 def filled(text: str, given: dict[str, str]) -> str:
-    """The file with its variables put in, as Compose does. Raises KeyError for one that must be given and is not."""
+    """The file with its variables substituted as by Compose. Raises KeyError if a required variable is missing."""
 
     def value(match: re.Match[str]) -> str:
         name, how, rest = match.groups()
@@ -129,7 +129,7 @@ def test_two_prometheus_configurations_agree() -> None:
 
 @pytest.mark.real("compose")
 def test_docker_compose_accepts_the_file(tmp_path: Path) -> None:
-    """The program from Debian, which needs no engine for this; it puts variables in by its own rules."""
+    """Debian's docker-compose needs no engine for this check; it substitutes variables itself."""
     given = tmp_path / "env"
     given.write_text("".join(f"{name}={value}\n" for name, value in GIVEN.items()))
     command = ["docker-compose", "--env-file", str(given), "-f", str(DEPLOY / "compose.yaml"), "config"]

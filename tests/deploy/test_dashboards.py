@@ -1,4 +1,4 @@
-"""Dashboards and alerts as files: whole, readable by promtool, each alert with its section in the runbook."""
+"""Dashboards and alerts as files: complete, valid for promtool, each alert with its section in the runbook."""
 
 from __future__ import annotations
 

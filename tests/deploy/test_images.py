@@ -1,4 +1,4 @@
-"""docker/: what can be known of images without an engine. Install steps are run as they stand, in an empty root."""
+"""docker/: checks of the images that need no container engine. Install steps run unchanged in an empty root."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_secrets_are_ignored_by_git_and_docker() -> None:
 
 @pytest.mark.slow
 def test_the_install_steps_run_in_an_empty_root(tmp_path: Path) -> None:
-    """Every COPY and RUN of the builder, in order. Dependencies are found where the tests run, not fetched."""
+    """Run every COPY and RUN of the builder in order. Dependencies come from the environment of the tests."""
     source = tmp_path / "src"
     for kind, value in STAGES["build"].steps:
         if kind == "COPY":
@@ -115,7 +115,7 @@ def _copy(value: str, root: Path) -> None:
 
 
 _PASSED_ON = ("PIP_", "SSL_", "REQUESTS_", "NODE_EXTRA_CA_CERTS", "npm_config_", "NPM_CONFIG_")
-"""Beginnings of variables that say how this machine reaches registries."""
+"""Prefixes of environment variables that configure access to registries."""
 
 
 def _run(step: str, source: Path, root: Path, device: str) -> None:
@@ -139,7 +139,7 @@ def _run(step: str, source: Path, root: Path, device: str) -> None:
 
 
 def _check_installed(prefix: Path) -> None:
-    """The packages are whole, and the command starts with nothing but them and their dependencies."""
+    """The packages are complete, and the command starts with only them and their dependencies."""
     (site,) = prefix.glob("lib/python*/site-packages")
     for name in tracked("pipeline", "workers", "service", "impasto", ":!service/web"):
         assert (site / name).is_file(), f"{name} is not in the image"
@@ -207,7 +207,7 @@ def test_the_bucket_is_created_once(s3: Swift) -> None:
         "IMPASTO_S3_SECRET_KEY": SECRET_KEY,
     }
     message = [_make_bucket(env) for _ in range(2)]
-    assert message == ["made the bucket made-by-compose\n", "the bucket made-by-compose is there\n"]
+    assert message == ["created the bucket made-by-compose\n", "the bucket made-by-compose already exists\n"]
 
 
 def _make_bucket(env: dict[str, Any]) -> str:

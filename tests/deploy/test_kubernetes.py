@@ -1,4 +1,4 @@
-"""deploy/kubernetes against Kubernetes' own schemas; what KubeRay reads, as far as Kubernetes knows it."""
+"""deploy/kubernetes is checked against Kubernetes' own schemas, also the pods within KubeRay's resources."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VERSION = "1.33"
 
 
 def documents() -> list[dict[str, Any]]:
-    """Everything that the base lists, in its order."""
+    """All documents that the base lists, in order."""
     listed = yaml.safe_load((HERE / "base" / "kustomization.yaml").read_text())["resources"]
     return [row for name in listed for row in yaml.safe_load_all((HERE / "base" / name).read_text())]
 
@@ -36,7 +36,7 @@ def cluster() -> dict[str, Any]:
 
 
 def templates() -> dict[str, dict[str, Any]]:
-    """Every pod that we ask for, by name."""
+    """All pod templates of the manifests by name."""
     spec = cluster()["spec"]
     groups = {group["groupName"]: group["template"] for group in spec["workerGroupSpecs"]}
     return {"service": of("Deployment")["spec"]["template"], "head": spec["headGroupSpec"]["template"], **groups}
@@ -139,7 +139,7 @@ def test_the_gpu_overlay_gives_each_task_a_share_of_a_gpu() -> None:
 
 
 def test_a_worker_has_memory_for_one_task_per_cpu() -> None:
-    """Ray's memory resource is the memory of the container less the object store."""
+    """Ray's memory resource is the memory of the container minus the object store."""
     for group in cluster()["spec"]["workerGroupSpecs"]:
         (container,) = group["template"]["spec"]["containers"]
         limits = container["resources"]["limits"]

@@ -1,4 +1,4 @@
-"""A real Prometheus with our configuration scrapes a real service at work: everything we ask for is there."""
+"""A real Prometheus with our configuration scrapes a real, busy service: every metric of the dashboards exists."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ EMPTY = {
     "farm timeseries: Failures by code A",  # no attempt failed
     "farm timeseries: Failures by code B",
     "stores timeseries: 503 and 507 A",
-    "stores timeseries: Failures of stores A",
+    "stores timeseries: Storage failures A",
 }
-"""Panels without data on a healthy system."""
+"""Panels that have no data on a healthy system."""
 
 
 class Run:
@@ -82,7 +82,7 @@ class Run:
         asyncio.run(talk())
 
     def _settle(self) -> None:
-        """Until everything has been scraped, and the rules have been looked at. Questions come over several scrapes."""
+        """Wait until everything has been scraped and the rules evaluated, which takes several scrapes."""
         until(lambda: self.prometheus.query('increase(impasto_live_frames_total{outcome="painted"}[30s]) > 0'), 30)
         for _ in range(12):
             self.http.get("/v1/jobs").raise_for_status()
@@ -121,7 +121,7 @@ def test_every_queried_metric_is_exported(run: Run) -> None:
 
 
 def _families(text: str) -> set[str]:
-    """Names that are announced, though nothing has been counted yet."""
+    """Names of the metrics that the service declares, also those without samples."""
     return {line.split()[2] for line in text.splitlines() if line.startswith("# TYPE ")}
 
 

@@ -1,4 +1,4 @@
-"""deploy/nginx/impasto.conf in a real nginx: uploads, event streams and live sessions pass through TLS as they come."""
+"""deploy/nginx/impasto.conf in a real nginx: uploads, event streams and live sessions pass through TLS unbuffered."""
 
 from __future__ import annotations
 

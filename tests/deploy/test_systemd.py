@@ -1,4 +1,4 @@
-"""deploy/systemd: units that systemd reads, that name what is there, and that may little."""
+"""deploy/systemd: systemd accepts the units, their programs exist, and they have few privileges."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.real("systemd")
 
 @pytest.fixture
 def placed(tmp_path: Path) -> Path:
-    """The units, whose programs are those of this environment."""
+    """The units, with the programs of this environment."""
     for unit in UNITS:
         text = unit.read_text().replace("/opt/impasto/bin/", f"{Path(sys.executable).parent}/")
         (tmp_path / unit.name).write_text(text)
@@ -42,7 +42,7 @@ def test_a_misspelt_unit_option_is_reported(placed: Path) -> None:
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.name)
 def test_units_have_few_privileges(placed: Path, unit: Path) -> None:
-    """systemd's own measure, 0 (may nothing) to 10 (may all); a plain unit has 9.6."""
+    """systemd's exposure score, from 0 (no privileges) to 10 (all); a plain unit has 9.6."""
     command = ["systemd-analyze", "security", "--offline=yes", "--threshold=25", str(placed / unit.name)]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-300:]

@@ -1,4 +1,4 @@
-"""docs/abstraction.md tells of every parameter as it is, with a picture; the gallery shows only what may be shown."""
+"""docs/abstraction.md describes every parameter with a picture; all gallery clips have a suitable licence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/multistyle.md tells of every parameter and style as they are, and its designs are sound."""
+"""docs/multistyle.md lists every parameter and style as the code has them, and its designs are valid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/operations.md, runbook.md, security.md: settings, commands, files and sections that they name are there."""
+"""Settings, commands, files and sections that docs/operations.md, runbook.md and security.md name exist."""
 
 from __future__ import annotations
 

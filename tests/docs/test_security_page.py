@@ -53,7 +53,7 @@ def calls() -> list[tuple[str, str, ast.Call]]:
 
 
 def test_code_uses_no_pickle_eval_or_shell() -> None:
-    """Ray unpickles on its own, private wire; of ours only what we have made ourselves."""
+    """Ray unpickles on its own private connections; our code unpickles only what it has written itself."""
     bad = re.compile(
         r"^(pickle|marshal|shelve|dill)\.|^(eval|exec|compile|__import__)$|^os\.(system|popen)$|yaml\.(load|unsafe)"
     )
@@ -72,7 +72,7 @@ def test_arrays_are_loaded_without_pickle() -> None:
 
 
 def test_only_listed_modules_open_connections() -> None:
-    """The service itself reaches out to its stores, to Ray, and to webhooks through the guarded pool."""
+    """The service itself connects only to its stores, to Ray, and to webhooks through the guarded pool."""
     modules = {"httpx", "httpcore", "requests", "urllib.request", "aiohttp", "smtplib", "ftplib"}
     found = {path for path, tree in sources() for name in _imports(tree) if name in modules}
     found = {path for path in found if path.startswith(("service", "workers", "pipeline"))}
@@ -119,7 +119,7 @@ def test_bandit_rules_are_enabled_for_all_code() -> None:
 
 
 def test_sql_statements_are_never_built_from_values() -> None:
-    """Text of SQL is ours alone: what is put in is a name of ours, never a value of a request."""
+    """SQL text contains only constants and names from our code, never a value of a request."""
     for path, name, node in calls():
         if name in ("text", "sqlalchemy.text", "sa.text") and path.startswith(("workers/store", "service")):
             assert not isinstance(node.args[0], ast.BinOp) or "migrations" in path, path

@@ -1,4 +1,4 @@
-"""Fixtures of the tests in Chromium: one service and one browser for all files that a process runs."""
+"""Fixtures of the tests in Chromium: one service and one browser for all test files of a process."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="package")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a service with one worker. Other files use it too: its jobs and projects are not only yours."""
+    """The address of a service with one worker. Other test files use it too, so it also has their jobs and projects."""
     yield from serve(tmp_path_factory.mktemp("service") / "home")
 
 

@@ -35,13 +35,13 @@ class Killed:
 
     frames: float
     finished: int
-    """Of these, frames of finished tasks: they are not painted again."""
+    """Those of `frames` that belong to finished tasks, which are not painted again."""
     lived_s: float
     processes: int
 
 
 def kill_points(count: int, frames: float, then_s: float, seed: int) -> list[KillPoint]:
-    """Random points spread over the painting of `frames` frames. A point already passed kills at start-up."""
+    """Random points spread over the painting of `frames` frames. A point that has already passed kills at start-up."""
     dice = random.Random(seed)
     return [KillPoint(at, dice.uniform(0, then_s)) for at in sorted(dice.uniform(0, frames) for _ in range(count))]
 
@@ -58,7 +58,7 @@ def render_killed(clip: Path, out: Path, home: Path, plan: Sequence[KillPoint]) 
 
 
 def serve_killed(clip: Path, out: Path, home: Path, farm: str, plan: Sequence[KillPoint]) -> list[Killed]:
-    """The same job over HTTP: one client waits through all deaths of the service, then fetches the result."""
+    """Run the same job over HTTP: one client waits through all kills of the service, then fetches the result."""
     service = Service(home, farm)
     deaths = []
     try:
@@ -75,7 +75,7 @@ def serve_killed(clip: Path, out: Path, home: Path, farm: str, plan: Sequence[Ki
 
 
 class _Waiting:
-    """A client that submits one job and waits for its end, on a thread of its own."""
+    """A thread with a client that submits one job and waits for its end."""
 
     def __init__(self, service: Service, clip: Path) -> None:
         self._client = service.client()
@@ -114,7 +114,7 @@ def _kill_at(process: psutil.Popen, point: KillPoint, database: Callable[[], Pat
 
 
 def painted(database: Path | None) -> tuple[float, int]:
-    """Frames of a home's only job that are painted, and those of finished tasks, as its database has them."""
+    """Painted frames of a home's only job, and those of finished tasks, according to its database."""
     if database is None or not database.is_file():
         return 0.0, 0
     try:

@@ -1,4 +1,4 @@
-"""The service as a process, a page that is watched for errors, and the clip of the tests in Chromium."""
+"""The service as a process, a page whose errors are recorded, and the clip of the tests in Chromium."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ COLOURS_HAVE_CHANGED = """async () => {
 }"""
 """Waits for the end of all transitions, which a stopped machine may begin late."""
 LOOKS = 5
-"""A finding of axe counts if it is there each of so many times."""
+"""Number of axe runs; a finding counts only if every run reports it."""
 
 
 def make_clip(
@@ -60,7 +60,7 @@ def make_clip(
 
 
 def make_three_things(path: Path) -> Path:
-    """Six frames, 96x64 px: a disc and a bar that stand before a field."""
+    """Six frames, 96x64 px: a disc and a bar in front of a field."""
     frame = np.full((HEIGHT, WIDTH, 3), (90, 140, 70), np.uint8)
     cv2.circle(frame, (WIDTH // 4, HEIGHT // 2), 16, (220, 170, 40), -1)
     cv2.rectangle(frame, (WIDTH * 5 // 8, 8), (WIDTH * 7 // 8, HEIGHT - 9), (20, 30, 160), -1)
@@ -99,7 +99,7 @@ def _encode(path: Path, frames: Iterable[NDArray[np.uint8]], codec: str = "libx2
 
 
 def serve(home: Path, **settings: str) -> Iterator[str]:
-    """`impasto serve` as a user runs it, with one worker, until the test is over; its address."""
+    """Run `impasto serve` with one worker until the test ends; its address."""
     bundle.build()
     port, log = free_port(), home.with_suffix(".log")
     command = [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home), "--workers", "1"]
@@ -167,13 +167,13 @@ class Watched:
         self.page.evaluate("localStorage.clear(); sessionStorage.clear()")
 
     def check(self) -> None:
-        """No complaint, and nothing was asked of any other host."""
+        """Check that there were no complaints and no requests to other hosts."""
         assert self.complaints == []
         assert self.hosts <= {"127.0.0.1", ""}, "blob: and data: addresses have no host"
 
 
 def open_page(browser: Browser, **options: Any) -> Watched:
-    """A page of the size `VIEWPORT` without animations, which would be drawn all the time while a test waits."""
+    """Open a page of the size `VIEWPORT` without animations, which would cost drawing time while a test waits."""
     given = {"viewport": VIEWPORT, "reduced_motion": "reduce"}
     context = browser.new_context(**(given | options))
     context.set_default_timeout(SLOW_MS)

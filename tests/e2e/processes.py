@@ -1,4 +1,4 @@
-"""The product as processes of its own, and their end without warning."""
+"""The product's programs as child processes, and functions that kill them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _alive(process: psutil.Process) -> bool:
 
 
 class Service:
-    """`impasto serve` at one home and one address, through all its deaths."""
+    """`impasto serve` with one home and one address, across restarts."""
 
     def __init__(self, home: Path, farm: str, workers: int = 2) -> None:
         self.log = home.with_suffix(".log")
@@ -94,7 +94,7 @@ class Service:
         return Client(self.url)
 
     def wait_ready(self, timeout_s: float = 90) -> None:
-        """Until it answers."""
+        """Wait until the service answers."""
         deadline = time.monotonic() + timeout_s
         while not answers(f"{self.url}/healthz"):
             assert self.process is not None and self.process.poll() is None, self.log.read_text()
@@ -102,7 +102,7 @@ class Service:
             time.sleep(0.05)
 
     def stop(self) -> None:
-        """Ask it to end, as an operator does."""
+        """Stop the service with SIGTERM, as an operator does."""
         if self.process is not None and self.process.poll() is None:
             self.process.terminate()
             self.process.wait(60)

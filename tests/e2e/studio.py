@@ -1,4 +1,4 @@
-"""Helpers of the studio's tests: open a project, draw on the stage with real pointer events, read what is stored."""
+"""Helpers for tests of the studio: open a project, draw on the stage with real pointer events, read what is stored."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Document = dict[str, Any]
 
 
 def open_project(page: Page, service: str, video: str, method: str, frame: int = 4, **layer: Any) -> str:
-    """A new project of one layer, opened in the studio, which shows `frame` first; its id."""
+    """Open a new project of one layer in the studio at `frame`; the project's id."""
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
     document = {"schema": 1, "name": "Disc", "assets": {"clip": {"id": video}}, "shots": [shot]}
     project = str(HTTP.post(f"{service}/v1/projects", json={"name": "Disc", "document": document}).json()["id"])
@@ -45,12 +45,12 @@ def layer_of(document: Document) -> dict[str, Any]:
 
 
 def saved(page: Page) -> None:
-    """Everything is uploaded and stored."""
+    """Wait until everything is uploaded and stored."""
     expect(page.locator(".save-status")).to_have_text("Saved", timeout=SOON_MS)
 
 
 def on_stage(page: Page, x: float, y: float) -> tuple[float, float]:
-    """A point of the picture, in shares of width and height, on the screen: the fitted view has a margin of 12 px."""
+    """Screen position of a point of the picture, (x, y) as fractions of its size. The view has a margin of 12 px."""
     box = page.locator(".stage-canvas").bounding_box()
     assert box is not None
     scale = min((box["width"] - 24) / WIDTH, (box["height"] - 24) / HEIGHT)
@@ -70,7 +70,7 @@ def draw(page: Page, *points: tuple[float, float]) -> None:
 
 
 def draw_with_pen(page: Page, points: list[tuple[float, float, float]]) -> None:
-    """A stroke of a pen: x, y in shares of the picture, pressure 0..1."""
+    """Draw a pen stroke: x, y as fractions of the picture, pressure 0..1."""
     session = page.context.new_cdp_session(page)
     for index, (x, y, force) in enumerate(points):
         left, top = on_stage(page, x, y)
@@ -110,7 +110,7 @@ def render(page: Page, format_: str = "PNG frames", button: str = "Paint the fil
 
 
 def finished(page: Page) -> str:
-    """Go from the studio to the page of the film that was just submitted, wait for its end; the job's id."""
+    """Go from the studio to the page of the film that was just submitted and wait for its end; the job's id."""
     page.get_by_role("link", name="Page of the film").click()
     page.wait_for_url("**/#/jobs/*", timeout=SOON_MS)
     expect(page.get_by_role("button", name=re.compile("^Download"))).to_be_visible(timeout=FILM_MS)

@@ -1,4 +1,4 @@
-"""Cancel reaches a running task within a second on an idle machine: from HTTP to the thread or actor of the worker."""
+"""A cancellation reaches a running task within a second on an idle machine, from HTTP to the worker."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from workers.farm import Farm, open_farm
 pytestmark = pytest.mark.serial
 
 FRAMES, SIZE = 3000, (320, 180)
-"""A minute of work: no step is over before it is cancelled."""
+"""A minute of work, so that no step ends before it is cancelled."""
 WITHIN_S = 1.0
 
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A scene of 24 frames, again and again."""
+    """A scene of 24 frames, looped."""
     path = tmp_path_factory.mktemp("cancel") / "long.mp4"
     pictures = [shot.image for shot in scene("shapes", size=SIZE, frames=24)]
     with av.open(str(path), "w") as out:
@@ -57,7 +57,7 @@ def http(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx
 
 
 def until(ask: Callable[[], Any], timeout_s: float) -> float:
-    """Seconds until the first true answer."""
+    """Seconds until `condition` is true for the first time."""
     began = time.monotonic()
     while not ask():
         assert time.monotonic() < began + timeout_s, "it did not happen in time"

@@ -1,4 +1,4 @@
-"""The live page in Chromium, its camera a file, against the whole service: its own process, a key, one place."""
+"""The live page in Chromium with a file as its camera, against a real service with a key and one session."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ AUTHORIZED: dict[str, str] = {"Authorization": f"Bearer {KEY}"}
 
 
 def make_camera(path: Path) -> Path:
-    """Two seconds of a face that turns and blinks, as Chromium's fake camera wants it."""
+    """Write two seconds of a face that turns and blinks, in the format of Chromium's fake camera."""
     picture = scene("portrait", SIZE, FRAMES, FPS)
     with av.open(str(path), "w", format="yuv4mpegpipe") as out:
         stream = out.add_stream("wrapped_avframe", rate=FPS)
@@ -169,7 +169,7 @@ def moves(page: Page) -> None:
 
 
 def grain(image: NDArray[np.uint8]) -> float:
-    """Mean difference of a pixel from its neighbours, away from edges; small for flat paint."""
+    """Mean difference of a pixel from its neighbours away from edges; small for flat paint."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(float)
     return float(np.median(np.abs(cv2.Laplacian(grey, cv2.CV_64F))))
 
@@ -318,7 +318,7 @@ def test_a_phone_shows_the_picture_first_and_has_large_buttons(browser: Browser,
 
 
 def small_targets(page: Page) -> list[str]:
-    """Controls that a finger would miss: less than 44 px high."""
+    """Controls smaller than 44 px, which are hard to touch."""
     found: list[str] = page.evaluate(
         """() => [...document.querySelectorAll('.live :is(button, select, summary, .segment, .drop, input)')]
         .filter(each => each.checkVisibility() && !each.closest('.segment, .drop, .live-frame, .field-inline'))
@@ -343,7 +343,7 @@ def test_a_visitor_beyond_the_capacity_waits_for_a_place(browser: Browser, servi
 
 
 class Cable:
-    """A way to the service that can be cut: TCP, byte for byte."""
+    """A TCP relay to the service that can be cut."""
 
     def __init__(self, port: int) -> None:
         self._port = port
@@ -368,7 +368,7 @@ class Cable:
                 sink.sendall(data)
 
     def cut(self) -> None:
-        """Every connection that there is; new ones are let through."""
+        """Cut every existing connection; new ones are accepted."""
         for end in self._ends:
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
@@ -414,7 +414,7 @@ def test_the_page_falls_back_to_jpeg_when_the_video_encoder_fails(browser: Brows
 
 
 def frames_sent(page: Page, talk: Talk, wait_ms: float) -> int:
-    """Frames that the page sends in that time."""
+    """Number of frames that the page sends in that time."""
     before = talk.frames
     page.wait_for_timeout(wait_ms)
     return talk.frames - before

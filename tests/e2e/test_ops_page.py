@@ -1,4 +1,4 @@
-"""The operations page in Chromium, over a real service and a second worker: real jobs, a real failure, real drains."""
+"""The operations page in Chromium on a real service and a second worker, with real jobs, failures and drains."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def enter(page: Page, service: str, key: str = KEY) -> None:
 
 
 def open_ops(browser: Browser, service: str, **options: object) -> Watched:
-    """The board, with the key in the tab already: nothing that the service refuses is in the console."""
+    """Open the page with the key already in the tab, so that the console shows no refused request."""
     watched = open_page(browser, **options)
     watched.page.add_init_script(f"sessionStorage.setItem('impasto.key', '{KEY}')")
     watched.page.goto(f"{service}/ops")

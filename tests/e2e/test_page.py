@@ -1,4 +1,4 @@
-"""The web page in Chromium, against the whole service: its own process, a local pool, an empty home."""
+"""The web page in Chromium, against a real service with a local pool and an empty home."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(180)]
 
 @pytest.fixture
 def watched(watched: Watched) -> Watched:
-    """The page with animations: films play only where a person has not asked for less motion."""
+    """The page with animations: films play automatically only if the user does not prefer reduced motion."""
     watched.page.emulate_media(reduced_motion="no-preference")
     return watched
 
@@ -31,7 +31,7 @@ def enter_studio(page: Page, service: str, clip: Path) -> None:
 
 
 def painted(page: Page) -> str:
-    """Address of the painted frame: another one for each painting."""
+    """Address of the painted frame, which changes with each painting."""
     return page.locator(".wipe-after img").get_attribute("src") or ""
 
 

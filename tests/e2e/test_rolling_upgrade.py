@@ -31,7 +31,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def client(home: Path) -> Iterator[Client]:
-    """A client of a service without a pool of its own: workers run all tasks."""
+    """A client of a service without a pool: separate workers run all tasks."""
     served = serve(home, POOL="none")
     with Client(next(served)) as client:
         yield client
@@ -39,7 +39,7 @@ def client(home: Path) -> Iterator[Client]:
 
 
 class Worker:
-    """`impasto worker`, a process of its own."""
+    """An `impasto worker` process."""
 
     def __init__(self, home: Path) -> None:
         command = [sys.executable, "-m", "impasto", "worker", "--home", str(home)]
@@ -57,7 +57,7 @@ class Worker:
 
 @pytest.fixture(scope="module")
 def started(home: Path) -> Iterator[list[Worker]]:
-    """All workers that were started. The last one outlives its test and is the old one of the next."""
+    """All workers started so far. The last one of a test is the old worker of the next test."""
     workers: list[Worker] = []
     yield workers
     for worker in workers:
@@ -91,7 +91,7 @@ def _submit(client: Client, clip: Path, count: int = 2) -> list[str]:
 
 
 def _check(client: Client, jobs: list[str], undisturbed: bytes, tmp_path: Path, workers: set[str]) -> None:
-    """Every job has the right bytes, no attempt was cut off, and each of the workers took part."""
+    """Check that every job has the right bytes, no attempt was interrupted, and each worker took part."""
     bars = []
     for job in jobs:
         client.wait(job, 120)

@@ -1,4 +1,4 @@
-"""One and two workers, in this process and on Ray: the same file, byte for byte."""
+"""One worker and two, in this process and on Ray, write the same file byte for byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The studio for everyone: no accessibility fault in any state, and from a file to the film by keyboard alone."""
+"""Accessibility of the studio: no fault in any state, and a film can be made by keyboard alone."""
 
 from __future__ import annotations
 

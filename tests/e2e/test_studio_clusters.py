@@ -1,4 +1,4 @@
-"""Clusters of the method patches in the studio: shown, painted over, merged, and solved again for an interval only."""
+"""Clusters of the method patches in the studio: displayed, corrected, merged, and solved again for an interval only."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from tests.waiting import HTTP
 
 FRAMES = 30
 FIRST = 10
-"""The frame that the studio shows first: a third of the video."""
+"""First frame that the studio shows: at a third of the video."""
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(400)]
 
@@ -56,7 +56,7 @@ def back_to(page: Page, service: str, project: str) -> None:
 
 
 def taken_over(service: str, job: str) -> tuple[set[str], set[str]]:
-    """Tasks whose results were taken over, and those that ran."""
+    """Number of tasks whose results were reused, and of tasks that ran."""
     items = HTTP.get(f"{service}/v1/jobs/{job}/tasks", params={"limit": 200}).json()["items"]
     names: dict[bool, set[str]] = {task["reused"]: set() for task in items}
     for task in items:

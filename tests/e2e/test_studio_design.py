@@ -30,7 +30,7 @@ DISC = (5 + 4) / (FRAMES + 10)
 """Horizontal centre of the disc in frame 4, in widths of the picture."""
 LAST = FRAMES - 1
 CENTRE, REACH = (0.7, 0.5), 0.3
-"""Of the rings: shares of the picture; heights of the picture."""
+"""Centre of the rings as fractions of the picture, and their reach in heights of the picture."""
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 

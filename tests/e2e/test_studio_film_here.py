@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
 
 def stage_picture(page: Page) -> np.ndarray:
-    """The middle of the stage, as it is on the screen."""
+    """The middle of the stage as displayed on the screen."""
     left, top = on_stage(page, 0.1, 0.1)
     right, bottom = on_stage(page, 0.9, 0.9)
     box = {"x": left, "y": top, "width": right - left, "height": bottom - top}

@@ -34,7 +34,7 @@ pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(300)]
 
 
 def passes(folder: Path) -> tuple[Path, Path, Path]:
-    """A rendered shot as a compositor gets it: EXR frames of the beauty and of a shadow pass, and a matte."""
+    """A rendered shot as a compositor receives it: EXR frames of the beauty and shadow passes, and a matte."""
     made = []
     for name in ("beauty", "shadow"):
         path = folder / f"{name}.zip"

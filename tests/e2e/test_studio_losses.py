@@ -76,12 +76,12 @@ def test_at_most_a_second_of_drawing_is_lost(
 
 
 def share(move: int, moves: int) -> float:
-    """Where the pen is at a move, in shares of the width."""
+    """Horizontal pen position at a movement, as a fraction of the width."""
     return LEFT + (RIGHT - LEFT) * move / (moves - 1)
 
 
 def crash(page: Page) -> None:
-    """Kill the processes of this test's pages: no event tells a page of its end."""
+    """Kill the renderer processes of this test's pages, so that no event announces the end of the page."""
     children = psutil.Process().children(recursive=True)
     renderers = [child for child in children if "--type=renderer" in " ".join(child.cmdline())]
     with page.expect_event("crash", timeout=SOON_MS):
@@ -90,7 +90,7 @@ def crash(page: Page) -> None:
 
 
 def farthest(address: str, project: str) -> float:
-    """The right end of the blue strokes in the stored key, in shares of the width."""
+    """Right end of the blue strokes in the stored key, as a fraction of the width."""
     document = stored(address, project)
     (key,) = layer_of(document)["keys"]
     row = decoded(asset(address, document, key["image"]))[int(HEIGHT_SHARE * HEIGHT)].astype(int)

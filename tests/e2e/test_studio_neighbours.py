@@ -1,4 +1,4 @@
-"""The frames around a painted key: repainted while the key itself is still to be uploaded."""
+"""The frames around a painted key are repainted even before the key has been uploaded."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ STEPS = """() => {
 
 
 def test_frames_that_are_only_passed_with_the_brush_take_no_decoder(fresh: Watched, service: str, video: str) -> None:
-    """Each decoder takes some 100 MB for 1080p: going through fifty keys took more than a gigabyte."""
+    """Each decoder takes about 100 MB for 1080p: stepping through fifty keys took more than a gigabyte."""
     page = fresh.page
     page.add_init_script(COUNT_VIDEOS)
     project = open_project(page, service, video, "analogy")

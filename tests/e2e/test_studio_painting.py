@@ -1,4 +1,4 @@
-"""Smudging painted keys: what the stage shows is what is stored, exported and rendered; undo; pressure; keyboard."""
+"""Painting keys: the stage shows what is stored, exported and rendered; smudge, undo, pressure, keyboard."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tests.e2e.studio import (
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
 BAR, BELOW = 0.25, 0.45
-"""Heights of a painted bar, and of a place below it, in shares of the picture."""
+"""Heights of a painted bar and of a place below it, as fractions of the picture."""
 
 
 def exported(page: Page) -> bytes:
@@ -93,7 +93,7 @@ window.VideoFrame = function (source, ...options) {
   other.getContext("2d").fillRect(0, 0, width, height);
   return new Real(other, { timestamp: 5e6 });
 };"""
-"""A browser that reports the end of a seek, but still has another frame when it is asked for the first three times."""
+"""Simulates a browser that reports the end of a seek, but returns another frame for the first three reads."""
 
 
 def test_a_frame_that_the_browser_has_late_is_awaited(fresh: Watched, service: str, video: str) -> None:

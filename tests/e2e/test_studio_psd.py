@@ -1,4 +1,4 @@
-"""Painted keys as Photoshop documents: out with layers, and in again with the same pixels."""
+"""Painted keys as PSD files: export with layers, and import with the same pixels."""
 
 from __future__ import annotations
 

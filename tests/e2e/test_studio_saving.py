@@ -56,7 +56,7 @@ def test_an_offline_stroke_is_saved_after_reconnecting(watched: Watched, service
 
 
 def test_a_minute_without_network_loses_no_change(fresh: Watched, service: str, video: str) -> None:
-    """Strokes, a new name and an undo meanwhile. The page's clock is set forward by a minute: nobody waits for it."""
+    """Draw strokes, rename and undo without network. The page's clock is set forward by a minute instead of waiting."""
     page = fresh.page
     page.clock.install()
     project = open_project(page, service, video, "analogy")

@@ -1,4 +1,4 @@
-"""A project as a whole: shown to others by a link, taken elsewhere as a file, brought back to an earlier version."""
+"""Sharing of projects: shown to others by a link, exported to a file, restored to an earlier version."""
 
 from __future__ import annotations
 

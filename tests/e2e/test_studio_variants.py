@@ -1,4 +1,4 @@
-"""Variants of the studio: kept with a frame, compared in the wipe, rendered together, compared as films; flicker."""
+"""Variants in the studio: kept with a frame, compared in the wipe, rendered together, compared as films; flicker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the pages say before and while a film waits: damage of the source, and the position in the queue."""
+"""Messages of the pages before and while a film waits: damage of the source, and the position in the queue."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def test_the_worst_moments_of_the_report_are_shown_in_the_player(watched: Watche
 
 
 def show_failed(page: Page, service: str, film: str, code: str) -> None:
-    """The page of a job that has failed with this error, as the service would tell of it."""
+    """Show the page of a job that has failed with this error."""
     error = {"code": code, "message": "It cannot be painted.", "remedy": "Choose another."}
     steps = [{"name": "scan", "title": "Find the shots", "state": "failed", "counts": {}, "progress": 0, "seconds": 0}]
 

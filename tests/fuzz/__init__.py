@@ -1,1 +1,1 @@
-"""Fuzzing: many malformed inputs, each made from a seed and a number, so that every finding can be made again."""
+"""Fuzzing: malformed inputs that are derived from a seed and a number, so that every finding can be reproduced."""

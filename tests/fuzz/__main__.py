@@ -27,7 +27,7 @@ from tests.fuzz.decoding import DecodingChild
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / ".fuzz"
 GUARDED_ONE_IN = 20
-"""Steps to one whose files are decoded by the service's own decoder processes; the others cost no fork."""
+"""One step in so many decodes its files in the service's decoder processes; the others avoid the fork."""
 
 
 def main() -> int:
@@ -117,7 +117,7 @@ TARGETS: dict[str, Callable[[ledger.Run, Path, Callable[[], bool]], None]] = {
 }  # fmt: skip
 
 STEPS = {"requests": requests.step, "tus": tus.step, "messages": messages.step}
-"""Targets whose cases depend on those before them: a step is made again as a whole."""
+"""Targets whose cases depend on earlier cases of their step: a whole step is reproduced."""
 
 if __name__ == "__main__":
     sys.exit(main())

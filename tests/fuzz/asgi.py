@@ -12,21 +12,21 @@ Header = tuple[str, str]
 SLOW_S = 30.0
 """A request that takes longer counts as a hang."""
 _READ_S = 0.3
-"""A client that is sent a stream reads it for this long, then leaves."""
+"""A client reads a stream for this long, seconds, then disconnects."""
 _END_WAIT_S = 0.02
-"""A WebSocket's client stays for this long after its last message."""
+"""A WebSocket client stays connected for this long after its last message, seconds."""
 HOST: Header = ("host", "127.0.0.1")
 
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer. `status` 599: the application raised an exception or did not answer; `body` tells."""
+    """A response. `status` 599: the application raised an exception or did not answer; `body` has the details."""
 
     status: int
     headers: dict[str, str]
     body: bytes
     taken: int = 0
-    """WebSocket messages that the application has taken."""
+    """Number of WebSocket messages that the application has received."""
 
 
 class Application:

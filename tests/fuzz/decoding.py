@@ -19,7 +19,7 @@ from pipeline.video import memory_file
 from tests.fuzz import media
 
 CASES_AT_ONCE = 1000
-"""Cases of a child before the next one replaces it."""
+"""Number of cases after which a child is replaced."""
 MEMORY_BYTES = 4 << 30
 OPEN_FILES = 64
 
@@ -33,7 +33,7 @@ class DecodingChild:
         self._cases = 0
 
     def outcome(self, case: media.Case, folder: Path) -> str:
-        """As `media.outcome`; "contained: ..." if the decoder dies of the file and the service refuses it."""
+        """Outcomes of `media.outcome`, and "contained: ..." if the decoder crashes and the service refuses the file."""
         path = folder / "upload"
         path.write_bytes(case.data())
         pipe = self._open()
@@ -69,7 +69,7 @@ class DecodingChild:
 
 
 def _serve(pipe: Connection) -> None:
-    """The child's program."""
+    """Main function of the child."""
     memory_file.reserve()
     memory_bytes = psutil.Process().memory_info().vms + MEMORY_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))

@@ -24,14 +24,14 @@ from workers.model import JobRequest
 HEADERS = {"Host": "127.0.0.1"}
 CHECKS = [not_a_server_error, response_schema_conformance, content_type_conformance]
 EXAMPLES = 20
-"""Requests of an operation and mode, in a step."""
+"""Number of requests of an operation and mode in a step."""
 Known = dict[str, str]
 """Path parameter -> a value that exists."""
 
 
 @contextmanager
 def api(folder: Path) -> Iterator[tuple[Any, Known]]:
-    """The schema of a service with one asset and one job, and their ids, so that not every answer is a 404."""
+    """The schema of a service with one asset and one job, and their ids, so that some answers are not 404."""
     for kind in ("application/offset+octet-stream", "application/zip"):
         schemathesis.serializer.alias(kind, "application/octet-stream")
     options = Settings(
@@ -53,7 +53,7 @@ def api(folder: Path) -> Iterator[tuple[Any, Known]]:
 
 
 def fuzz(run: Run, folder: Path, goes_on: Callable[[], bool]) -> None:
-    """Steps until the time is up: in each, a new service gets requests of every operation."""
+    """Run steps until the time is up. In each, a new service gets requests of every operation."""
     while goes_on():
         place = folder / str(run.first + run.steps)
         place.mkdir()
@@ -66,7 +66,7 @@ def fuzz(run: Run, folder: Path, goes_on: Callable[[], bool]) -> None:
 
 
 def order(operation: Any) -> int:
-    """Event streams first, while the job is final and they end; deleting last."""
+    """Sort key of operations: event streams first, while the job is final and they end; deletions last."""
     return -1 if operation.path.endswith("/events") else int(operation.method == "delete")
 
 

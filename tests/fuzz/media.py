@@ -27,7 +27,7 @@ SLOW_S = 30.0
 
 @dataclass(frozen=True)
 class Case:
-    """One malformed file, made again from its kind, seed and number."""
+    """One malformed file, reproducible from its kind, seed and number."""
 
     kind: str
     seed: int
@@ -74,12 +74,12 @@ GUARDED = Decoders(
     probe_guarded, GuardedReader, lambda data, path: guarded_raw(data, "image"),
     lambda data, path: guarded_exr(data, "image"),
 )  # fmt: skip
-"""Each file in a decoder process of its own, as the service decodes it."""
+"""Decodes each file in a separate decoder process, as the service does."""
 DIRECT = Decoders(
     probe, VideoReader, lambda data, path: decode_raw(data, Limits(), "image"),
     lambda data, path: read_exr(path, Limits(), "image"),
 )  # fmt: skip
-"""In this process."""
+"""Decodes in this process."""
 
 
 def outcome(case: Case, folder: Path) -> str:

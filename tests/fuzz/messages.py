@@ -1,4 +1,4 @@
-"""Live sessions over the application's WebSocket: valid and changed messages and frames. No session may fail inside."""
+"""Live sessions over the application's WebSocket with valid and changed messages and frames: no internal errors."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from tests.fuzz.values import Random, changed_json, changed_text, pick
 from tests.workers.live_toys import Echo
 
 STEP = 300
-"""Connections of a step, which has a service of its own."""
+"""Number of connections in a step, which has its own service."""
 MOST_MESSAGES = 12
 _HEADER = struct.Struct(">BBHHHIIQQ")
 _FAILED = (1011, 500, 599)
-"""Close code and statuses of a service that blames itself."""
+"""Close code and statuses that report an internal error."""
 _SIDE = (48, 32)
 
 
@@ -59,7 +59,7 @@ async def step(run: Run, folder: Path, number: int, connections: int = STEP) -> 
 
 
 def messages(asset_id: str, random: Random) -> list[str | bytes]:
-    """What a client sends in one connection: a hello, then frames and messages."""
+    """Messages of one connection: a hello, then frames and messages."""
     hello: dict[str, Any] = {
         "type": "hello", "method": "echo", "width": _SIDE[0], "height": _SIDE[1], "fps": 25.0, "seed": 1,
         "send": ["jpeg"], "receive": ["jpeg"], "params": {"add": 3}, "inputs": {}, "quality": 80,
@@ -83,7 +83,7 @@ def _others(asset_id: str) -> tuple[Any, ...]:
 
 
 def hello_again() -> dict[str, Any]:
-    """A second greeting, which is none of the messages that a session takes."""
+    """A second hello, which a running session must refuse."""
     return {"type": "hello", "width": 8, "height": 8}
 
 

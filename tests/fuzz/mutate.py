@@ -1,4 +1,4 @@
-"""Malformed files from well-formed ones: bits, numbers, pieces and ends are changed at random."""
+"""Mutation of well-formed files: bits, numbers, pieces and ends are changed at random."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pipeline.methods.base import seeded
 Random = np.random.Generator
 _NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 _HEADER_BYTES = 256
-"""Half of all changes fall here: that is where sizes, counts and offsets are."""
+"""Half of all changes are within the first bytes, which contain sizes, counts and offsets."""
 
 
 def mutated(data: bytes, other: bytes, seed: int, number: int) -> bytes:
-    """Case `number` of a seed: `data` after one to eight changes; `other` lends pieces."""
+    """Case `number` of a seed: `data` after one to eight changes; pieces are copied from `other`."""
     random = seeded(seed, number)
     changed = bytearray(data)
     for _ in range(int(random.integers(1, 9))):
@@ -41,7 +41,7 @@ def _flip_bit(data: bytearray, other: bytes, random: Random) -> None:
 
 
 def _set_number(data: bytearray, other: bytes, random: Random) -> None:
-    """A one, two, four or eight byte integer at a limit, or near the number that stands there."""
+    """Set an integer of one, two, four or eight bytes to a limit, or to a value near the present one."""
     width = 2 ** int(random.integers(4))
     order: Literal["little", "big"] = "little" if random.integers(2) else "big"
     start = _place(data, random)

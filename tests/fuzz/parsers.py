@@ -1,4 +1,4 @@
-"""Texts of clients, changed at random, to the functions that read them: each is accepted, or refused with our error."""
+"""Randomly changed texts of clients, passed to the functions that parse them: accepted, or refused with our error."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from workers.projects.patching import merged, patched
 from workers.store.records import unpack_cursor
 
 STEP = 200
-"""Cases of every parser in a step."""
+"""Number of cases of every parser in a step."""
 _REFUSALS = (ImpastoError, wire.ConnectionBroken)
 _LENGTH = "upload-length"
 _SECRET = b"secret of the test"
@@ -49,7 +49,7 @@ _PATCH = [
 
 
 class Parser(NamedTuple):
-    """A function that reads what a client sends, and a well-formed sample: text, bytes, or JSON."""
+    """A parsing function and a well-formed sample of its input: text, bytes, or JSON."""
 
     name: str
     sample: Any
@@ -116,7 +116,7 @@ def _address(text: str) -> bool:
 
 
 def fuzz(run: Run, folder: Path, goes_on: Callable[[], bool]) -> None:
-    """Steps until the time is up."""
+    """Run steps until the time is up."""
     found = list(parsers(folder))
     while goes_on():
         step(run, found, run.first + run.steps)

@@ -1,4 +1,4 @@
-"""Random requests of every route, most with ids that exist: bodies, queries, headers, ids and methods are changed."""
+"""Random requests of every route, most with existing ids; bodies, queries, headers, ids and methods are changed."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from tests.fuzz.service import JSON, Known, application, document
 from tests.fuzz.values import HOSTILE, Random, changed_json, changed_text, pick
 
 STEP = 5000
-"""Requests of a step, which has a service of its own."""
+"""Number of requests in a step, which has its own service."""
 _DEAR = ("/frame", "/v1/previews", "/previews/", "/estimate", "/export", "/thumbnail")
-"""Parts of paths of routes that decode or paint: asked less often."""
+"""Parts of the paths of routes that decode or paint, which are slow and requested less often."""
 _DEAR_ONE_IN = 40
 _QUERIES = {
     "limit": "5", "cursor": "WzFd", "state": "failed", "method": "abstraction", "label": "shot:1", "index": "2",
@@ -42,13 +42,13 @@ class Operation(NamedTuple):
 
 
 async def operations(app: Application) -> list[Operation]:
-    """Every route of the application's own description."""
+    """All routes that the application declares."""
     paths = json.loads((await app.request("GET", "/openapi.json")).body)["paths"]
     return [Operation(method.upper(), path) for path in sorted(paths) for method in sorted(paths[path])]
 
 
 def bodies(known: Known) -> dict[str, Any]:
-    """Part of a path -> a body that is accepted there; the longest part that fits counts."""
+    """Part of a path -> a body that is accepted there; the longest matching part is used."""
     asset, project = known["asset_id"][0], document(known["asset_id"][0])
     query = {"shot": "s1", "max_side_px": 32, "document": project}
     return {
@@ -72,7 +72,7 @@ def bodies(known: Known) -> dict[str, Any]:
 
 
 def fuzz(run: Run, folder: Path, goes_on: Callable[[], bool]) -> None:
-    """Steps until the time is up; one that is begun is ended, so that a seed makes the same requests again."""
+    """Run steps until the time is up. A started step is finished, so that a seed gives the same requests again."""
     while goes_on():
         asyncio.run(step(run, folder / f"requests-{run.first + run.steps}", run.first + run.steps))
         run.steps += 1
@@ -99,7 +99,7 @@ async def step(run: Run, folder: Path, number: int, requests: int = STEP) -> Non
 
 
 def verdict(reply: Reply) -> str:
-    """What is wrong with an answer: a status of 500 or more, or an error that is no problem document; else empty."""
+    """The fault of a response: a status of 500 or more, or an error without a problem document; otherwise empty."""
     if reply.status >= 500 and reply.status != 503:
         return f"{reply.status} {reply.body[:300]!r}"
     if reply.status >= 400 and reply.body and "json" not in reply.headers.get("content-type", ""):
@@ -150,7 +150,7 @@ def _target(path: str, known: Known, random: Random) -> str:
 
 
 def _learn(operation: Operation, reply: Reply, known: Known) -> None:
-    """Ids of what was made are used from now on."""
+    """Add the ids of created objects to those that later requests use."""
     kinds = {"/v1/jobs": "job_id", "/v1/projects": "project_id"}
     if operation.path in kinds and operation.method == "POST":
         known[kinds[operation.path]] = [*known[kinds[operation.path]][-9:], json.loads(reply.body)["id"]]

@@ -1,4 +1,4 @@
-"""Well-formed small files of every kind that is decoded: what mutations start from."""
+"""Small well-formed files of every kind that is decoded, from which mutations start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A service in this process with something of everything, so that requests with ids that exist go beyond a 404."""
+"""A service in this process with objects of every kind, so that requests with existing ids do more than return 404."""
 
 from __future__ import annotations
 

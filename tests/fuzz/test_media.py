@@ -10,7 +10,7 @@ from tests.fuzz import ledger, media
 from tests.fuzz.samples import samples
 
 MENDED = ("media:exr:1:2",)
-"""Cases that were faults once."""
+"""Cases that revealed faults in the past."""
 
 
 @pytest.mark.parametrize("kind", samples())

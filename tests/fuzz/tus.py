@@ -1,4 +1,4 @@
-"""Random sequences of tus requests against a model of the uploads: offsets and states must be as tus 1.0.0 has them."""
+"""Random sequences of tus requests, compared with a model of the uploads (offsets and states of tus 1.0.0)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.fuzz.service import application
 from tests.fuzz.values import Random, changed_text, pick
 
 STEP = 3000
-"""Requests of a step, which has a service of its own."""
+"""Number of requests in a step, which has its own service."""
 MOST_OPEN = 12
 _TUS: Header = ("tus-resumable", "1.0.0")
 _BODY: Header = ("content-type", "application/offset+octet-stream")
@@ -28,24 +28,24 @@ _HOSTILE = ("", "-1", "+1", "0x1", "1.0", "1e3", " 1", "9" * 18, "9" * 19, "\u00
 
 @dataclass
 class Upload:
-    """An upload as it must be. `content`: what its client wants to send."""
+    """Expected state of an upload. `content`: the bytes that its client will send."""
 
     id: str
     content: bytes
     offset: int = 0
     closed: bool = False
-    """All bytes have arrived: it is an asset, or was refused."""
+    """Whether all bytes have arrived: the upload is an asset, or was refused."""
 
 
 class Client:
-    """Sends one random request after another; `wrong` says what was not as it must be, or nothing."""
+    """Sends one random request after another; `wrong` describes a deviation from the model, or is empty."""
 
     def __init__(self, app: Application, random: Random) -> None:
         self._app, self._random = app, random
         self._uploads: list[Upload] = []
 
     async def act(self) -> tuple[str, Reply]:
-        """One request: what is wrong with the answer (empty: nothing), and the answer."""
+        """Send one request; the deviation from the model (empty: none), and the response."""
         acts = [self._create] if not self._uploads else [self._patch] * 4 + [self._head, self._hostile]
         if self._uploads and len(self._uploads) < MOST_OPEN:
             acts += [self._create]
@@ -111,7 +111,7 @@ class Client:
         return "" if said == str(upload.offset) else f"offset {said} instead of {upload.offset}"
 
     async def _hostile(self) -> tuple[str, Reply]:
-        """Headers that no client sends; the upload must stay as it is."""
+        """Headers that no real client sends; they must not change the upload."""
         upload = pick(self._random, self._uploads)
         name = pick(self._random, ("upload-offset", "upload-length", "upload-checksum", "upload-metadata",
                                    "tus-resumable", "content-type", "content-length"))  # fmt: skip
@@ -137,7 +137,7 @@ class Client:
 
 
 def fuzz(run: Run, folder: Path, goes_on: Callable[[], bool]) -> None:
-    """Steps until the time is up; one that is begun is ended."""
+    """Run steps until the time is up; a started step is finished."""
     while goes_on():
         number = run.first + run.steps
         asyncio.run(step(run, folder / f"tus-{number}", number))

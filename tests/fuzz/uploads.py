@@ -1,4 +1,4 @@
-"""Mutated media files as uploads of a real service: every frame and preview of one that is accepted is asked for."""
+"""Mutated media files as uploads of a real service: every frame and preview of an accepted one is requested."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from workers.farm import open_farm
 
 METHODS = ("abstraction", "multistyle")
 PREVIEWED_ONE_IN = 4
-"""Accepted uploads to one whose previews are made, because these take a hundred times as long as frames."""
+"""One accepted upload in so many has its previews made, because they take a hundred times as long as frames."""
 SIDE_PX = 64
 
 
@@ -41,7 +41,7 @@ def cases(seed: int, number: int) -> list[media.Case]:
 
 
 def outcome(client: TestClient, case: media.Case, previews: bool) -> str:
-    """One of "accepted", "refused", or "fault: what" for an answer of the service that blames itself."""
+    """The outcome of a case: "accepted", "refused", or "fault: ..." for an internal error of the service."""
     sent = client.post("/v1/assets", files={"file": (f"upload.{case.kind}", case.data())})
     if sent.status_code >= 500:
         return f"fault: upload {sent.status_code} {sent.text[:200]}"
@@ -89,7 +89,7 @@ def _project_previews(client: TestClient, asset_id: str, method: str, frame: int
 
 
 def fuzz(run: Run, folder: Path, goes_on: Callable[[], bool]) -> None:
-    """Steps until the time is up: in each, one case of each kind."""
+    """Run steps until the time is up. In each, one case of each kind."""
     with service(folder) as client:
         accepted = 0
         while goes_on():

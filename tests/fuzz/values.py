@@ -1,4 +1,4 @@
-"""Random changes of JSON values, texts and headers: what a hostile client would send."""
+"""Random changes of JSON values, texts and headers, as a hostile client would send them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pick(random: Random, values: Any) -> Any:
 
 
 def hostile(random: Random) -> Any:
-    """One of the hostile values, as a copy of its own."""
+    """A copy of one of the hostile values."""
     return copy.deepcopy(pick(random, HOSTILE))
 
 

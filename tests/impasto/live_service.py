@@ -1,4 +1,4 @@
-"""A real service on loopback with a toy method that gives frames back: what live clients are tested against."""
+"""A real service on loopback with a toy method that returns its frames, for tests of live clients."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from workers.farm import Farm
 
 
 def only_echo(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The one method there is, "echo", in every place of this process that looks methods up."""
+    """Make "echo" the only method wherever this process looks methods up."""
     found: dict[str, Method] = {"echo": Echo()}  # type: ignore[dict-item]
     for place in ("pipeline.methods", "workers.live.sessions", "service.live.connection"):
         monkeypatch.setattr(f"{place}.methods", lambda: found)
@@ -25,7 +25,7 @@ def only_echo(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @contextmanager
 def served(home: Path, **settings: Any) -> Iterator[tuple[str, Farm]]:
-    """The address of a service, and its farm."""
+    """Start a service; its address and its farm."""
     chosen = Settings(home=home, pool="none", **{"live_sessions": 2, "live_resume_s": 2.0, **settings})
     farm = Farm(chosen, None)
     farm.start()

@@ -1,4 +1,4 @@
-"""The client against a small service in memory that breaks in the ways networks break."""
+"""The client against a small in-memory service that fails as networks do."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def problem(status: int, **parts: Any) -> httpx.Response:
 
 
 class Stream(httpx.SyncByteStream):
-    """Bytes that end with a broken connection, if so asked."""
+    """A stream of bytes that can end with a broken connection."""
 
     def __init__(self, data: bytes, breaks: bool = False) -> None:
         self.data, self.breaks = data, breaks
@@ -114,7 +114,7 @@ def test_events_are_parsed_and_an_incomplete_one_is_dropped() -> None:
 
 
 class Jobs:
-    """A job that goes on each time it is looked at; its event stream breaks after each event."""
+    """A job that advances each time it is read; its event stream breaks after each event."""
 
     def __init__(self, states: list[str], stream: bool = True) -> None:
         self.states, self.stream, self.asked, self.last_ids = states, stream, 0, list[str | None]()

@@ -1,4 +1,4 @@
-"""A damaged source is never painted in silence: by the command, by the library call, by the service."""
+"""The command, the library call and the service report a damaged source."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def whole(path: Path) -> Path:
 
 @pytest.fixture
 def cut(tmp_path: Path) -> Path:
-    """A Matroska file of 24 frames of which the first eleven are there."""
+    """A Matroska file of 24 frames that ends after the first eleven."""
     path = whole(tmp_path / "cut.mkv")
     data = path.read_bytes()
     pictures = [at for at in range(len(data)) if data[at : at + 3] == b"\xff\xd8\xff"]
@@ -46,7 +46,7 @@ def cut(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def holes(tmp_path: Path) -> Path:
-    """An AVI file of 24 frames of which three in the middle are noise."""
+    """An AVI file of 24 frames, three of which, in the middle, are replaced by noise."""
     path = whole(tmp_path / "holes.avi")
     data = bytearray(path.read_bytes())
     pictures = [at for at in range(len(data)) if data[at : at + 3] == b"\xff\xd8\xff"]
@@ -59,7 +59,7 @@ def holes(tmp_path: Path) -> Path:
 
 
 def render(capsys: pytest.CaptureFixture[str], home: Path, *words: str | Path) -> tuple[int, str, dict[str, Any]]:
-    """Exit status, stderr, and the JSON of `impasto render`."""
+    """Run `impasto render`; exit status, stderr and the JSON output."""
     capsys.readouterr()
     common = ["--param", "lines=off", "--home", home, "--json", "--quiet"]
     code = run([str(word) for word in ("render", *words, *common)])

@@ -1,4 +1,4 @@
-"""docs/api.md tells of everything that the service answers to, and of nothing else."""
+"""docs/api.md describes every route of the service, and no other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OUTSIDE = {"/v1/live"}
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> Iterator[set[str]]:
-    """Every path of the OpenAPI document, its variables written as `{id}` or `{name}`."""
+    """All paths of the OpenAPI document, with variables written as `{id}` or `{name}`."""
     settings = Settings(home=tmp_path_factory.mktemp("home"), pool="none")
     farm = open_farm(settings)
     yield {_plain(path) for path in create_app(settings, farm).openapi()["paths"]}
@@ -34,7 +34,7 @@ def _plain(path: str) -> str:
 
 
 def _documented() -> set[str]:
-    """Paths in the tables and the text: `GET /v1/a/{id}/b`, `/c` beside it meaning the last part anew."""
+    """Paths in the tables and the text: `GET /v1/a/{id}/b`; a following `/c` replaces the last part."""
     found: set[str] = set()
     for cell in re.findall(r"^\|([^|]*`[A-Z]+ /[^|]*)\||`[A-Z]* ?(/v1/[^`?]*)`", API, re.M):
         last = ""

@@ -1,4 +1,4 @@
-"""How the command's process ends."""
+"""Exit of the command's process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A finished film converted by a real farm: the frames of the film, the source's times, the same bytes again."""
+"""A finished film converted by a real farm: the film's frames, the source's times, reproducible bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs of a piece of a video: the bytes of the same job on a video that is only that piece."""
+"""A job on a piece of a video gives the bytes of the same job on a video that is only that piece."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ids of jobs in commands: a unique beginning is enough, and they are never cut in a pipe."""
+"""Job ids in commands: a unique prefix is enough, and ids are never shortened in a pipe."""
 
 from __future__ import annotations
 

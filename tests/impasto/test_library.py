@@ -25,7 +25,7 @@ def frames_of(path: Path) -> list[Frame]:
 
 
 def arriving(count: int, consumed: list[int]) -> Iterator[Frame]:
-    """Frames that note when they are taken."""
+    """Frames that record when they are consumed."""
     for index in range(count):
         consumed.append(index)
         yield tiny_frame(index)

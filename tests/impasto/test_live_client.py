@@ -47,7 +47,7 @@ def client(url: str, **options: Any) -> LiveClient:
 
 
 def one(live: LiveClient, frame: Frame = PICTURE) -> Frame:
-    """Send a frame and wait for its picture."""
+    """Send a frame and wait for its painting."""
     sent = live.send(frame)
     for answer in live.answers(wait_s=5):
         assert answer.sequence == sent
@@ -202,7 +202,7 @@ def test_a_broken_payload_ends_the_session_with_its_reason(url: str) -> None:
 
 
 class Relay:
-    """A wire between client and service that can be cut."""
+    """A TCP relay between client and service that can be cut."""
 
     def __init__(self, url: str) -> None:
         self._target = ("127.0.0.1", int(url.rpartition(":")[2]))

@@ -54,14 +54,14 @@ class Reel:
             yield when, np.full((16, 32, 3), 10 * number, np.uint8)
 
     def stop(self) -> None:
-        """Frames are not paced."""
+        """Do nothing: frames are not paced."""
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """Do nothing: there is nothing to close."""
 
 
 class Mirror:
-    """A client that answers at once, but not to what is in `drops`."""
+    """A client that answers at once, except frames in `drops`."""
 
     def __init__(self, drops: tuple[int, ...] = ()) -> None:
         self.sent: list[tuple[float, Frame]] = []
@@ -96,7 +96,7 @@ class Mirror:
 
 
 class FrameList(Sink):
-    """Keeps what it gets."""
+    """A sink that collects its frames."""
 
     def __init__(self, enough: int = 1000, beside: bool = False) -> None:
         self.frames: list[tuple[float, int]] = []
@@ -601,7 +601,7 @@ def test_a_clip_streamed_through_a_temporary_service_keeps_its_sound(
 
 
 def painted(url: str) -> float:
-    """Frames that live sessions have painted."""
+    """Number of frames that live sessions have painted."""
     lines = httpx.get(f"{url}/metrics", timeout=30).text.splitlines()
     return sum(
         float(line.split()[-1]) for line in lines if line.startswith('impasto_live_frames_total{outcome="painted"')

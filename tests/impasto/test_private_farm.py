@@ -1,4 +1,4 @@
-"""A render's job is found again by its key, whatever became of it."""
+"""A render finds its job again by its key, whatever the state of the job."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The contract of `impasto render`, kept as a script sees it: a real process, a real farm, a real file."""
+"""The contract of `impasto render` as scripts use it: a real process, a real farm, a real file."""
 
 from __future__ import annotations
 
@@ -336,7 +336,7 @@ def long_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(long_clip: Path) -> bytes:
-    """What an undisturbed render by two workers makes of the long clip."""
+    """The result of an undisturbed render of the long clip by two workers."""
     out = long_clip.with_name("whole.mp4")
     assert run(["render", str(long_clip), "-o", str(out), "--workers", "2", "--home", f"{out}.home", "--quiet"]) == 0
     return out.read_bytes()
@@ -356,7 +356,7 @@ def stop_while_painting(command: list[str], how: signal.Signals) -> tuple[int, s
 
 
 def _heed_interrupts() -> None:
-    """A shell sets these signals to ignored for background jobs, and child processes inherit that."""
+    """Restore default signal handlers: a shell ignores these signals in background jobs, and children inherit that."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

@@ -1,4 +1,4 @@
-"""`impasto render project.zip`: the bytes that the service's job gives."""
+"""`impasto render project.zip` gives the bytes of the service's job."""
 
 from __future__ import annotations
 

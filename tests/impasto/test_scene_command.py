@@ -1,4 +1,4 @@
-"""`impasto scene` writes what the scene is, frame for frame."""
+"""`impasto scene` writes exactly the frames of the scene."""
 
 from __future__ import annotations
 

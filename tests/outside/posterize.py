@@ -1,4 +1,4 @@
-"""A method as another package brings it: the video with fewer tones."""
+"""A method of another package: the video with fewer tones."""
 
 from __future__ import annotations
 

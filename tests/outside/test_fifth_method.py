@@ -84,7 +84,7 @@ def test_the_command_explains_an_external_method(installed: dict[str, str]) -> N
 
 
 def test_the_tests_of_every_method_cover_an_external_method(installed: dict[str, str]) -> None:
-    """Among them: equal bytes in any order of tasks, and whatever frame count the container claims."""
+    """These tests include equal bytes in any order of tasks, and any frame count that the container claims."""
     suite = "tests/pipeline/methods/test_registry.py"
     printed = run(installed, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "posterize", "-rp", suite)
     assert "test_the_same_request_gives_the_same_bytes_in_any_order[posterize]" in printed

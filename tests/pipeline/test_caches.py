@@ -1,4 +1,4 @@
-"""Memory of a process that runs for long: no cached function keeps a result for each seed or set of parameters."""
+"""Memory of long-running processes: no cached function keeps a result for each seed or parameter set."""
 
 from __future__ import annotations
 

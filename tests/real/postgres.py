@@ -102,11 +102,11 @@ class Postgres:
         return self.url(name)
 
     def stop(self, how: signal.Signals = signal.SIGINT) -> None:
-        """End it: SIGINT cuts every connection, SIGQUIT leaves without tidying up, like a crash."""
+        """Stop it: SIGINT cuts every connection; SIGQUIT ends without a clean shutdown, like a crash."""
         end(self.process, how)
 
     def close(self) -> None:
-        """Stop it for good, and forget its folder."""
+        """Stop it finally and delete its folder."""
         self.stop(signal.SIGQUIT)
         delete_later(self.folder)
         self._log.unlink(missing_ok=True)

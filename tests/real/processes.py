@@ -1,4 +1,4 @@
-"""Child processes that end with us, whatever ends us."""
+"""Child processes that end with this process, however it ends."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def listens(port: int) -> bool:
 
 
 def nobody_special() -> str:
-    """A user that servers may run as: ourselves, or, if we are root, one without rights."""
+    """A user under which servers may run: the present one or, for root, an unprivileged one."""
     if os.getuid():
         return pwd.getpwuid(os.getuid()).pw_name
     known = {entry.pw_name for entry in pwd.getpwall()}

@@ -1,4 +1,4 @@
-"""A Prometheus of its own in a temporary folder, with the configuration that we ship, only quicker."""
+"""A Prometheus in a temporary folder with our configuration, at shorter intervals."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def promtool(*words: str | Path) -> str:
 
 
 class Prometheus:
-    """The server. `key` is what it shows the service; `targets` are "host:port"."""
+    """The server. `key` is its key for the service; `targets` are "host:port"."""
 
     def __init__(self, folder: Path, key: str, targets: list[str]) -> None:
         self.folder = folder / "prometheus"
@@ -62,7 +62,7 @@ class Prometheus:
             return False
 
     def ask(self, what: str, **params: str) -> Any:
-        """The data of an answer of its API."""
+        """The data of a response of its HTTP API."""
         answer = httpx.get(f"http://127.0.0.1:{self._port}/api/v1/{what}", params=params, timeout=20)
         body = answer.json()
         assert body["status"] == "success", body

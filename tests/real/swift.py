@@ -154,12 +154,12 @@ class Swift:
         return self._processes[kind].poll() is None
 
     def close(self) -> None:
-        """Stop it for good, and forget its folder."""
+        """Stop it finally and delete its folder."""
         self.stop()
         delete_later(self.folder)
 
     def client(self) -> Any:
-        """A plain client with the right keys: what a test looks at the server with."""
+        """An S3 client with valid keys, for inspecting the server."""
         config = Config(s3={"addressing_style": "path"}, retries={"max_attempts": 1})
         keys = {"aws_access_key_id": ACCESS_KEY, "aws_secret_access_key": SECRET_KEY}
         return boto3.client("s3", endpoint_url=self.endpoint, region_name=REGION, config=config, **keys)

@@ -1,4 +1,4 @@
-"""What is rendered: every method with every renderer, style source and keyframe mode that has code of its own."""
+"""The rendered cases: every method with every renderer, style source and keyframe mode that has separate code."""
 
 from __future__ import annotations
 

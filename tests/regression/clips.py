@@ -1,4 +1,4 @@
-"""Two short clips, and what users give beside them, made of the procedural scenes alone."""
+"""Two short clips from procedural scenes, and inputs for them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def cut() -> tuple[Frame, ...]:
 
 @cache
 def shapes() -> tuple[Frame, ...]:
-    """Textured shapes that turn and occlude each other."""
+    """Textured shapes that rotate and occlude each other."""
     made = scene("shapes", SIZE, frames=FRAMES, fps=12)
     return tuple(made.image(index) for index in range(FRAMES))
 
@@ -58,20 +58,20 @@ CLIPS = {"cut": cut, "shapes": shapes, "long-shapes": long_shapes}
 
 @cache
 def painting() -> Frame:
-    """A picture of few flat colours, in place of a painting: (80, 120, 3)."""
+    """An image of few flat colours that serves as a painting: (80, 120, 3)."""
     made = scene("portrait", (120, 80), frames=1, seed=3).image(0)
     return np.ascontiguousarray(made // 32 * 32 + 16)
 
 
 def posterized(video: tuple[Frame, ...]) -> tuple[Frame, ...]:
-    """The video with few tones that change from frame to frame: what a tool makes of single frames."""
+    """The video with few tones that change from frame to frame, as if a tool had stylised each frame alone."""
     return tuple(
         (frame // step * step + step // 2).astype(np.uint8) for frame, step in zip(video, range(32, 64), strict=False)
     )
 
 
 def plain() -> Frame:
-    """The picture that `painting` is of."""
+    """The unpainted counterpart of `painting`."""
     return scene("portrait", (120, 80), frames=1, seed=3).image(0)
 
 
@@ -87,7 +87,7 @@ def painting_lines() -> Frame:
 
 
 def object_maps() -> tuple[Frame, ...]:
-    """Objects of `shapes` in gray levels that lie apart."""
+    """Objects of `shapes` as clearly different gray levels."""
     made = scene("shapes", SIZE, frames=FRAMES, fps=12)
     return tuple(_gray(32.0 * made.frame(index).ids) for index in range(FRAMES))
 

@@ -33,7 +33,7 @@ def render(case: Case) -> Digests:
 
 
 def clip_digests() -> Digests:
-    """Digests of the clips themselves: when these change, every case does."""
+    """Digests of the clips themselves; if these change, every case does."""
     return {name: of_arrays(make()) for name, make in CLIPS.items()}
 
 

@@ -1,4 +1,4 @@
-"""Frames and artefacts are those that were recorded: a change that is not about pictures leaves them alone."""
+"""Frames and artefacts equal the recorded ones: changes that should not affect pictures do not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An app over a farm that runs nothing by itself, and a client that speaks to it as a program on this machine would."""
+"""An app on a farm that runs nothing by itself, and a client that connects like a program on this machine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLIP = MAGIC + b" of a cat"
 
 @pytest.fixture
 def only_toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The only method: these tests do not depend on a real one."""
+    """Make the toy method the only one, so that these tests do not depend on a real method."""
     found = {"toy": Toy()}
     monkeypatch.setattr("pipeline.methods.methods", lambda: found)
     monkeypatch.setattr("service.methods.routes.methods", lambda: found)
@@ -54,7 +54,7 @@ def asset(client: TestClient) -> str:
 
 @pytest.fixture
 def body(asset: str) -> dict[str, Any]:
-    """A job that is accepted."""
+    """A valid job request."""
     return {"method": "toy", "inputs": {"video": asset}}
 
 

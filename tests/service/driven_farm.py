@@ -1,4 +1,4 @@
-"""The real farm over SQLite, without a pool: tests move jobs along by hand, through the store's own interface."""
+"""The real farm on SQLite without a pool: tests advance jobs through the store's own interface."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from workers.model import Delivery, Fault, Job, JobRequest, RunState, TaskOutcom
 from workers.settings import FarmSettings
 
 MAGIC = b"CLIP"
-"""Files that begin with these bytes pass for videos."""
+"""Files that begin with these bytes are accepted as videos."""
 DRIVER = "dsp_test"
 
 
 def probe(path: Path, limits: Limits) -> MediaInfo:
-    """Accepts what begins with MAGIC: decoding is tested elsewhere."""
+    """Accept what begins with MAGIC; decoding is tested elsewhere."""
     if not path.read_bytes().startswith(MAGIC):
         raise UnreadableMedia("Not a video.", field="file", value=path.name, remedy="Upload a video.")
     return MediaInfo("video", "video/mp4", 32, 18, 1, 25.0, 0.04)

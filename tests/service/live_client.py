@@ -1,4 +1,4 @@
-"""A live client in the words of docs/live.md: a real WebSocket, and nothing of ours but bytes."""
+"""A live client written from docs/live.md alone: a real WebSocket, and none of our code."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class LiveClient:
     socket: ClientConnection
     ready: dict[str, Any] = field(default_factory=dict)
     messages: list[dict[str, Any]] = field(default_factory=list)
-    """JSON messages that came while something else was awaited."""
+    """JSON messages that arrived while another one was awaited."""
     answers: list[Answer] = field(default_factory=list)
     sequence: int = 0
 
@@ -73,7 +73,7 @@ class LiveClient:
             self.messages.append(json.loads(data))
 
     async def message(self, kind: str, timeout_s: float = 30.0) -> dict[str, Any]:
-        """The next JSON message of this type; those before it are forgotten."""
+        """The next JSON message of this type; earlier messages are discarded."""
         async with asyncio.timeout(timeout_s):
             while True:
                 while self.messages:
@@ -88,7 +88,7 @@ class LiveClient:
         return self.answers.pop(0)
 
     async def closed(self) -> tuple[int, str]:
-        """Read until the service has closed; (code, reason)."""
+        """Read until the service closes the connection; (code, reason)."""
         try:
             while True:
                 await self.receive()

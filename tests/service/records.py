@@ -1,4 +1,4 @@
-"""Reading a stream of preview records, as the page does."""
+"""Reads a stream of preview records, as the page does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Found = tuple[dict[str, Any], bytes]
 
 
 def records(data: bytes) -> list[Found]:
-    """(header, payload) of every record."""
+    """(header, payload) of each record."""
     found: list[Found] = []
     while data:
         (length,) = struct.unpack(">I", data[:4])
@@ -29,5 +29,5 @@ def types(found: list[Found]) -> list[str]:
 
 
 def picture(payload: bytes) -> NDArray[Any]:
-    """As stored; colours are BGR."""
+    """The pixels as stored, BGR."""
     return cv2.imdecode(np.frombuffer(payload, np.uint8), cv2.IMREAD_UNCHANGED)

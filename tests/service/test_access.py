@@ -1,4 +1,4 @@
-"""Keys, scopes, owners, rates, quotas; and care where no key is needed."""
+"""Keys, scopes, owners, rates and quotas; and protection where no key is required."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Login = Callable[..., TestClient]
 
 @pytest.fixture
 def login(settings: Settings, farm: DrivenFarm) -> Login:
-    """A client with a new key of some scopes and quotas; without any, one without a key."""
+    """A client with a new key of the given scopes and quotas, or without a key."""
     closed = settings.model_copy(update={"auth": "required", "admin_key": None})
     app = create_app(closed.model_copy(update={"quota_active_jobs": 100}), farm)
 

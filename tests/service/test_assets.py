@@ -74,7 +74,7 @@ def frame_of_a_clip(url: str) -> str:
 
 
 class SlowFrames:
-    """Frames of assets that are decoded when `go` is set."""
+    """Frames of assets that are decoded only once `go` is set."""
 
     def __init__(self) -> None:
         self.go = threading.Event()

@@ -1,4 +1,4 @@
-"""Bad uploads and bad requests against the real farm: each a 4xx problem with code, field and remedy."""
+"""Bad uploads and requests on a real farm: each gives a 4xx problem with code, field and remedy."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from workers.farm import open_farm
 
 @dataclass
 class Server:
-    """A client of a real farm that accepts and runs nothing, and an asset it has."""
+    """A client of a real farm that accepts jobs and runs nothing, and an asset on it."""
 
     client: TestClient
     asset: str
@@ -110,7 +110,7 @@ def frames_named(*names: str) -> bytes:
 
 
 def half_lost(clip: Path) -> bytes:
-    """An H.264 stream without times, so that frames are counted by packets, whose second half does not decode."""
+    """An H.264 stream without timestamps, so that frames are counted by packets; its second half cannot be decoded."""
     with av.open(str(clip)) as source, av.open(out := io.BytesIO(), "w", format="h264") as sink:
         stream = sink.add_stream_from_template(source.streams.video[0])
         for packet in source.demux(video=0):

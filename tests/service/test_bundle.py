@@ -1,4 +1,4 @@
-"""The browser bundle: exact versions, no web addresses, and a clear answer while it is not built."""
+"""The browser bundle: exact versions, no web addresses, and a clear response while it is not built."""
 
 from __future__ import annotations
 

@@ -44,11 +44,11 @@ UNFINISHED = {
         b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: " + base64.b64encode(bytes(16)) + b"\r\n\r\n"
     ),
 }
-"""A request that stops before it is whole, by what is missing."""
+"""An incomplete request, by the part that is missing."""
 
 
 class Line(asyncio.Transport):
-    """A transport that only remembers."""
+    """A transport that only records calls."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -194,7 +194,7 @@ def test_incomplete_requests_do_not_block_the_service(
 
 
 def descriptors(pid: int) -> int:
-    """Open files of a process."""
+    """Number of open files of a process."""
     return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
 
 

@@ -21,7 +21,7 @@ ServerEvent = dict[str, Any]
 
 
 def listen(client: TestClient, job: str, last: int | None = None) -> list[ServerEvent]:
-    """Every event until the stream ends; comments are events of type ":"."""
+    """All events until the stream ends; comments have the type ":"."""
     headers = {} if last is None else {"Last-Event-ID": str(last)}
     answer = client.get(f"/v1/jobs/{job}/events", headers=headers)
     assert answer.headers["content-type"].startswith("text/event-stream")
@@ -69,7 +69,7 @@ def test_new_events_are_sent_and_idle_streams_get_comments(
     wait_for_event = farm.jobs.wait_for_event
 
     def wait_and_work(job_id: str, after: int, timeout_s: float) -> bool:
-        """The job runs at the stream's third wait for an event: two have ended without one."""
+        """Run the job at the stream's third wait for an event, after two waits without one."""
         waits.append(after)
         if len(waits) == 3:
             farm.move(job, RunState.RUNNING)

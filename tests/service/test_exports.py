@@ -1,4 +1,4 @@
-"""Exports of a finished film: one job a format, hidden from other owners, deleted with the film."""
+"""Exports of a finished film: one job per format, hidden from other owners, deleted with the film."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/v1/ops: for admins only, with problems that say what is wrong; over the real fleet of an empty database."""
+"""/v1/ops: restricted to admins, with clear problems, over the real fleet of an empty database."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Security headers of every answer, for every page and file of the service and every file of users."""
+"""Security headers of every response, page and file, including files of users."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAGES = [*(bundle.WEB / name for name in bundle.PAGES), SERVICE / "docs/index.ht
 
 
 def addresses(client: TestClient) -> list[str]:
-    """Every address without parameters that answers GET, and every static file."""
+    """All addresses without parameters that answer GET, and all static files."""
     plain = [path for path, item in client.get("/openapi.json").json()["paths"].items() if "get" in item]
     static = [f"/static/{path.relative_to(bundle.DIST)}" for path in sorted(bundle.DIST.rglob("*.*"))]
     known = ["/", "/live", "/docs", "/docs/docs.js", "/openapi.json", "/healthz", "/readyz", "/metrics", "/nothing"]
@@ -44,7 +44,7 @@ def test_every_page_and_file_has_the_security_headers(client: TestClient, pages:
 
 
 class Reader(HTMLParser):
-    """Collects what a policy without 'unsafe' forbids, and what comes from elsewhere."""
+    """Collects what a policy without 'unsafe' forbids, and what is loaded from other hosts."""
 
     def __init__(self) -> None:
         super().__init__()

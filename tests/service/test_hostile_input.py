@@ -177,7 +177,7 @@ PNG = encode_png(tiny_frame(0))
 @CHEAP
 @given(some.binary(max_size=300), some.integers(0, len(PNG) - 1), some.binary(min_size=1, max_size=8))
 def test_arbitrary_bytes_are_decoded_as_images_or_refused(noise: bytes, at: int, wrong: bytes) -> None:
-    """Noise, and a real picture with some bytes changed: a picture within limits, or our error."""
+    """Noise, or a real image with changed bytes, gives an image within the limits or our error."""
     changed = PNG[:at] + wrong + PNG[at + len(wrong) :]
     for data in (
         noise,

@@ -1,4 +1,4 @@
-"""/v1/jobs and /v1/tasks: shapes, idempotency, paging, steering."""
+"""/v1/jobs and /v1/tasks: shapes, idempotency, paging, control."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live sessions over real WebSockets to a real server: what docs/live.md promises, one after the other."""
+"""Live sessions over real WebSockets to a real server, following docs/live.md."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ async def test_a_live_session_runs_from_hello_to_bye(url: str) -> None:
 
 
 def free(url: str, timeout_s: float = 5.0, want: int = 2) -> int:
-    """Places free, once it is as many as wanted."""
+    """Wait until this many sessions are free; the number of free sessions."""
     deadline = time.monotonic() + timeout_s
     while (found := HTTP.get(f"{url}/v1/live").json()["free"]) != want and time.monotonic() < deadline:
         time.sleep(0.02)

@@ -1,4 +1,4 @@
-"""Every way for a live connection to end, and that the others never notice."""
+"""All ways in which a live connection can end, without effect on other connections."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def test_a_service_shutdown_ends_the_session(home: Path) -> None:
 
 
 class Deaf:
-    """A client that sends a hello and frames, and never reads."""
+    """A client that sends a hello and frames and never reads."""
 
     def __init__(self, url: str, message: bytes) -> None:
         host, port = url.removeprefix("http://").split(":")

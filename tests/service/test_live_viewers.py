@@ -1,4 +1,4 @@
-"""Viewers of a live session: they receive its painted frames, and disturb nobody."""
+"""Viewers of a live session receive its painted frames and do not disturb other connections."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def frame(number: int, key: bool = False) -> ViewedFrame:
 
 
 async def drained(viewers: Viewers, frames: list[ViewedFrame], form: ViewFormat) -> tuple[list[int], int]:
-    """Sequence numbers that a viewer gets which reads only after all frames, and requests for key frames."""
+    """Sequence numbers received by a viewer that reads only after all frames, and its requests for key frames."""
     stream, got = Keyed(), []
     viewers.announce(form)
     with viewers.watch() as viewer:

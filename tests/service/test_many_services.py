@@ -73,7 +73,7 @@ def test_one_service_accepts_a_job_and_another_renders_it(
 
 
 def _check_download(http: httpx.Client, where: str, expected: bytes) -> None:
-    """A download is sent on to S3, and the page's own requests are not."""
+    """A download is redirected to S3; requests of the page are not."""
     sent_on = http.get(where, params={"download": "true"})
     assert sent_on.status_code == 307
     straight = httpx.get(sent_on.headers["location"])

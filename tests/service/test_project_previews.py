@@ -141,7 +141,7 @@ def test_style_cards_show_the_frame_in_every_style(client: TestClient, at: str) 
 
 @pytest.fixture
 def red_key(client: TestClient, at: str) -> NDArray[np.uint8]:
-    """Frame 6 with little blue and green, BGR."""
+    """Frame 6 with reduced blue and green, BGR."""
     key = picture(_ask(client, f"{at}/source", frame=6)[1][1])
     key[..., :2] //= 4
     return key
@@ -163,7 +163,7 @@ def propagation(client: TestClient, at: str, clip: str) -> Callable[..., dict[in
 
 @pytest.fixture
 def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Pixels that the propagator searches, a number for each frame; empty if it is not called."""
+    """Number of pixels that the propagator searches for each frame; empty if it is not called."""
     counts: list[int] = []
     plain = propagation_module._Neighbourhood.fixed_offsets
 

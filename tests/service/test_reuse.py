@@ -26,7 +26,7 @@ from workers.farm import open_farm
 SIZE = (96, 64)
 SHOT_FRAMES = 14
 CORRECTED = SHOT_FRAMES + 13
-"""In the last run of the second shot."""
+"""A frame in the last run of the second shot."""
 Json = dict[str, Any]
 
 
@@ -75,7 +75,7 @@ def document(video: str, **layer: Any) -> Json:
 
 
 def corrected(http: httpx.Client, value: Json, labels: bytes) -> Json:
-    """The document with a corrected label map, which changes the two last frames."""
+    """The document with a corrected label map that changes the last two frames."""
     image = {"map": {"id": upload(http, labels, "map.png")}}
     drawn = {"frame": CORRECTED, "image": "map", "solve": [CORRECTED - 1, CORRECTED + 1]}
     (shot,) = value["shots"]
@@ -102,7 +102,7 @@ def film(http: httpx.Client, job: Json) -> bytes:
 
 
 def tasks(http: httpx.Client, job: Json) -> dict[str, bool]:
-    """Task -> whether its result was taken over."""
+    """Task -> whether its result was reused."""
     items = http.get(f"/v1/jobs/{job['id']}/tasks", params={"limit": 200}).json()["items"]
     return {f"{task['step']}/{task['key']}": task["reused"] for task in items}
 
@@ -145,7 +145,7 @@ def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_
 
 
 def test_results_outlive_the_job_that_made_them(clip: bytes, tmp_path: Path) -> None:
-    """A job is deleted after a second one has taken its results over; a third takes them from the second."""
+    """A job is deleted after a second one has reused its results; a third one reuses them from the second."""
     with service(tmp_path / "home") as http:
         value = document(upload(http, clip, "two.mkv"))
         value["shots"][0] |= {"range": [0, 8]}

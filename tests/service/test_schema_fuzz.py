@@ -1,4 +1,4 @@
-"""schemathesis over our own OpenAPI document, against the real farm: no request makes a 5xx."""
+"""schemathesis on our OpenAPI document and the real farm: no request gives a 5xx response."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Known = dict[str, str]
 BOUNDED = settings(
     max_examples=3, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)
 )
-"""Examples of each operation and mode."""
+"""Number of examples of each operation and mode."""
 
 
 @pytest.fixture(scope="module")
 def schema(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterator[tuple[Any, Known]]:
-    """A client of a farm with an asset and a job, and their ids, so that not every answer is a 404."""
+    """A client of a farm with one asset and one job, and their ids, so that some responses are not 404."""
     import schemathesis
 
     for kind in ("application/offset+octet-stream", "application/zip"):
@@ -58,7 +58,7 @@ def test_no_generated_request_causes_a_5xx(schema: tuple[Any, Known], name: str)
 
 
 def _order(operation: Any) -> int:
-    """Events first, while the job is final and they end; deleting last."""
+    """Sort key: events first, while the job is final and they end; deletions last."""
     return -1 if operation.path.endswith("/events") else int(operation.method == "delete")
 
 
@@ -68,7 +68,7 @@ def _takes_something(operation: Any) -> bool:
 
 
 def _bombard(operation: Any, mode: GenerationMode, known: Known) -> None:
-    """`known`: values for the path that exist."""
+    """Send the requests. `known`: existing values for path parameters."""
     from schemathesis.checks import not_a_server_error
     from schemathesis.specs.openapi.checks import content_type_conformance, response_schema_conformance
 

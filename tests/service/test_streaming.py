@@ -1,4 +1,4 @@
-"""Answers in pieces: what they hold is free again when the client leaves, without a search for garbage."""
+"""Streamed responses: their resources are freed when the client disconnects, without a garbage collection."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from workers.previews.service import PreviewRun, PreviewService
 
 SLOTS = 2
 THREADS = 40
-"""Requests that a service works on at once, each in a thread."""
+"""Number of requests that a service handles at once, each in a thread."""
 LAST = 9
 """The frame whose preview is ready at once."""
 
@@ -45,7 +45,7 @@ def no_garbage_collection() -> Iterator[None]:
 
 
 class EndlessRunner:
-    """Begins an answer, and then works until nobody waits for it."""
+    """Begins a response and then works until the client disconnects."""
 
     def __init__(self) -> None:
         self.cancelled: list[int] = []

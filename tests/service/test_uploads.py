@@ -1,4 +1,4 @@
-"""/v1/uploads: tus 1.0.0 by its rules, and by a real client over breaks and restarts."""
+"""/v1/uploads: conformance with tus 1.0.0, and a real client across interruptions and restarts."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def limited(settings: Settings, **more: Any) -> Settings:
 
 
 def leave_free(monkeypatch: pytest.MonkeyPatch, free_bytes: int) -> None:
-    """Let the disk of uploads have so many free bytes."""
+    """Set the free bytes of the disk of uploads."""
     usage = type("Usage", (), {"free": free_bytes})
     monkeypatch.setattr("service.assets.adopt.shutil.disk_usage", lambda _path: usage)
 

@@ -1,4 +1,4 @@
-"""Webhooks: a real receiver verifies them by the standard's own library; targets inside are refused."""
+"""Webhooks: a real receiver verifies them with the standard's own library; internal targets are refused."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from workers.model import Delivery
 
 
 class Receiver:
-    """Keeps what it gets; answers with the statuses it was given, then 204. A status of 0 hangs."""
+    """Collects requests; answers with the given statuses, then 204. A status of 0 hangs."""
 
     def __init__(self, *statuses: int) -> None:
         self.got: list[tuple[dict[str, str], str]] = []

@@ -1,4 +1,4 @@
-"""A method with a parameter of each kind, for tests that must not depend on a real one."""
+"""A method with one parameter of each kind, for tests that must not depend on a real method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""WebRTC clients for tests, made with aiortc: a WHIP sender as OBS is one, and a WHEP player."""
+"""WebRTC clients for tests, made with aiortc: a WHIP sender like OBS, and a WHEP player."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Camera(VideoStreamTrack):
 
 
 def counted(frame: av.VideoFrame) -> int:
-    """The count in a frame of `Camera`, modulo 31."""
+    """The number of a frame of `Camera`, modulo 31."""
     left = frame.to_ndarray(format="gray")[:, : frame.width // 4]
     return round(float(left.mean()) / 8) % 31
 

@@ -1,1 +1,1 @@
-"""A service under mixed load for hours: what grows although it should not."""
+"""Soak test: runs a service under mixed load for hours and measures unwanted growth."""

@@ -151,7 +151,7 @@ class Load:
 
 
 def failures(done: Counter[str]) -> dict[str, int]:
-    """What went wrong."""
+    """Failures so far."""
     return {name: times for name, times in done.items() if name.startswith("fault") or name.endswith(": failed")}
 
 

@@ -1,4 +1,4 @@
-"""Samples of a running service, and whether what they measure grows."""
+"""Samples a running service and tests whether the measures grow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 
 WARM_UP = 0.25
-"""Part of the samples, from the first one, that is left out: caches and pools fill up."""
+"""Fraction of the samples at the start that is ignored, while caches and pools fill up."""
 
 
 @dataclass

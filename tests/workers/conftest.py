@@ -1,4 +1,4 @@
-"""A farm with the toy method, and small helpers to move time along."""
+"""A farm with the toy method, and helpers that advance time."""
 
 from __future__ import annotations
 

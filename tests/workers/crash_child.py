@@ -1,4 +1,4 @@
-"""A process to be killed: opens the farm at a home, submits the job once, and works until it is done."""
+"""A process that tests kill: opens the farm of a home, submits the job once, and works until it is done."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def run(settings_json: str, when_up: Callable[[], object]) -> None:
-    """The process's program; `when_up` is called when it works."""
+    """Main function of the process; `when_up` is called once it works."""
     pipeline.methods.methods = lambda: {"toy": Toy()}  # type: ignore[assignment]
     farm_module.probe_guarded = probe
     time.time = lambda: _system_time() + _ahead_s
@@ -53,7 +53,7 @@ def run(settings_json: str, when_up: Callable[[], object]) -> None:
 
 
 def run_forked(settings_json: str, when_up: Callable[[], object]) -> None:
-    """As `run`, in a process that ends with the one that forked it."""
+    """Call `run` in a forked process that ends with its parent."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     run(settings_json, when_up)
 

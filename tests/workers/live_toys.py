@@ -25,11 +25,11 @@ from workers.live.worker import LiveWorkerLost, NoLiveWorker
 
 class EchoParams(Params):
     add: int = Field(default=0, ge=0, le=255)
-    """Added to every pixel."""
+    """Value added to every pixel."""
     analyze_s: float = Field(default=0.0, ge=0)
     paint_s: float = Field(default=0.0, ge=0)
     per_pixel_s: float = Field(default=0.0, ge=0)
-    """Of the painting, besides."""
+    """Additional time of painting, seconds per pixel."""
     open_s: float = Field(default=0.0, ge=0)
     fault: str = ""
     """"analyze", "paint": raise there; "die": kill the process at the third frame."""
@@ -64,7 +64,7 @@ class EchoSession:
         return made
 
     def use_helper(self, helper: Executor) -> None:
-        """It has nothing to do background."""
+        """Do nothing: there is no background work."""
 
     def reconfigure(
         self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None,

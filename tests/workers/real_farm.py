@@ -1,4 +1,4 @@
-"""Farms over real PostgreSQL and real S3: one to ask, and others as processes that work."""
+"""Farms on real PostgreSQL and real S3: one for requests, and others as worker processes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def real_settings(postgres: Postgres, s3: Swift, home: Path, **changes: Any) -> 
 
 
 class Worker:
-    """A farm that works for the same store, on a home of its own, as another machine would."""
+    """A farm that works on the same store with its own home, like another machine."""
 
     def __init__(self, settings: FarmSettings, home: Path, code: Path = ROOT) -> None:
         """`code`: the repository whose program it runs."""
@@ -57,7 +57,7 @@ class Worker:
             self._start()
 
     def revive(self) -> None:
-        """Start it again if it has ended by itself, as systemd would: there was no database when it began."""
+        """Start it again if it has ended by itself because the database was down, as systemd would."""
         with self._lock:
             if self._wanted and self._process is not None and self._process.poll() is not None:
                 self._start()
@@ -104,7 +104,7 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """Of the running process; None: there is none."""
+        """Process id of the running process; None if there is none."""
         return None if self._process is None or self._process.poll() is not None else self._process.pid
 
     def _signal(self, which: signal.Signals) -> None:
@@ -113,7 +113,7 @@ class Worker:
 
 
 class ForkedWorker(Worker):
-    """The same, forked from a process that has imported everything: a start costs a tenth of the time."""
+    """Like `Worker`, but forked from a process that has imported everything: a start takes a tenth of the time."""
 
     def __init__(self, settings: FarmSettings, home: Path) -> None:
         super().__init__(settings, home)
@@ -147,7 +147,7 @@ class ForkedWorker(Worker):
 
     @property
     def pid(self) -> int | None:
-        """Of the running process."""
+        """Process id of the running process."""
         return self._child.pid if self._child is not None and self._child.is_alive() else None
 
     def _signal(self, which: signal.Signals) -> None:
@@ -156,7 +156,7 @@ class ForkedWorker(Worker):
 
 
 class Accepting(Worker):
-    """A farm that runs nothing and accepts jobs, as a service does."""
+    """A farm that accepts jobs and runs nothing, like a service without a pool."""
 
     def __init__(self, settings: FarmSettings, home: Path) -> None:
         super().__init__(settings.model_copy(update={"pool": "none"}), home)

@@ -14,7 +14,7 @@ class RelayParams(Params):
     after: tuple[str, ...] = ()
     """The `after` of the first task of the last step, instead of its real dependencies."""
     load: str = ""
-    """An artefact of the step "scan" that tasks of the last step load besides, "" for none."""
+    """An additional artefact of the step "scan" that tasks of the last step load; "" for none."""
 
 
 def _scan(task: Task, context: Any) -> TaskResult:

@@ -1,4 +1,4 @@
-"""Arrays as bytes: what comes back, what is deflated, and that the bytes are always the same."""
+"""Serialised arrays: round trips, compression, and reproducible bytes."""
 
 from __future__ import annotations
 

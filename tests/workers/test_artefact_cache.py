@@ -1,4 +1,4 @@
-"""The artefact cache: quicker where it can be, and never other bytes than the store's."""
+"""The artefact cache is faster where possible and never returns other bytes than the store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cache of previews: bounded in bytes, each value made once, and nothing is kept of a value that failed."""
+"""The cache of previews: limited in bytes; each value is computed once; failed values are not kept."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_value_that_two_threads_ask_for_is_made_once() -> None:
 
 
 class Key:
-    """A key that a weak reference can follow."""
+    """A key that supports weak references."""
 
 
 def test_nothing_is_kept_of_a_value_that_was_cancelled() -> None:

@@ -1,4 +1,4 @@
-"""kill -9 in the middle of a job: it goes on from the last finished task, at once, and its bytes are the same."""
+"""kill -9 in the middle of a job: it resumes at once after the last finished task, with the same bytes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _start(home: Path) -> subprocess.Popen[str]:
 
 
 def _kill_after(home: Path, lines: int) -> None:
-    """Let the child print so many lines of progress, then kill it."""
+    """Kill the child after it has printed this many lines of progress."""
     child = _start(home)
     assert child.stdout is not None
     for _ in range(lines):

@@ -1,4 +1,4 @@
-"""Decoders stay open between tasks, and never more of them than allowed."""
+"""Decoders stay open between tasks, up to a limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The dispatcher when things go wrong around it: workers die or fall silent, the store or the disk is away."""
+"""The dispatcher under faults: workers die or stop responding, the store is down or the disk is full."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from workers.settings import FarmSettings
 
 
 class ManualPool:
-    """A pool that runs nothing: the test answers."""
+    """A pool that runs nothing; the test sends the outcomes."""
 
     def __init__(self, capacity: int = 2) -> None:
         self.capacity = capacity
@@ -67,7 +67,7 @@ class ManualPool:
         self.listen(Report(order.attempt_id, 1.0, outcome))
 
     def next(self) -> TaskOrder:
-        """The next order, once it has come."""
+        """Wait for the next order."""
         return until(lambda: self.orders and self.orders.pop(0))
 
 

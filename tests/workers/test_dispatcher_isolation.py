@@ -1,4 +1,4 @@
-"""An unexpected error about one job never stalls the queue, other jobs or other owners: by fault injection."""
+"""Fault injection: an unexpected error about one job never stalls the queue, other jobs or other owners."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def quick_skip(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def farm(open_farm: Callable[..., Farm]) -> Farm:
-    """One worker, so that a job that occupied it would be noticed."""
+    """A farm with one worker, so that a job that blocked it would be noticed."""
     return open_farm(start=False, workers=1)
 
 
 class Faults:
-    """Raises in place of a function, while it is about the broken job."""
+    """Replaces a function and raises an error if it is called for the broken job."""
 
     def __init__(self, about_it: Callable[..., bool]) -> None:
         self.active, self.count = True, 0
@@ -49,7 +49,7 @@ class Faults:
 
 
 def jobs_of(farm: Farm, data: Path) -> tuple[Job, list[Job]]:
-    """The job that is to be broken, first in every order; and two of its own owner and of another one."""
+    """The job to be broken, which is first in every order, and two jobs of its owner and of another one."""
     broken = farm.jobs.submit(request_on(farm, data, name="broken", priority=9), owner="anna")
     others = [farm.jobs.submit(request_on(farm, data, name=owner), owner=owner) for owner in ("anna", "ben")]
     return broken, others
@@ -134,7 +134,7 @@ def test_an_order_refused_by_the_pool_fails_only_its_job(
 def test_a_failing_release_of_an_attempt_delays_no_other_job(
     farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two attempts of a dead dispatcher, of which one cannot be interrupted."""
+    """Two attempts of a dead dispatcher; the release of one of them fails."""
     broken, others = jobs_of(farm, data)
     store = farm.store
     for todo in store.plans.to_plan(10):

@@ -1,4 +1,4 @@
-"""Emitted frames are encoded in order, large ones on a thread of their own; its errors reach the method."""
+"""Emitted frames are encoded in order, large ones in a separate thread, whose errors reach the method."""
 
 from __future__ import annotations
 

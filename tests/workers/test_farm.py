@@ -1,4 +1,4 @@
-"""The farm from outside: what is submitted comes out, whatever happens on the way."""
+"""The farm from outside: submitted jobs give their results under any circumstances."""
 
 from __future__ import annotations
 

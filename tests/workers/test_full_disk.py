@@ -1,4 +1,4 @@
-"""A disk that is really full: a small one, made for the test."""
+"""The farm on a full disk: a small file system that the test creates."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def _fill(disk: Path, leave: int = 0) -> Path:
-    """Take all space but `leave` bytes."""
+    """Fill the disk except for `leave` bytes."""
     usage = os.statvfs(disk)
     filler = disk / "filler"
     filler.write_bytes(bytes(max(0, usage.f_bavail * usage.f_frsize - leave)))
@@ -74,7 +74,7 @@ def test_a_store_on_a_full_disk_keeps_its_data(small_disk: Path) -> None:
 def test_on_a_full_disk_tasks_wait_and_new_jobs_are_refused(
     small_disk: Path, open_farm: Callable[..., Farm], data: Path, tmp_path: Path
 ) -> None:
-    """The reserve is the point: what runs has room to end in, so nothing fails."""
+    """The reserve leaves running tasks space to finish, so nothing fails."""
     changes: dict[str, Any] = {"home": tmp_path / "home", "blob_root": small_disk / "blobs"}
     farm = open_farm(**changes, reserve_bytes=2 << 20)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 12, "sleep_s": 0.05, "chain": True}))

@@ -1,4 +1,4 @@
-"""Frames to bytes and back: nothing waits, colours stay, what is no frame is refused."""
+"""Encoding and decoding of live frames: no delay, correct colours, and refusal of invalid data."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_every_codec_returns_one_similar_picture_per_frame(codec: str, size: Siz
 @pytest.mark.parametrize("codec", [c for c in CODECS if c != "raw"])
 @pytest.mark.parametrize("height", [96, 720])
 def test_codecs_preserve_colours(codec: str, height: int) -> None:
-    """Flat colours show a wrong matrix or range; 720 lines are BT.709."""
+    """Wrong matrices or ranges change flat colours; 720 lines are BT.709."""
     frame = np.empty((height, 192, 3), np.uint8)
     colours = [(200, 40, 40), (40, 190, 60), (50, 60, 210), (16, 16, 16), (240, 240, 240), (128, 128, 128)]
     for column, colour in enumerate(colours):

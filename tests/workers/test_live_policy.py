@@ -1,4 +1,4 @@
-"""Choice of the next frame: the newest, at most two in work, none queued; video codecs decode every frame."""
+"""Choice of the next frame: the newest, at most two in progress, none queued; video codecs decode every frame."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def test_policy_invariants_hold_for_random_event_sequences(events: list[str], bu
 
 
 def check_decodable(start: Start, built_on: bool, decoded: int) -> None:
-    """Frames rise; of a video codec each is a key frame or follows the one decoded before it."""
+    """Check that frame numbers rise and that a video codec's frames are key frames or follow the last decoded one."""
     numbers = [p.sequence for p in start.packets]
     assert numbers == sorted(numbers)
     assert numbers[0] > decoded

@@ -1,4 +1,4 @@
-"""Live workers on a real Ray cluster: frames, errors of our own, a kill in the middle of the stream, warm spares."""
+"""Live workers on a real Ray cluster: frames, our errors, a kill in mid-stream, spare workers."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_a_worker_paints_and_errors_keep_their_class(workers: Any) -> None:
 
 
 def test_after_a_kill_9_in_the_middle_of_a_stream_the_worker_that_is_ready_goes_on(workers: Any, pids: Path) -> None:
-    """How long that takes is measured by `python -m benchmarks.live --kill`."""
+    """`python -m benchmarks.live --kill` measures the time that this takes."""
 
     def ready() -> set[int]:
         return {int(path.name) for path in pids.glob("[0-9]*")}

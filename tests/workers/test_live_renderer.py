@@ -1,4 +1,4 @@
-"""The renderer gives the frames of its method; analysis and painting may run on separate threads."""
+"""The renderer returns the frames of its method; analysis and painting may run in separate threads."""
 
 from __future__ import annotations
 
@@ -222,7 +222,7 @@ def test_a_reopened_renderer_uses_new_codecs(painter: LiveRenderer) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have priorities of their own on Linux only")
 def test_helpers_do_not_keep_the_low_priority_of_the_warm_up(blobs: DiskBlobs) -> None:
-    """One in this process: pytest's."""
+    """The helper runs in this process, which is pytest's."""
     usual, painter = os.getpriority(os.PRIO_PROCESS, 0), LiveRenderer(blobs, lambda name: Echo(), threads=2)  # type: ignore[arg-type, return-value]
     busy = np.zeros((1000, 1000), np.uint8)
 

@@ -1,4 +1,4 @@
-"""The size to work at, on timelines: a client at a steady rate, a machine whose frames cost what we say."""
+"""The working resolution, on timelines: a client at a constant rate, and a machine with given frame times."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_the_size_rises_again_after_the_load_ends() -> None:
 
 
 def test_failed_steps_up_become_less_frequent() -> None:
-    """At full size it costs far more than the smaller size lets expect."""
+    """Full size costs far more than extrapolation from the smaller size predicts."""
     ladder = ResolutionLadder()
     answers = drive(ladder, 240, lambda scale, now: 0.06 if scale == 1 else 0.015)
     tries = [came for (came, scale, _), (_, before, _) in zip(answers[1:], answers, strict=False) if scale > before]

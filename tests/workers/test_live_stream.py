@@ -1,4 +1,4 @@
-"""A session over controlled workers: order, drops, back-pressure, parameter changes, worker deaths."""
+"""A session on controlled workers: order, drops, back-pressure, parameter changes, worker deaths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs: every line of an attempt names its job, task and attempt, in JSON that cannot be forged."""
+"""Log lines of an attempt name its job, task and attempt, as JSON that user input cannot forge."""
 
 from __future__ import annotations
 

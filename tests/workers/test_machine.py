@@ -1,4 +1,4 @@
-"""How many tasks run at once on a machine: by processors, by memory, after live sessions, fairly between owners."""
+"""Number of concurrent tasks on a machine: by processors, memory, live sessions, and fairly between owners."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ CPUS = {"abstraction": Abstraction.task_cpus}
 
 
 def machine(cpus: int, memory_gib: float) -> Machine:
-    """As `this_machine` finds one with so much memory."""
+    """A machine as `this_machine` describes it, with this much memory."""
     return Machine(cpus, int(0.75 * memory_gib * GIB) - 512 * MIB)
 
 
 def admitted(chosen: Machine, method: str) -> int:
-    """How many tasks of a method run at once, if there is no end of them."""
+    """Number of tasks of a method that run at once if there are unlimited tasks."""
     resources = Resources(gpus=None if method == "analogy" else 0.0, memory_bytes=DECLARED[method] * MIB)
     share = chosen.share_of(resources, CPUS.get(method, 1.0), GIB)
     begun = 0
@@ -105,7 +105,7 @@ class Sleeper:
 
 
 class Counts:
-    """How many tasks run now, and at most."""
+    """Number of tasks that run now, and its maximum."""
 
     def __init__(self) -> None:
         self.now = self.most = 0

@@ -1,4 +1,4 @@
-"""One stylised frame, now."""
+"""Previews: one stylised frame of a job that is not submitted."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ Made = Callable[..., Any]
 
 
 def never() -> None:
-    """The check of a client that stays."""
+    """A client that never disconnects."""
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def notes_at(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def notes(notes_at: Path) -> Path:
-    """The folder of all engines' notes, empty."""
+    """The empty folder to which engines write their notes."""
     for note in notes_at.iterdir():
         note.unlink()
     return notes_at

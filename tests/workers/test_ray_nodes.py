@@ -1,4 +1,4 @@
-"""A real Ray cluster of several nodes: drained and lost ones, and what tasks need of them."""
+"""A real Ray cluster of several nodes: drained and lost nodes, and resources of tasks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """A head that runs nothing, and two nodes of two processors, one with a GPU (Ray only counts it)."""
+    """A head that runs no tasks, and two nodes of two processors, one with a GPU (Ray only counts it)."""
     from ray.cluster_utils import Cluster
 
     handler = signal.getsignal(signal.SIGTERM)  # Ray's test cluster takes it
@@ -159,7 +159,7 @@ def test_a_node_joins_works_and_leaves_without_loss(farm: Farm, cluster: Any, da
 
 
 def test_an_actor_that_starts_slowly_ends_no_idle_actor(farm: Farm, data: Path) -> None:
-    """A machine with capacity for both is no reason to end one for the other."""
+    """If the machine has capacity for both actors, starting one does not end the other."""
     until(lambda: len(_slots(farm)) == 3, 60)
     idle = {slot.name for slot in _slots(farm)}
     slow = farm._settings.home / "slow"

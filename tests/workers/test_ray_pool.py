@@ -1,4 +1,4 @@
-"""The same farm on a real Ray cluster of one machine: same bytes, cancel, death of a worker, an own SIGTERM handler."""
+"""The same farm on a real Ray cluster of one machine: same bytes, cancellation, worker death, own SIGTERM handler."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.real("ray")
 
 @pytest.fixture(scope="module")
 def ray_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """One cluster for all tests here: it takes seconds to start."""
+    """One cluster for all tests of this file, because it takes seconds to start."""
     from workers.pools.ray_pool import RayPool
 
     home = tmp_path_factory.mktemp("ray")
@@ -46,7 +46,7 @@ def test_ray_and_the_local_pool_give_the_same_bytes(ray_farm: Farm, open_farm: C
 def test_a_chain_passes_its_state_without_the_blob_store(
     ray_farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the store is a folder of this machine that would only cost; as if it were far away."""
+    """Artefacts pass through memory only if the store is remote, so the test pretends that it is."""
     fetched, pool = ray_farm._settings.home / "fetched", ray_farm._pool
     results = []
     for far, most_bytes in ((True, 1 << 20), (True, 0), (False, 1 << 20)):

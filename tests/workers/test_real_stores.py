@@ -1,4 +1,4 @@
-"""A whole farm over real PostgreSQL and real S3: several processes, faults, backup and restore."""
+"""A whole farm on real PostgreSQL and real S3: several processes, faults, backup and restore."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_two_farms_share_the_work_and_give_the_bytes_of_one(
 def test_injected_faults_in_every_component_lose_no_work(
     real: FarmSettings, tmp_path: Path, expected: list[bytes], postgres: Postgres, s3: Swift, seed: int
 ) -> None:
-    """A short run; `make chaos` makes many long ones."""
+    """This is a short run; `make chaos` makes many long ones."""
     shown = chaos.run(real, tmp_path, postgres, s3, expected, chaos.Plan(seed, times=3))
     assert (shown.lost, shown.running, shown.twice, shown.orphans) == (0, 0, 0, 0), shown
 

@@ -1,4 +1,4 @@
-"""A task order in, an outcome out: with a toy method, on real blobs."""
+"""The renderer turns a task order into an outcome: with a toy method, on real blobs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def plan(context: PlanContext) -> list[Task]:
 
 
 def invert(task: Task, context: TaskContext) -> TaskResult:
-    """Invert each frame, counting on from what the task before has left."""
+    """Invert each frame, counting on from the state that the previous task saved."""
     start, stop = task.args["start"], task.args["stop"]
     LOG.info("inverting from %d", start)
     count = int(context.load("invert", task.after[0])["count"]) if task.after else 0
@@ -236,7 +236,7 @@ def test_a_job_gets_a_quality_report_on_request(renderer: Renderer, info: MediaI
 
 
 class Scanning(Toy):
-    """A toy whose first step reads the whole video, and that is slow enough for several pairs of frames."""
+    """A toy method whose first step reads the whole video, slowly enough for several pairs of frames."""
 
     steps = (Step("scan", "Scan", lambda context: [Task("video")], lambda task, context: _count(context)), *Toy.steps)
     cpu_s_per_megapixel = 100.0

@@ -1,4 +1,4 @@
-"""The simulation of `benchmarks.speedup`: hand-made plans with known ends, and bounds that no plan beats."""
+"""The simulation of `benchmarks.speedup`: hand-made plans with known times, and lower bounds of all plans."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def _planned(model: Model, chain: bool) -> None:
 
 
 def _try(model: Model, name: str, index: int, chain: bool) -> None:
-    """Let the event happen if it is possible."""
+    """Apply the event if it is possible."""
     index = index % len(model.tasks) if model.tasks else 0
     about_task = model.tasks and name in ("claim", "done", "fail", "bad", "interrupt", "release", "requeue")
     match name:

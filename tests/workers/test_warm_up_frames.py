@@ -1,4 +1,4 @@
-"""After practice nothing is left to compile: a first frame costs what others do, and can be cancelled like them."""
+"""After the warm-up all kernels are compiled: the first frame takes as long as later ones, and can be cancelled."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class Toy(Method):
 
 
 METHODS: dict[str, type[Method]] = {"toy": Toy, "relay": Relay}
-"""By name: a worker on a Ray cluster has its own registry of methods."""
+"""Methods by name. A worker on a Ray cluster has its own registry of methods."""
 
 
 class _Context:
@@ -148,7 +148,7 @@ class _Context:
 
 
 class ToyRunner:
-    """Like Renderer: never raises, answers with an outcome."""
+    """Replaces Renderer: never raises, and returns an outcome."""
 
     def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
@@ -189,7 +189,7 @@ def runner_after(slow: Path, blobs: Blobs) -> ToyRunner:
 
 
 class WatchedBlobs(DiskBlobs):
-    """Notes which artefacts were fetched from it."""
+    """Records which artefacts are fetched from the store."""
 
     def get(self, key: str) -> bytes:
         if key.endswith(".npz"):

@@ -10,7 +10,7 @@ _PART = re.compile(r"[A-Za-z0-9._-]{1,200}")
 
 
 class NoBlob(KeyError):
-    """There is nothing under a key."""
+    """No blob is stored under a key."""
 
 
 def check_key(key: str) -> str:

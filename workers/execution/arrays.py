@@ -33,7 +33,7 @@ _HEADS = 512
 _PADDING = 0xD935
 """Id of a field in an entry's header that only fills space, as `zipalign` uses it."""
 _LOCAL = struct.Struct("<26xHH")
-"""Of an entry's header in the file: the lengths of its name and of its fields."""
+"""Part of a zip entry's local header: the lengths of its name and of its extra fields."""
 
 
 def write_arrays(stream: IO[bytes], arrays: Arrays) -> None:

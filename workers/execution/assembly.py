@@ -76,7 +76,7 @@ class Assembly:
         return out
 
     def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
-        """When the source shows each of these frames, seconds, and when the job's piece of it ends, if it is one."""
+        """Presentation times of these source frames, seconds, and the end of the job's piece of the source, if any."""
         with self._decoders.reader(self._order.inputs["video"]) as reader:
             index = window_index(reader.index, self._order.frames)
             end = None if self._order.frames is None else index.end * index.time_base

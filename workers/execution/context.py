@@ -242,7 +242,7 @@ class AttemptContext:
         return Emission(self._scratch / "segment", spec, index, self._order.emits, self.clock)
 
     def _video_index(self) -> Index:
-        """When frames are shown; known already if the step has read the video."""
+        """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
             with self._decoders.reader(self._input("video")) as reader:
                 self._index = window_index(reader.index, self._order.frames)

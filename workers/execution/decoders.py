@@ -100,5 +100,5 @@ def frame_at(reader: GuardedReader, number: int) -> Frame:
 
 
 def _distance(position: int | None, start: int) -> float:
-    """How far a reader must decode; a seek is worse than any distance forwards."""
+    """Number of frames that a reader must decode to reach the frame; a seek costs more than any distance forwards."""
     return start - position if position is not None and position <= start else float("inf")

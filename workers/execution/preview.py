@@ -36,7 +36,7 @@ _Lead = tuple[list[Frame], int, int]
 
 @dataclass(frozen=True)
 class PreviewAsk:
-    """Which frame to preview, and what replaces the request's inputs.
+    """The frame to preview, and replacements of the request's inputs.
 
     Attributes:
         frame: of a shorter video, its last.

@@ -26,7 +26,7 @@ class PreviewPublisher:
         self._next = time.monotonic() + EVERY_S / 4
 
     def due(self) -> bool:
-        """Whether the last picture is old enough."""
+        """Whether enough time has passed since the last preview."""
         return time.monotonic() >= self._next
 
     def put(self, frame: Frame) -> str:

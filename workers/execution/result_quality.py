@@ -33,8 +33,8 @@ def report_pairs(order: TaskOrder, chosen: Method) -> list[int]:
 
 
 def sample_size(video: VideoInfo, order: TaskOrder, chosen: Method) -> SampleSize:
-    """How much the report of a job with this video measures. With drawn pictures (keys, masks, label maps), frames do
-    not stand alone."""
+    """Number of measurements in the quality report of a job with this video. If there are drawn pictures (keys, masks,
+    label maps), frames are not also painted independently."""
     drawn = any(spec.kind == "images" and spec.name in order.inputs for spec in chosen.inputs)
     return affordable_sample(video.frames, (video.width, video.height), chosen.cpu_s_per_megapixel, not drawn)
 

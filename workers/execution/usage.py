@@ -61,7 +61,7 @@ class ProcessMeter:
 
 
 METER = ProcessMeter()
-"""Of this process."""
+"""Measures the usage of this process."""
 
 
 def _reset_peak() -> None:

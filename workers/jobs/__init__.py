@@ -1,1 +1,1 @@
-"""What a job is, without storage: its states and transitions, its warnings, its piece of the video."""
+"""Rules of jobs, independent of storage: states and transitions, warnings, and the rendered range of the video."""

@@ -144,7 +144,7 @@ class JobSnapshot:
     steps: int
     """Number of steps, the platform's own among them."""
     planned: bool = False
-    """Whether the current step has its tasks."""
+    """Whether the tasks of the current step exist."""
     doomed: bool = False
     """A task has failed for good since the job was last started: nothing new begins."""
     counts: Counts = Counts()

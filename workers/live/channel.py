@@ -154,7 +154,7 @@ class LiveWorkerClient:
         return analyzed
 
     def paint(self) -> Future[RenderedFrame]:
-        """What painting the oldest frame not asked for yet returns or raises, or LiveWorkerLost."""
+        """Painting of the oldest frame that has not been requested yet. Raises its error, or LiveWorkerLost."""
         return self._asked.popleft()
 
     def close(self) -> None:

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class SessionRenderer(FrameStages, Protocol):
-    """As `workers.live.renderer.LiveRenderer`."""
+    """Interface of `workers.live.renderer.LiveRenderer`."""
 
     def warm_up(self) -> None: ...
     def open(self, order: LiveOrder) -> None: ...

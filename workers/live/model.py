@@ -1,4 +1,4 @@
-"""What travels between a session and the process that paints for it. Plain data, pickled to Ray actors."""
+"""Messages between a session and the process that paints for it. Plain data, pickled to Ray actors."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Packet:
     key: bool
     data: bytes
     at_s: float
-    """When it was fully received, seconds of the session's clock."""
+    """Time at which the frame was fully received, seconds of the session's clock."""
 
 
 @dataclass(frozen=True)
 class WireFormat:
-    """How frames travel on one connection."""
+    """Encoding of frames on one connection."""
 
     send: str
     """Codec of the client's frames."""

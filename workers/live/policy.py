@@ -1,4 +1,4 @@
-"""Which frame is painted next: the newest. Pure: methods record what has happened and return what to do.
+"""Selects the next frame to paint: the newest. Pure: methods record what has happened and return what to do.
 
     arrive ──► waiting (one; with video codecs also the frames it is built on) ──► analyze ──► paint ──► unsent ──► sent
                   │ another arrives

@@ -262,7 +262,7 @@ class LiveRenderer:
 
 
 def _painting(order: LiveOrder) -> tuple[object, ...]:
-    """What `LiveRenderer.change` can change."""
+    """The parameters and sizes that `LiveRenderer.change` can change."""
     return order.params, order.inputs, order.filter
 
 

@@ -1,4 +1,4 @@
-"""At which size to paint: the size is reduced before the delay grows. Pure: times are arguments.
+"""Selects the working resolution: it is reduced before the latency grows. Pure: times are arguments.
 
 Step down: after two consecutive frames that took more than two periods; or when more than two frames and more than one
 in twenty of the last two seconds were late, or more than three and one in a hundred of the last ten seconds; or when
@@ -69,7 +69,7 @@ MOST_KEPT = 1200
 
 
 def deadline_s(period_s: float) -> float:
-    """How long a frame may take: one period, or a thirtieth of a second where that is at most two."""
+    """Deadline of a frame, seconds: one period, or a thirtieth of a second where that is at most two periods."""
     return min(2 * period_s, max(period_s, NOTICED_S))
 
 
@@ -109,7 +109,7 @@ class FrameCost:
     decode_s: float
     analyze_s: float
     paint_s: float
-    """With filter and encoding."""
+    """Time of painting, including filter and encoding, seconds."""
 
     @classmethod
     def of(cls, stages_s: Mapping[str, float]) -> FrameCost:
@@ -154,12 +154,12 @@ class ResolutionLadder:
     _samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
     _late: int = 0
     _since_s: float | None = None
-    """When this rung was taken."""
+    """Time at which the present size was chosen."""
     _fails: list[int] = field(default_factory=lambda: [0] * len(SCALES))
     """Failed steps up, by the rung that was tried."""
     _rose_s: float | None = None
     why: SizeReason = SizeReason()
-    """Of the present rung."""
+    """Reason for the present size."""
 
     @property
     def scale(self) -> float:
@@ -191,7 +191,7 @@ class ResolutionLadder:
         return None
 
     def hurried(self, now_s: float, period_s: float) -> bool:
-        """Whether the next frame must begin before this one is painted to keep the rate; False until enough is
+        """Whether the next frame must start before this one is painted to keep the rate; False until enough frames are
         measured."""
         costs = [sample.cost.whole_s for sample in self._samples if sample.at_s >= now_s - RECENT_S]
         return len(costs) >= ENOUGH and median(costs) > MARGIN * period_s
@@ -244,7 +244,7 @@ class ResolutionLadder:
         return latest[int(TAIL * (len(latest) - 1))]
 
     def _usual(self, part: float, now_s: float) -> FrameCost:
-        """What `part` of the latest frames do not exceed."""
+        """The quantile `part` of the latest frame times."""
         latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - PATIENCE_S]
         costs = sorted(latest, key=lambda cost: cost.whole_s)
         return costs[int(part * (len(costs) - 1))]

@@ -174,5 +174,5 @@ def _filters(chosen: Method) -> bool:
 
 
 def _causal(chosen: Method) -> bool:
-    """Whether it has a stream; making one and letting it go costs a fraction of a millisecond."""
+    """Whether the method has a stream; creating and discarding one takes a fraction of a millisecond."""
     return chosen.stream(chosen.Params(), (64, 64), 0, {}) is not None

@@ -40,7 +40,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Resized:
-    """From the next answer on, frames have another size."""
+    """The frame size changes, beginning with the next answer."""
 
     size: Size
     scale: float
@@ -157,7 +157,7 @@ class Stream:
         self._key_wanted = True
 
     async def next(self) -> Item | None:
-        """What to send next; None once closed. Raises what ended the stream. After an `Answer` is sent, call `sent`."""
+        """The next item; None once closed. Raises the error that ended the stream. Call `sent` for each `Answer`."""
         await self._until(lambda: bool(self._items) or "closed" in self._suspended_by)
         return self._items.popleft() if self._items else None
 

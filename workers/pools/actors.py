@@ -75,7 +75,7 @@ class _RenderActor:
 
     @ray.method(concurrency_group=CONTROL)
     def hello(self) -> tuple[str, str]:
-        """Who this is (host and process id), and the id of its Ray node."""
+        """Identity of the actor (host and process id), and the id of its Ray node."""
         return f"{socket.gethostname()}:{os.getpid()}", ray.get_runtime_context().get_node_id()
 
     @ray.method(concurrency_group=CONTROL)

@@ -132,7 +132,7 @@ class SharedArtefacts:
         self._bytes = 0
 
     def add(self, made: Mapping[str, tuple[object, int]]) -> None:
-        """By blob key: what leads to the bytes, and how many there are."""
+        """Add entries: blob key -> a reference to the bytes, and their number."""
         with self._lock:
             for key, (way, size) in made.items():
                 self._left[key] = (way, size)

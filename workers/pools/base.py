@@ -56,7 +56,7 @@ class Pool(Protocol):
 
     @property
     def shares_memory(self) -> bool:
-        """Whether tasks of a step share artefacts faster than through the blob store: see `artefact_cache`."""
+        """Whether tasks of a step can share artefacts faster than through the blob store: see `artefact_cache`."""
         ...
 
     def drain(self, nodes: Collection[str]) -> None:
@@ -64,7 +64,7 @@ class Pool(Protocol):
         ...
 
     def slots(self) -> tuple[Slot, ...]:
-        """Where attempts run; may change."""
+        """The present slots of the pool, which may change."""
         ...
 
     def start(self, listen: Callable[[Report], None]) -> None: ...

@@ -21,7 +21,7 @@ class Capacity:
     memory_bytes: int
 
     def covers(self, other: Capacity) -> bool:
-        """Whether what fits into `other` fits in here."""
+        """Whether any demand that fits into `other` fits into this one."""
         return self.cpus >= other.cpus and self.gpus >= other.gpus and self.memory_bytes >= other.memory_bytes
 
     def __str__(self) -> str:
@@ -79,6 +79,6 @@ def _rest(machine: Capacity, taken: Iterable[Capacity]) -> Capacity:
 
 
 def shortage(wanted: Capacity, machines: Machines) -> str:
-    """For people: what no machine has, and what there is."""
+    """Message for users: the resources that no machine has, and the largest available."""
     there = "; ".join(sorted(f"{name}: {machine}" for name, machine in machines)) or "there are none"
     return f"No machine of the cluster has {wanted} ({there})"

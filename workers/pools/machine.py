@@ -70,7 +70,7 @@ class Machine:
             self._begin_those_that_fit()
 
     def wait(self, attempt_id: str, timeout_s: float) -> bool:
-        """Whether the attempt may begin; waits for that up to `timeout_s`."""
+        """Wait up to `timeout_s` until the attempt may start; whether it may."""
         with self._changed:
             return self._changed.wait_for(lambda: attempt_id not in self._waiting, timeout_s)
 

@@ -67,14 +67,14 @@ class _Worker:
     hello: ObjectRef
     """Reference to its greeting, until that has come."""
     capacity: Capacity
-    """What Ray has reserved for it."""
+    """Resources that Ray has reserved for the actor."""
     avoids: frozenset[str] = frozenset()
     """Ids of Ray nodes on which it must not start."""
     name: str = ""
     node: str = ""
     attempt_id: str = ""
     made_at: float = field(default_factory=time.monotonic)
-    """When it was requested, monotonic s."""
+    """Time of its request, monotonic s."""
     patient_since: float = field(default_factory=time.monotonic)
     """Since when it has waited for a machine without having been helped."""
     hopeless_since: float | None = None
@@ -390,7 +390,7 @@ def _node_name(node: Mapping[str, Json]) -> str:
 
 
 def _machines() -> list[tuple[str, Capacity]]:
-    """What each node that is alive has to give, if nothing runs there."""
+    """Total capacity of each live node."""
     return [(_node_name(node), _has(node["Resources"])) for node in RAY.nodes() if node["Alive"]]
 
 

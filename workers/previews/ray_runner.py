@@ -50,7 +50,7 @@ class PreviewLost(ImpastoError):
 
 @dataclass(frozen=True)
 class PreviewActors:
-    """How many actors there are, and how large.
+    """Number, size and lifetime of the preview actors.
 
     Attributes:
         most: actors at once.

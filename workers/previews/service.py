@@ -21,7 +21,7 @@ TURN_S = 0.02
 
 
 class PreviewRunner(Protocol):
-    """Where previews are made: in this process (`local_runner`), or in Ray actors (`ray_runner`)."""
+    """Runs previews: in this process (`local_runner`), or in Ray actors (`ray_runner`)."""
 
     def start(self) -> None:
         """Get ready for the first query. With Ray: once it is connected."""
@@ -64,7 +64,7 @@ class PreviewRun:
         self._service, self._ticket = service, ticket
 
     def ready(self) -> bool:
-        """Whether the answer can begin; takes a slot if one is free."""
+        """Whether the answer can begin; takes a free slot if there is one."""
         return self._service.take_slot(self._ticket)
 
     def cancel(self) -> None:
@@ -140,7 +140,7 @@ class PreviewService:
             self.leave_slot(ticket)
 
     def take_slot(self, ticket: _Ticket) -> bool:
-        """Whether nothing has to be waited for: the ticket has a slot now, or its answer is not wanted any more."""
+        """Whether the ticket need not wait: it has a slot now, or its answer is no longer wanted."""
         with self._lock:
             if not ticket.has_slot and ticket.by is None and not ticket.left.is_set():
                 ticket.has_slot = self._slots.acquire(blocking=False)

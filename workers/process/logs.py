@@ -96,7 +96,7 @@ def shortened(text: str) -> str:
 
 
 def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> LogContext:
-    """What every line of an attempt is about."""
+    """The context fields of an attempt's log lines."""
     return {"job": job_id, "task": task_id, "attempt": attempt_id}
 
 

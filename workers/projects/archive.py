@@ -32,7 +32,7 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImp
 
 
 class PackedAsset(BaseModel):
-    """Where an asset is in the archive."""
+    """Location of an asset in the archive."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 

@@ -1,4 +1,4 @@
-"""What keeps a document from being rendered: every problem, with its place. A document with problems can be saved."""
+"""Finds the problems that keep a document from being rendered, with their locations. Such a document can be saved."""
 
 from __future__ import annotations
 

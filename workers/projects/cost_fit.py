@@ -26,11 +26,11 @@ STARTS, START_SPREAD = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0), 1.0
 
 
 class Work(NamedTuple):
-    """What a job computes."""
+    """Amount of work of a job."""
 
     frames: int
     pixels: int
-    """Of a frame."""
+    """Pixels of a frame."""
 
 
 @dataclass(frozen=True)

@@ -120,12 +120,12 @@ class Layer(Part):
 
     @property
     def covers(self) -> bool:
-        """Whether nothing below the layer can be seen."""
+        """Whether the layer hides everything below it."""
         return covers(self.opacity, self.blend, self.matte is not None)
 
     @property
     def label_intervals(self) -> list[Json]:
-        """How many frames before and after a corrected label map are clustered again, for maps that say so."""
+        """Frames to solve again before and after each corrected label map, for maps with an interval."""
         return [
             {"frame": one.frame, "before": one.frame - one.solve[0], "after": one.solve[1] - 1 - one.frame}
             for one in sorted(self.labels, key=lambda one: one.frame) if one.solve is not None
@@ -166,7 +166,7 @@ class Variant(Part):
 
 
 class Output(Part):
-    """What jobs of the project make."""
+    """Output settings of the project's jobs."""
 
     format: Format = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")

@@ -1,4 +1,4 @@
-"""What a job will take: from finished jobs of the same method on this farm, by frames and pixels."""
+"""Estimates of a job's cost from finished jobs of the same method on this farm, by frames and pixels."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ STARTED_S = 1.0
 """CPU seconds of a job that do not depend on its length, where no job was measured: plans, opening of files, the last
 step."""
 BYTES_PER_PIXEL = {"mp4": 0.05, "webm": 0.05, "png": 1.5, "gif": 0.5}
-"""Of a frame in the result, by format. While a job runs, its segments and its result exist at the same time."""
+"""Bytes per pixel of a frame in the result, by format. While a job runs, its segments and its result both exist."""
 BYTES_PER_PIXEL_SAVED = 1.0
-"""Of the states that tasks save for others, a frame."""
+"""Bytes per pixel and frame of the states that tasks save for other tasks."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a job takes once it has begun.
+    """Estimated cost of a job once it has begun.
 
     Attributes:
         frames: that it paints; None: unknown.
         seconds: wall time; None: unknown.
-        samples: finished jobs that the figures are from; 0: they are the method's own, measured on one core.
+        samples: number of finished jobs behind the figures; 0: the method's own figures, measured on one core.
         cpu_s: CPU time of all tasks, seconds.
         memory_bytes: largest memory of a task's process.
         disk_bytes: largest size of its files while it runs.
@@ -54,13 +54,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class MeasuredJob:
-    """What a finished job took. `cpu_s` and `peak_bytes` are 0 where they were not measured."""
+    """Measured cost of a finished job. `cpu_s` and `peak_bytes` are 0 where they were not measured."""
 
     params: Json
-    """As given."""
+    """Parameters as given in the request."""
     frames: int
     pixels: int
-    """Of a frame."""
+    """Pixels of a frame."""
     seconds: float
     cpu_s: float
     peak_bytes: int

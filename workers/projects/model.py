@@ -20,7 +20,7 @@ class Project:
     created_at: float
     updated_at: float
     deleted_at: float | None = None
-    """When it was deleted; it can be restored for `FarmSettings.project_undo_s` after."""
+    """Time of its deletion; it can be restored for `FarmSettings.project_undo_s` after."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ProjectVersion:
     """Owner of the key that saved it."""
     label: str
     size_bytes: int
-    """Of the document as JSON."""
+    """Size of the document as JSON."""
     jobs: tuple[str, ...] = ()
     """Jobs that were submitted from this version."""
 

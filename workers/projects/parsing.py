@@ -1,4 +1,4 @@
-"""From JSON to a document whose structure is sound, or all that is wrong with it."""
+"""Parses JSON into a structurally valid document, or reports all faults."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class Projects:
     # -- jobs
 
     def problems(self, document: Document, owner: str, selection: Selection = Selection()) -> list[DocumentFault]:
-        """What keeps the selected shots from being rendered."""
+        """The problems that keep the selected shots from being rendered."""
         return problems(document, self.assets(document.asset_ids, owner), selection)
 
     def assets(self, asset_ids: Iterable[str], owner: str) -> dict[str, Asset]:
@@ -198,7 +198,7 @@ class Projects:
     # -- previews
 
     def layer_sources(self, project: Project, value: Json, shot_id: str, layer_id: str | None) -> Sources:
-        """What previews of a shot are made of: one layer, or all visible ones.
+        """The layers that previews of a shot show: one layer, or all visible ones.
 
         Args:
             value: a document of the project, perhaps not saved yet.

@@ -22,11 +22,11 @@ from workers.projects.patching import merged
 
 @dataclass(frozen=True)
 class Selection:
-    """Which jobs are wanted of a document.
+    """Selects the jobs to submit for a document.
 
     Attributes:
         shots: ids; None: all.
-        variants: ids of variants, each a job of its own; then `shots` is not looked at.
+        variants: ids of variants, each a separate job; then `shots` is ignored.
         frames: a piece of every shot instead of its own range, frame numbers of its video.
         output: instead of the document's.
     """
@@ -133,13 +133,13 @@ def _film_name(document: Document, pick: Pick) -> str:
 
 
 def is_plain(layers: Sequence[Layer]) -> bool:
-    """Whether the visible layers are one layer that hides the video: a job of its method."""
+    """Whether the visible layers are a single layer that hides the video, so that the job is one of its method."""
     return len(layers) == 1 and layers[0].covers
 
 
 @dataclass(frozen=True)
 class _Work:
-    """What a job does: the first members of `Submission`."""
+    """The work of a job: the first members of `Submission`."""
 
     method: str
     params: Json
@@ -170,7 +170,7 @@ def _layers(document: Document, shot: Shot, layers: Sequence[Layer], frames: tup
 
 
 def layer_inputs(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> dict[str, Material]:
-    """What the layer's method takes of the document, by the names of its inputs. Frame numbers are the video's.
+    """The parts of the document that the layer's method uses, by input name. Frame numbers are the video's.
 
     Args:
         frames: drawings of other frames are left out; None: none.

@@ -140,7 +140,7 @@ class Dispatcher:
 
     @property
     def id(self) -> str:
-        """Its id in the store; empty unless it is started."""
+        """The dispatcher's id in the store; empty until it is started."""
         return "" if self._process_lock is None else self._process_lock.id
 
     @property

@@ -17,7 +17,7 @@ class Flight:
     """An attempt that is with the pool."""
 
     last_report_s: float
-    """When it last reported, monotonic s."""
+    """Time of its last report, monotonic s."""
     job_id: str
     task_id: str
     last_step: bool
@@ -25,7 +25,7 @@ class Flight:
     preview: str = ""
     worker: str = ""
     reported: bool = True
-    """Whether the store knows `progress` and `preview`."""
+    """Whether the store has the latest `progress` and `preview`."""
     revoked: bool = False
 
 
@@ -34,7 +34,7 @@ def facts_of(attempt_id: str, flight: Flight, **more: str) -> dict[str, LogConte
 
 
 def log_end(attempt_id: str, flight: Flight, outcome: TaskOutcome, counted: bool) -> None:
-    """How an attempt ended, and whether that still counted."""
+    """Log the end of an attempt, and whether its outcome was accepted."""
     facts = facts_of(attempt_id, flight, worker=flight.worker, counted=str(counted).lower())
     if outcome.fault is not None:
         log.warning("attempt failed, %s: %s", outcome.fault.code, outcome.fault.message, extra=facts)

@@ -24,7 +24,7 @@ def steps_of(chosen: Method, params: Params) -> tuple[tuple[str, str], ...]:
 
 
 def expected_weights(chosen: Method, params: Params, info: Json) -> tuple[float, ...]:
-    """What each of `steps_of` will weigh, as far as that is known of a video before anything is planned."""
+    """Expected weight of each of `steps_of`, as far as it can be known of a video before planning."""
     frames = max(1, video_info(info).frames)
     return (*(frames * step.weight for step in chosen.steps_of(params)), frames * _ASSEMBLE_WEIGHT)
 
@@ -63,7 +63,7 @@ def plan_step(
 
 
 def video_info(info: Json) -> VideoInfo:
-    """What planning may know of a video, from its asset's info."""
+    """Facts about a video for planning, from its asset's info."""
     return VideoInfo(
         int(info.get("width", 0)),
         int(info.get("height", 0)),

@@ -1,4 +1,4 @@
-"""Which dispatchers of this machine are alive: a locked file per dispatcher.
+"""Detects which dispatchers of this machine are alive, by a locked file per dispatcher.
 
 The kernel releases the lock when the process ends for any reason, so that others take over the tasks of a killed one at
 once and not only after its lease.
@@ -36,7 +36,7 @@ class ProcessLock:
         return [file.stem for file in self._others() if _is_free(file)]
 
     def alone(self) -> bool:
-        """Whether no other dispatcher of this home is alive."""
+        """Whether this home has no other live dispatcher."""
         return all(_is_free(file) for file in self._others())
 
     def _others(self) -> list[Path]:

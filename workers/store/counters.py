@@ -8,7 +8,7 @@ from collections import Counter
 from workers.model import Json
 
 MEASURES = ("flicker", "detail", "structure", "edge_width_px", "faces_kept")
-"""Of a quality report, see docs/quality.md."""
+"""Measures of a quality report, see docs/quality.md."""
 
 
 class AttemptCounters:

@@ -93,7 +93,7 @@ class EventNotifier:
                 pause_s = soon_s if self._poll_once(waited, newest) else min(late_s, 1.2 * pause_s)
 
     def _poll_once(self, waited: list[str], newest: Newest) -> bool:
-        """Whether a job had a new event."""
+        """Poll once; whether any job had a new event."""
         try:
             found = newest(waited)
         except StorageError as error:

@@ -1,4 +1,4 @@
-"""Which job is served next.
+"""Selects the job that is served next.
 
 Jobs with a ready task are grouped in lanes, one per owner and priority. The highest priority is served first; within it
 the owner with the fewest running tasks; within a lane the oldest job. So nobody waits for another owner's thousand

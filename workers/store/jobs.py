@@ -40,7 +40,7 @@ class Accepted:
     steps: tuple[tuple[str, str], ...]
     """(name, title) of the method's steps and the platform's own."""
     weights: tuple[float, ...] = ()
-    """What each of them is expected to weigh; empty: all the same."""
+    """Expected weight of each step; empty: all equal."""
 
 
 class Jobs(StorePart):
@@ -332,7 +332,7 @@ def _filters(
 
 
 def _named(word: str) -> ColumnElement[bool]:
-    """Whether name, method, owner or a label as name:value contain a word, or the id begins with it."""
+    """Condition: name, method, owner or a label as name:value contains a word, or the id begins with it."""
     table, labels = schema.jobs, schema.job_labels
     label = labels.c.name + ":" + labels.c.value
     labelled = select(labels.c.job_id).where(label.icontains(word, autoescape=True))
@@ -354,7 +354,7 @@ def known_state(states: type[RunState] | type[TaskState], state: str) -> str:
 
 
 def _blocked(connection: Connection, job_id: str, job: RunState) -> dict[TaskState, int]:
-    """How many failed and how many cancelled tasks still wait for others."""
+    """Number of failed and of cancelled tasks that still wait for others."""
     return {state: _count_blocked(connection, job_id, job, state) for state in (TaskState.FAILED, TaskState.CANCELLED)}
 
 

@@ -43,7 +43,7 @@ class Keys(StorePart):
         return [key_of(row) for row in rows]
 
     def revoke(self, key_id: str) -> ApiKey:
-        """From now on `verify` refuses the key. Idempotent. Raises NotFound."""
+        """Make `verify` refuse the key from now on. Idempotent. Raises NotFound."""
         table = schema.api_keys
         with self._db.write() as connection:
             live = (table.c.id == key_id, table.c.revoked_at.is_(None))

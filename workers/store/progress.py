@@ -24,11 +24,11 @@ class StepMeter:
     """Measures of one step at the time of its tasks' last progress report."""
 
     expected: float
-    """Its weight as it was expected before it was planned."""
+    """Expected weight of the step before it was planned."""
     weight: float
-    """Of its tasks together; 0 until it is planned."""
+    """Total weight of its tasks; 0 until it is planned."""
     weight_done: float
-    """Of its finished tasks."""
+    """Weight of its finished tasks."""
     busy_s: float
     """Wall seconds of finished attempts, summed."""
     planned: bool
@@ -42,7 +42,7 @@ class StepMeter:
 
     @property
     def whole(self) -> float:
-        """Its weight as far as is known."""
+        """Weight of the step as far as it is known."""
         return self.weight if self.planned else self.expected
 
     @property
@@ -94,9 +94,10 @@ def _ratio(steps: Sequence[StepMeter]) -> float | None:
 
 
 def _shares(steps: Sequence[StepMeter]) -> Iterator[float]:
-    """How much of the bar each step gets; they sum to 1.
+    """Share of each step in the progress bar; the shares sum to 1.
 
-    A step takes its part of what the steps before it have left, measured by what was expected of those after it.
+    Each step takes a part of the bar that earlier steps have left, in proportion to its weight and the expected weights
+    of later steps.
     """
     left, later = 1.0, sum(step.expected for step in steps)
     for index, step in enumerate(steps):

@@ -71,7 +71,7 @@ class Reuse(StorePart):
             }
 
     def is_shared(self, job_id: str) -> bool:
-        """Whether other jobs may use blobs of this job: it belongs to a project."""
+        """Whether other jobs may use blobs of this job, because it belongs to a project."""
         query = select(schema.project_jobs.c.job_id).where(schema.project_jobs.c.job_id == job_id).limit(1)
         with self._db.read() as connection:
             return connection.execute(query).first() is not None

@@ -53,12 +53,12 @@ metadata = MetaData(
 
 
 ACTIVE_TEXT = "state IN ('queued', 'running')"
-"""Of jobs that are planned and run, as text: conditions of partial indexes and of the queries that use them."""
+"""SQL condition for jobs that are planned and run, used by partial indexes and their queries."""
 UNFINISHED_TEXT = "state IN ('queued', 'running', 'paused')"
 
 
 def _where(condition: str, in_sqlite: str = "") -> dict[str, Any]:
-    """Of an index: over these rows only."""
+    """Restriction of a partial index to these rows."""
     return {"postgresql_where": text(condition), "sqlite_where": text(in_sqlite or condition)}
 
 

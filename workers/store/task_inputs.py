@@ -53,7 +53,7 @@ class TaskInputs(StorePart):
         return tuple(row.key if row.same_step else f"{row.name}/{row.key}" for row in found), artefacts
 
     def leads(self, task_id: str) -> bool:
-        """Whether others wait for this task."""
+        """Whether other tasks wait for this one."""
         with self._db.read() as connection:
             return connection.execute(_WAITING, {"task_id": task_id}).first() is not None
 

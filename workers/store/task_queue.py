@@ -1,4 +1,4 @@
-"""What dispatchers do with tasks: claim them, keep leases, bring in outcomes. Answers are fenced by attempt id."""
+"""Operations of dispatchers on tasks: claims, leases, outcomes. Outcomes are fenced by attempt id."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from workers.store.workers import is_drained
 log = logging.getLogger(__name__)
 
 _CLAIM_TRIES = 8
-"""How often a claim looks again when others were quicker."""
+"""Number of tries of a claim when other dispatchers take the tasks first."""
 _FORGOTTEN_S = 3600.0
 _LOG_KEPT = 64 << 10
 """Characters of an attempt's log that are kept: the last ones."""
@@ -128,7 +128,7 @@ class TaskQueue(StorePart):
         self._enlisted.discard(dispatcher)
 
     def dispatchers(self) -> list[str]:
-        """Who is alive, the longest alive first."""
+        """Live dispatchers, the longest-running first."""
         table = schema.dispatchers
         query = select(table.c.id).where(table.c.lease_until >= self._now()).order_by(table.c.started_at, table.c.id)
         with self._db.read() as connection:
@@ -199,7 +199,7 @@ class TaskQueue(StorePart):
         return given_back
 
     def _interrupt_one(self, outcome: TaskOutcome) -> bool:
-        """One attempt that cannot be given back does not keep the others from it."""
+        """Release the attempts; an attempt that cannot be released does not keep the others from it."""
         try:
             return self.finish(outcome, machine.Interrupted())
         except StorageError:
@@ -253,7 +253,7 @@ def _find_current(job: JobTransaction, attempt_id: str) -> _CurrentAttempt | Non
 
 
 def _forget_drains(connection: Connection) -> None:
-    """Of workers that are no more; a node's stays, since the machine may come back."""
+    """Delete drains of workers that no longer exist. Drains of nodes stay, since the machine may come back."""
     drains, workers = schema.drains, schema.dispatchers
     gone = (drains.c.place == DrainScope.WORKER.value, drains.c.name.not_in(select(workers.c.id)))
     connection.execute(delete(drains).where(*gone))
@@ -281,7 +281,7 @@ _FREES = (
         schema.tasks.c.state == TaskState.WAITING.value,
     )
 )
-"""How many tasks wait for this one only."""
+"""Number of tasks that wait for this one only."""
 
 
 # -- while it runs
@@ -334,7 +334,7 @@ def _add_measures(job: JobTransaction, task: TaskRow, outcome: TaskOutcome, seco
 
 
 def _frees(connection: Connection, task_id: str) -> int:
-    """How many tasks wait for this one only."""
+    """Number of tasks that wait for this one only."""
     return int(connection.execute(_FREES, {"task_id": task_id}).scalar_one())
 
 

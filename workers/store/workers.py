@@ -46,7 +46,7 @@ class Workers(StorePart):
     # -- workers
 
     def enrol(self, dispatcher: str, who: WorkerInfo, slots: Sequence[Slot]) -> None:
-        """Who the worker is, and all the slots that it has now. Nothing, if it has no lease."""
+        """Register the worker and all its present slots. Does nothing if it has no lease."""
         table = schema.dispatchers
         with self._db.write() as connection:
             known = update(table).where(table.c.id == dispatcher).values(**asdict(who), seen_at=self._now())
@@ -181,7 +181,7 @@ class Workers(StorePart):
 
 
 def is_drained(connection: Connection, dispatcher: str) -> bool:
-    """Whether this dispatcher may start nothing: it is drained, or the queue is paused."""
+    """Whether this dispatcher may start nothing, because it is drained or the queue is paused."""
     return connection.execute(_DRAINED_OR_PAUSED, {"worker": dispatcher}).first() is not None
 
 

@@ -1,7 +1,7 @@
 """The four dashboards.
 
-Gauges that come from the database are the same from every API process and are joined by max; what a process counts of
-itself is summed.
+Every API process exports the same gauges from the database; queries combine them with max. Metrics that a process
+counts for itself are summed.
 """
 
 from __future__ import annotations

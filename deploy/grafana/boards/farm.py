@@ -1,4 +1,4 @@
-"""Work, and who does it."""
+"""Dashboard of the farm: queue, throughput, workers, failures."""
 
 from __future__ import annotations
 
@@ -7,23 +7,33 @@ from deploy.grafana.panels import RATE, Board, Line, graph, stat
 FARM = Board(
     "farm",
     "Farm",
-    "Work: what waits, what runs, what fails, and who does it.",
+    "Queue, throughput, workers and failures of the farm.",
     (
         (
             "Now",
             (
-                stat("Tasks ready", "Could run now.", "short", "max(impasto_queue_ready_tasks)"),
+                stat(
+                    "Tasks ready",
+                    "Tasks that could run now: their dependencies are done.",
+                    "short",
+                    "max(impasto_queue_ready_tasks)",
+                ),
                 stat(
                     "Oldest queued job",
-                    "Its wait; an alert above an hour.",
+                    "Time since it was queued. An alert fires above one hour.",
                     "s",
                     "max(impasto_queue_oldest_seconds)",
                     limits=((600, "yellow"), (3600, "red")),
                 ),
-                stat("Attempts at work", "In the whole farm.", "short", "max(impasto_attempts_running)"),
+                stat(
+                    "Running attempts",
+                    "Task attempts that run now in the whole farm.",
+                    "short",
+                    "max(impasto_attempts_running)",
+                ),
                 stat(
                     "Workers",
-                    "That are there.",
+                    "Workers that are available, busy ones included.",
                     "short",
                     "sum(impasto_workers)",
                     limits=((1, "green"),),
@@ -31,13 +41,13 @@ FARM = Board(
                 ),
                 stat(
                     "Busy",
-                    "Of those that are there.",
+                    "Busy workers as a share of the available ones.",
                     "percentunit",
                     "sum(impasto_workers_busy) / sum(impasto_workers)",
                 ),
                 stat(
                     "Failed attempts",
-                    "Of those that ended; an alert above 10 %.",
+                    "Share of ended attempts that failed. An alert fires above 10 %.",
                     "percentunit",
                     f'sum(rate(impasto_attempts_total{{outcome="failed"}}{RATE}))'
                     f" / sum(rate(impasto_attempts_total{RATE})) or vector(0)",
@@ -50,21 +60,21 @@ FARM = Board(
             (
                 graph(
                     "Jobs",
-                    "By state.",
+                    "Unfinished jobs by state.",
                     "short",
                     Line('max by (state) (impasto_jobs{state=~"queued|running|paused"})', "{{state}}"),
                     stacked=True,
                 ),
                 graph(
                     "Tasks",
-                    "Of all jobs, by state.",
+                    "Unfinished tasks of all jobs by state.",
                     "short",
                     Line('max by (state) (impasto_tasks{state=~"waiting|ready|running"})', "{{state}}"),
                     stacked=True,
                 ),
                 graph(
                     "Wait of the oldest job",
-                    "Rises while there is more work than workers.",
+                    "Time since the oldest queued job was queued. It rises while there is more work than workers.",
                     "s",
                     Line("max(impasto_queue_oldest_seconds)", "oldest"),
                     limits=((3600, "red"),),
@@ -75,22 +85,22 @@ FARM = Board(
             "Throughput",
             (
                 graph(
-                    "Frames a second",
-                    "Finished, by method.",
+                    "Frames per second",
+                    "Finished frames per second, by method.",
                     "short",
                     Line(f"sum by (method) (rate(impasto_frames_total{RATE}))", "{{method}}"),
                     stacked=True,
                 ),
                 graph(
                     "Attempts",
-                    "Ended a second, by outcome. Interrupted: the worker died.",
+                    "Attempts ended per second, by outcome. Interrupted means that the worker died.",
                     "short",
                     Line(f"sum by (outcome) (rate(impasto_attempts_total{RATE}))", "{{outcome}}"),
                     stacked=True,
                 ),
                 graph(
-                    "Seconds a frame",
-                    "Worker time that a frame costs, by method.",
+                    "Seconds per frame",
+                    "Worker time per finished frame, by method.",
                     "s",
                     Line(
                         f"sum by (method) (rate(impasto_attempt_seconds_total{RATE}))"
@@ -105,22 +115,22 @@ FARM = Board(
             (
                 graph(
                     "Workers",
-                    "Wanted, there and at work.",
+                    "Workers that services request, that are available, and that are busy.",
                     "short",
-                    Line("sum(impasto_workers_wanted)", "wanted"),
-                    Line("sum(impasto_workers)", "there"),
-                    Line("sum(impasto_workers_busy)", "at work"),
+                    Line("sum(impasto_workers_wanted)", "requested"),
+                    Line("sum(impasto_workers)", "available"),
+                    Line("sum(impasto_workers_busy)", "busy"),
                 ),
                 graph(
-                    "Time at work",
-                    "Worker seconds a second, by method.",
+                    "Worker time",
+                    "Worker seconds spent per second, by method: the mean number of busy workers.",
                     "short",
                     Line(f"sum by (method) (rate(impasto_attempt_seconds_total{RATE}))", "{{method}}"),
                     stacked=True,
                 ),
                 graph(
                     "Failures by code",
-                    "Of attempts. bad-media is a user's file; worker-lost is often memory.",
+                    "Failed attempts per second by code. bad-media: a user's file. worker-lost: often lack of memory.",
                     "short",
                     Line(f"sum by (code) (rate(impasto_attempt_failures_total{RATE}))", "{{code}}"),
                     Line("max by (code) (impasto_recent_attempt_failures)", "{{code}}, last 15 min"),
@@ -128,13 +138,13 @@ FARM = Board(
                 ),
                 graph(
                     "Drained",
-                    "Places that an operator lets start nothing new.",
+                    "Nodes (or the queue) that an operator has drained, so that no new task starts there.",
                     "short",
                     Line("max by (place) (impasto_drained)", "{{place}}"),
                 ),
                 graph(
-                    "Jobs over",
-                    "By how they ended.",
+                    "Ended jobs",
+                    "Ended jobs by final state.",
                     "short",
                     Line('max by (state) (impasto_jobs{state=~"succeeded|failed|cancelled"})', "{{state}}"),
                 ),

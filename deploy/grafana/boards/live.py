@@ -1,4 +1,4 @@
-"""Live sessions."""
+"""Dashboard of live sessions: frame rate, latency, drops."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from deploy.grafana.panels import BAD, ONE, RATE, Board, Line, graph, quantiles,
 LIVE = Board(
     "live",
     "Live",
-    "Live sessions: how many, how late, how much is dropped.",
+    "Number, latency and dropped frames of live sessions.",
     (
         (
             "Now",
             (
-                stat("Sessions", "Open now.", "short", f"sum(impasto_live_sessions{{{ONE}}})"),
+                stat("Sessions", "Live sessions that are open now.", "short", f"sum(impasto_live_sessions{{{ONE}}})"),
                 stat(
                     "Frames",
-                    "Painted a second.",
+                    "Painted frames per second, all sessions.",
                     "short",
                     f'sum(rate(impasto_live_frames_total{{{ONE}, outcome="painted"}}{RATE}))',
                 ),
                 stat(
-                    "p95",
-                    "From a frame received to its answer sent; an alert above 200 ms.",
+                    "Latency, p95",
+                    "Time from the receipt of a frame to the sending of its painting. An alert fires above 200 ms.",
                     "s",
                     quantiles("impasto_live_latency_seconds", ONE)[1].expr,
                     limits=((0.1, "yellow"), (0.2, "red")),
                 ),
                 stat(
                     "Dropped",
-                    "Of the frames received; an alert above half.",
+                    "Share of the received frames that were dropped. An alert fires above 50 %.",
                     "percentunit",
                     f'sum(rate(impasto_live_frames_total{{{ONE}, outcome="dropped"}}{RATE}))'
                     f' / sum(rate(impasto_live_frames_total{{{ONE}, outcome="received"}}{RATE})) or vector(0)',
@@ -36,7 +36,7 @@ LIVE = Board(
                 ),
                 stat(
                     "Workers lost",
-                    "Within the hour.",
+                    "Live workers that crashed within the last hour.",
                     "short",
                     f"sum(increase(impasto_live_workers_lost_total{{{ONE}}}[1h]))",
                     limits=BAD,
@@ -48,20 +48,20 @@ LIVE = Board(
             (
                 graph(
                     "Latency",
-                    "From a frame fully received to its answer sent.",
+                    "Time from the complete receipt of a frame to the sending of its painting.",
                     "s",
                     *quantiles("impasto_live_latency_seconds", ONE),
                     limits=((0.2, "red"),),
                 ),
                 graph(
                     "Frames",
-                    "A second. Received is painted and dropped together.",
+                    "Frames per second by outcome. Received frames are the sum of painted and dropped ones.",
                     "short",
                     Line(f"sum by (outcome) (rate(impasto_live_frames_total{{{ONE}}}{RATE}))", "{{outcome}}"),
                 ),
                 graph(
                     "Dropped",
-                    "Of the frames received. The newest goes first: some are normal under load.",
+                    "Share of received frames. The newest frame is painted first: some drops are normal under load.",
                     "percentunit",
                     Line(
                         f'sum by (instance) (rate(impasto_live_frames_total{{{ONE}, outcome="dropped"}}{RATE}))'
@@ -77,20 +77,20 @@ LIVE = Board(
             (
                 graph(
                     "Sessions",
-                    "By process: a session belongs to one.",
+                    "Open sessions by process. Each session belongs to one process.",
                     "short",
                     Line(f"impasto_live_sessions{{{ONE}}}", "{{instance}}"),
                     stacked=True,
                 ),
                 graph(
                     "Workers lost",
-                    "Under a live session; it goes on within a second.",
+                    "Workers that crashed during a session. It continues on another worker within a second.",
                     "short",
                     Line(f"increase(impasto_live_workers_lost_total{{{ONE}}}{RATE})", "{{instance}}"),
                 ),
                 graph(
                     "Slow frames",
-                    "Answers that took more than 100 ms, a second.",
+                    "Frames per second whose latency was more than 100 ms.",
                     "short",
                     Line(
                         f"sum(rate(impasto_live_latency_seconds_count{{{ONE}}}{RATE}))"

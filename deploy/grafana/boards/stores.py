@@ -1,4 +1,4 @@
-"""What everything is kept in."""
+"""Dashboard of the stores: database, blobs, pool, disks."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ STORES = Board(
             "Now",
             (
                 stat(
-                    "Parts that work",
-                    "Of all parts of all processes.",
+                    "Components ready",
+                    "Share of the components (database, blobs, pool) of all processes that are ready.",
                     "percentunit",
                     f"sum(impasto_ready{{{ONE}}}) / count(impasto_ready{{{ONE}}})",
                     limits=((0.999, "green"),),
@@ -22,20 +22,20 @@ STORES = Board(
                 ),
                 stat(
                     "Database",
-                    "The longest answer to a scrape; an alert above 1 s.",
+                    "Longest query time of the latest scrape. An alert fires above 1 s.",
                     "s",
                     f"max(impasto_store_answer_seconds{{{ONE}}})",
                     limits=((0.25, "yellow"), (1, "red")),
                 ),
                 stat(
-                    "Least free",
-                    "Of the disks that blobs are on.",
+                    "Least free space",
+                    "Free space of the fullest disk that holds blobs.",
                     "bytes",
                     f'min(impasto_disk_free_bytes{{{ONE}, place="blobs"}})',
                 ),
                 stat(
-                    "Above the reserve",
-                    "Room for new work; at 0 it is refused.",
+                    "Free above the reserve",
+                    "Free space for new work. At 0, new jobs are refused.",
                     "bytes",
                     f'min(impasto_disk_free_bytes{{{ONE}, place="blobs"}} - on (instance)'
                     f" impasto_disk_reserve_bytes{{{ONE}}})",
@@ -45,18 +45,18 @@ STORES = Board(
             ),
         ),
         (
-            "Parts",
+            "Components",
             (
                 graph(
                     "Ready",
-                    "1 where a part works.",
+                    "1 while a component of a process is ready, otherwise 0.",
                     "bool",
                     Line(f"impasto_ready{{{ONE}}}", "{{instance}} {{part}}"),
                     width=12,
                 ),
                 graph(
                     "Database",
-                    "How long it took for the figures of a scrape.",
+                    "Time of the database queries of a scrape.",
                     "s",
                     Line(f"impasto_store_answer_seconds{{{ONE}}}", "{{instance}}"),
                     limits=((1, "red"),),
@@ -69,7 +69,7 @@ STORES = Board(
             (
                 graph(
                     "Free",
-                    "By place; with S3 the place of blobs is that of their copies.",
+                    "Free space by place. With S3, the place blobs is the disk of their local copies.",
                     "bytes",
                     Line(f"impasto_disk_free_bytes{{{ONE}}}", "{{instance}} {{place}}"),
                     Line(f"max(impasto_disk_reserve_bytes{{{ONE}}})", "reserve"),
@@ -77,7 +77,7 @@ STORES = Board(
                 ),
                 graph(
                     "Used",
-                    "Of each disk.",
+                    "Used share of each disk.",
                     "percentunit",
                     Line(
                         f"1 - impasto_disk_free_bytes{{{ONE}}} / impasto_disk_size_bytes{{{ONE}}}",
@@ -89,11 +89,11 @@ STORES = Board(
             ),
         ),
         (
-            "Refusals for want of a part",
+            "Errors of components",
             (
                 graph(
                     "503 and 507",
-                    "Requests that met a part that was away, or a disk that was full.",
+                    "Refused requests per second: a component was unavailable (503), or a disk was full (507).",
                     "reqps",
                     Line(
                         f'sum by (status) (rate(impasto_http_requests_total{{{ONE}, status=~"503|507"}}{RATE}))',
@@ -102,8 +102,9 @@ STORES = Board(
                     width=12,
                 ),
                 graph(
-                    "Failures of stores",
-                    "Attempts that met an absent store are put off and charged to nobody; these are others.",
+                    "Storage failures",
+                    "Failed attempts per second with a storage error. Attempts that find a store unavailable are "
+                    "postponed and not counted here.",
                     "short",
                     Line(
                         f'sum by (code) (rate(impasto_attempt_failures_total{{code=~"storage.*|not-found"}}{RATE}))',

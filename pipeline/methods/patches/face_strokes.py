@@ -108,7 +108,7 @@ class FaceBrush:
         return np.maximum(np.multiply(width_px, np.float32(self.layer.share)), floor)
 
     def largeness(self, width_px: StyleField) -> StyleField:
-        """How large faces of that width are, 0..1."""
+        """Size of faces of that width between small and large, 0..1."""
         bound = LAYERS[0].finest * self.finest_px / LAYERS[0].share
         return np.clip((np.multiply(width_px, np.float32(1 / bound)) - 1) / np.float32(LARGE - 1), 0, 1)
 

@@ -1,4 +1,4 @@
-"""How far the motion of each pixel of the source can be trusted."""
+"""Confidence in the motion of each pixel of the source."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ class TrustedMotion:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the confidence in the motion of a frame follows from; flows in px."""
+    """Data from which the confidence in the motion of a frame is computed; flows in px."""
 
     back: Flow
-    """From this frame to the last."""
+    """Flow from this frame to the previous one."""
     round_trip: Flow
     """The flow from the last frame to this one, at the pixels that `back` leads to."""
     source: Frame

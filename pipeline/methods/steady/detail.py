@@ -38,7 +38,7 @@ NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
 def restore_detail(
     picture: Picture, styled: Picture, share: float, before: Amounts, buffers: Buffers
 ) -> tuple[Picture, Amounts]:
-    """What to add to `picture` so that its texture has the strength of that of the styled frames around each pixel.
+    """The amount to add to `picture` to give its texture the strength of the styled frames' texture around each pixel.
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
     contrast; the texture stays that of the average, which changes slowly. Averaging weakens fine texture more than

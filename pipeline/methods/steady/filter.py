@@ -25,9 +25,9 @@ class SourceAnalysis:
     """Properties of the source frame on which a result depends."""
 
     back: TrustedMotion
-    """From this frame to the last."""
+    """Motion from this frame to the previous one."""
     onward: TrustedMotion | None
-    """From the last frame to this one; only with `look_ahead`."""
+    """Motion from the previous frame to this one; only with `look_ahead`."""
 
 
 class SteadyFilter:

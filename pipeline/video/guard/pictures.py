@@ -50,12 +50,12 @@ _DECODER = _ThreadDecoder()
 
 
 def guarded_raw(data: bytes, name: str) -> AnyArray:
-    """As `pipeline.video.stills.decode_raw`. Raises UnreadableMedia, MediaTooLarge."""
+    """Like `pipeline.video.stills.decode_raw`, in a child process. Raises UnreadableMedia, MediaTooLarge."""
     return _decoded("raw", data, name)[1]
 
 
 def guarded_exr(data: bytes, name: str) -> Exr:
-    """As `pipeline.video.exr.read_exr`. Raises UnreadableMedia, MediaTooLarge."""
+    """Like `pipeline.video.exr.read_exr`, in a child process. Raises UnreadableMedia, MediaTooLarge."""
     answer, planes = _decoded("exr", data, name)
     width, height = answer["size"]
     return Exr((int(width), int(height)), dict(zip(map(str, answer["names"]), planes, strict=True)))

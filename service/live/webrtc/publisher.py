@@ -33,7 +33,7 @@ TICKS_PER_S = 90_000
 
 @dataclass(frozen=True)
 class Painting:
-    """How to paint, checked."""
+    """Validated painting parameters."""
 
     method: str
     params: Json

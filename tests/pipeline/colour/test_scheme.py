@@ -48,7 +48,7 @@ def test_one_step_is_the_weighted_mean_of_the_neighbourhood() -> None:
 
 
 def test_steps_are_iterated() -> None:
-    """From 80 only 90 is near; from 90 both 90 and 104 are, at 97; from there the same again."""
+    """90 is the only peak near 80; 90 and 104 are near 90, with the mean 97; then both are near again."""
     peaks = stats({90: 1, 104: 1})
     assert [float(hue_table(peaks, k=k)[80]) for k in (0, 1, 2, 3)] == pytest.approx([80, 90, 97, 97])
 
@@ -205,7 +205,7 @@ def test_a_reference_without_frames_is_rejected() -> None:
 
 
 def test_a_picture_takes_the_hue_of_the_reference() -> None:
-    """End to end: an orange and a green region, a reference all in reddish orange."""
+    """End to end: an orange and a green region with a reference that is all reddish orange."""
     reference = learn([flat((20, 0.7, 0.8))])
     regions = srgb_to_hsv(np.array([[0.9, 0.5, 0.2], [0.2, 0.8, 0.3]]))
     target = apply(reference, Tone(0.7, 0.1, 0.8), regions)

@@ -12,14 +12,14 @@ from pipeline.compute import runtime
 
 @pytest.fixture(autouse=True)
 def environment_is_restored(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where the variable was not set: `delenv` alone leaves what a test sets, and later tests find no runtime."""
+    """Restore the environment even if the variable was not set; otherwise later tests find no runtime."""
     monkeypatch.setenv("OCL_ICD_VENDORS", "")
     monkeypatch.delenv("OCL_ICD_VENDORS")
 
 
 @pytest.fixture
 def registered(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """A process that has not prepared anything yet; what it would register."""
+    """Runtimes that a new process would register."""
     calls: list[object] = []
     monkeypatch.setattr(runtime, "_prepared", False)
     monkeypatch.setattr(runtime, "register", calls.append)

@@ -11,7 +11,7 @@ from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response, soft_threshold
 
 
 def test_the_response_is_the_difference_of_two_gaussians() -> None:
-    """To a few tenths of a level, wherever the tails of the Gaussians are cut off."""
+    """The tolerance is a few tenths of a level, since implementations truncate the Gaussians differently."""
     gray = np.random.default_rng(0).uniform(0, 255, (40, 50)).astype(np.float32)
     narrow, wide = (cv2.GaussianBlur(gray, (31, 31), sigma) for sigma in (1.5, 1.5 * GAUSSIAN_RATIO))
     wanted = 0.98 * wide - narrow

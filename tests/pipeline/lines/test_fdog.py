@@ -49,7 +49,7 @@ def fdog(gray: Plane, along: float = ALONG, iterations: int = 1) -> Plane:
 
 
 def strokes(drawn: NDArray[np.bool_]) -> tuple[int, int]:
-    """How many connected strokes, and the width of the widest, px."""
+    """Number of connected strokes, and the width of the widest, px."""
     count, _, stats, _ = cv2.connectedComponentsWithStats(drawn.astype(np.uint8), connectivity=8)
     return count - 1, int(stats[1:, cv2.CC_STAT_WIDTH].max(initial=0))
 
@@ -183,12 +183,12 @@ def _no_device() -> None:
 
 
 def test_temporal_smoothing_steadies_directions() -> None:
-    """On a still, faint, noisy edge."""
+    """The edge is still, faint and noisy."""
     assert trembling(memory=0.85) < 0.3 * trembling(memory=0.0)
 
 
 def trembling(memory: float) -> float:
-    """By how much the directions near an edge change from one noisy frame to the next, mean sine."""
+    """Mean change of the directions near an edge from one noisy frame to the next, as a sine."""
     lines, weight, still = FlowLines(SIGMA, TAU, memory, 1), np.zeros((63, 63), np.float32), np.zeros((63, 63, 2))
     fields = []
     for k in range(8):

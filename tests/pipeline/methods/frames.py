@@ -1,4 +1,4 @@
-"""Frames that a plan has emitted, for comparison."""
+"""Collects the frames that a plan has emitted."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from pipeline.methods.local import LocalContext
 
 
 def painted(context: LocalContext[Any]) -> NDArray[np.uint8]:
-    """Every emitted frame in order, (n, h, w, 3); fails if one is missing."""
+    """All emitted frames in order, (n, h, w, 3); fails if one is missing."""
     assert sorted(context.emitted) == list(range(len(context.emitted)))
     return np.stack([context.emitted[index] for index in sorted(context.emitted)])

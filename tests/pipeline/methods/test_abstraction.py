@@ -175,7 +175,7 @@ def test_auto_draws_curves_from_480_lines_and_every_mode_where_the_frame_is_enla
 
 
 def test_a_cut_resets_the_session() -> None:
-    """With the detector on, a shot is what it would be in a video of its own; its regions have names of their own."""
+    """With the detector on, a shot equals a video of that shot alone, except for the region ids."""
     whole, alone = paint(shots()), paint(shots()[CUT:])
     np.testing.assert_array_equal(stacked(whole[CUT:]), stacked(alone))
     before = {int(name) for painting in whole[:CUT] for name in painting.regions.ids[1:]}
@@ -183,7 +183,7 @@ def test_a_cut_resets_the_session() -> None:
 
 
 def test_without_cuts_residuals_cause_a_new_segmentation() -> None:
-    """The paper's claim: no detector is needed. The frame after the cut is as true as a first frame."""
+    """The paper claims that no detector is needed: the frame after the cut is as accurate as a first frame."""
     whole, alone = paint(shots(), cut_sensitivity=0), paint(shots()[CUT:])
     after, fresh, source = whole[CUT], alone[0], shots()[CUT]
     assert after.regions.residual > 0.85 * SIZE[0] * SIZE[1]
@@ -241,7 +241,7 @@ def test_a_still_noisy_picture_converges() -> None:
 
 
 def test_a_fade_in_is_followed() -> None:
-    """What comes out of black ends as detailed and as true as a picture that was there from the start."""
+    """Frames after a fade from black are as detailed and accurate as without the fade."""
     full = shots()[0]
     frames = [(full * light).astype(np.uint8) for light in np.linspace(0, 1, 10)] + [full] * 4
     last, fresh = paint(frames, cut_sensitivity=0)[-1], paint([full])[0]
@@ -271,7 +271,7 @@ def test_an_importance_mask_gives_finer_regions_from_its_frame_on() -> None:
 
 
 def test_masks_are_decoded_at_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mask a frame must not mean a video of masks in memory, in every run."""
+    """One mask per frame must not keep a whole video of masks in memory in every run."""
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
     read: list[int] = []
 

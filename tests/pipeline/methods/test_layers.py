@@ -1,4 +1,4 @@
-"""Layers in one job: each painted as by a job of its own, then laid over each other; order, opacity, blend, mattes."""
+"""Layers in one job are painted as by separate jobs and then composited: order, opacity, blend modes, mattes."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def test_runs_of_any_length_equal_one_session(values: dict[str, Any], monkeypatc
 
 
 def test_the_paint_of_a_colour_has_the_same_bytes_alone_and_among_others() -> None:
-    """A product of matrices has other last bits on another processor, and for another number of colours."""
+    """A matrix product has other last bits on another processor and for another number of colours."""
     colours = np.random.default_rng(1).uniform(0, 255, (500, 3)).astype(np.float32)
     alone = np.concatenate([pigment(colour[None], 1.4, 1.1) for colour in colours])
     assert np.array_equal(pigment(colours, 1.4, 1.1), alone)
@@ -206,7 +206,7 @@ def coarse_edges(image: Frame) -> NDArray[Any]:
 
 @cache
 def still() -> list[Frame]:
-    """A still camera with a sensor's noise."""
+    """A still camera with sensor noise."""
     made, rng = scene("portrait", (160, 120), frames=1).image(0).astype(float), np.random.default_rng(8)
     return [np.clip(made + rng.normal(0, 3, made.shape), 0, 255).astype(np.uint8) for _ in range(10)]
 
@@ -247,7 +247,7 @@ def test_hands_and_small_heads_follow_smaller_changes_at_once() -> None:
 
 @cache
 def flights() -> list[Frame]:
-    """A red ball, eleven pixels across, flies fast before a wall with a sensor's noise."""
+    """A red ball, eleven pixels wide, moves fast in front of a wall, with sensor noise."""
     rng, out = np.random.default_rng(6), []
     for k in range(7):
         frame = np.full((120, 200, 3), 150.0)
@@ -287,7 +287,7 @@ def test_ease_scales_the_smoothing_of_explicit_strokes() -> None:
 
 @cache
 def pan() -> list[Frame]:
-    """A camera that pans by 2 px a frame, with a sensor's noise."""
+    """A camera that pans by 2 px a frame, with sensor noise."""
     wide, rng = scene("harbour", (200, 100), frames=1).image(0).astype(float), np.random.default_rng(9)
     return [
         np.clip(part + rng.normal(0, 2, part.shape), 0, 255).astype(np.uint8)
@@ -296,7 +296,7 @@ def pan() -> list[Frame]:
 
 
 def swimming(**values: Any) -> float:
-    """How much a painting of the pan changes beyond its motion, gray levels."""
+    """Change of a painting of the pan that the motion does not explain, gray levels."""
     session = MultistyleSession(MultistyleParams(**values), (176, 100))
     made = [session.step(frame).astype(float) for frame in pan()]
     return float(np.sqrt(np.mean([np.square(b[8:-8, 8:-10] - a[8:-8, 10:-8]).mean() for a, b in pairwise(made[4:])])))
@@ -331,7 +331,7 @@ def test_rims_lie_on_the_darker_side_and_follow_the_motion() -> None:
 
 @pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
 def test_a_flat_sky_moves_with_the_camera(moved: int, sky: float | None) -> None:
-    """Above nothing shows; below, a texture moves by 3 px as far as `moved` and rests beyond."""
+    """The upper part has no texture; in the lower part texture moves by 3 px up to column `moved` and rests beyond."""
     rough = cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128
     rough = np.clip(rough, 0, 255).astype(np.uint8)
     before, after = rough[:, :240].copy(), rough[:, :240].copy()

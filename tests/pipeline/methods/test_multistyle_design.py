@@ -1,4 +1,4 @@
-"""The design document: faults with their path, and interpolation between keys."""
+"""The design document: errors with their path, and interpolation between keys."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.methods.multistyle.styles import STYLES
 
 
 def good() -> dict[str, Any]:
-    """A design that uses everything."""
+    """A design that uses every feature."""
     square = [[0.1, 0.1], [0.6, 0.1], [0.6, 0.7]]
     return {
         "version": 1,
@@ -41,7 +41,7 @@ def good() -> dict[str, Any]:
 
 
 def changed(path: str, value: Any) -> dict[str, Any]:
-    """The good design with one thing changed: "keys.0.frame"."""
+    """The valid design with one value changed at a path such as "keys.0.frame"."""
     made = good()
     *way, leaf = path.split(".")
     at: Any = made

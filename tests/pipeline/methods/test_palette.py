@@ -48,7 +48,7 @@ def test_without_a_reference_a_region_has_its_mean_colour() -> None:
 
 @pytest.mark.parametrize("alpha", [0.0, 0.25, 0.8, 1.0])
 def test_equation_4_on_known_values(alpha: float) -> None:
-    """o(i) = (1 - alpha) o(i-1) + alpha c(i), in CIELAB; the paper's, that is without a half-life."""
+    """o(i) = (1 - alpha) o(i-1) + alpha c(i), in CIELAB: the paper's equation, without a half-life."""
     mixing = palette(colour_half_life=0)
     mixing.step(regions([GRAY], [0], [0]), None)
     made = mixing.step(regions([DARK], [1], [alpha]), None)
@@ -72,7 +72,7 @@ def test_a_new_region_has_its_target_colour_at_once() -> None:
 
 
 def test_the_half_life_parameter_is_the_half_life() -> None:
-    """After three frames at alpha = 1 half of the way is left."""
+    """After three frames at alpha = 1, half of the difference remains."""
     mixing = palette(colour_half_life=3)
     mixing.step(regions([GRAY], [0], [0]), None)
     for _ in range(3):
@@ -81,7 +81,7 @@ def test_the_half_life_parameter_is_the_half_life() -> None:
 
 
 def test_a_colour_lags_behind_by_a_limit_at_most() -> None:
-    """A region that has lost another thing's pixels does not keep that thing's colour."""
+    """A region that has lost the pixels of another object does not keep that object's colour."""
     mixing = palette(colour_half_life=30)
     mixing.step(regions([GRAY, GRAY], [0, 0], [0, 0]), None)
     made = mixing.step(regions([DARK, DARKER], [1, 2], [1.0, 1.0]), None)

@@ -1,4 +1,4 @@
-"""The method steady: flicker goes, detail and moving things stay, cuts and masks are heeded, inputs are compared."""
+"""The method steady: flicker is removed, detail and moving objects are kept, cuts and masks are respected."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ BACKGROUND, OBJECT = (60, 140, 60), (200, 60, 40)
 
 @cache
 def texture() -> Frame:
-    """A still picture with detail of all sizes."""
+    """A still image with detail at all scales."""
     draw = np.random.default_rng(1)
     layers = [cv2.resize(draw.random((64 // s, 96 // s, 3)), SIZE, interpolation=cv2.INTER_CUBIC) for s in (1, 4, 16)]
     picture: Frame = np.clip(255 * np.mean(layers, axis=0), 0, 255).astype(np.uint8)
@@ -38,14 +38,14 @@ def still(frames: int = 12) -> list[Frame]:
 
 
 def flickering(video: list[Frame], levels: float = 12) -> list[Frame]:
-    """The video with noise of its own and a brightness of its own in each frame."""
+    """The video with independent noise and brightness in each frame."""
     draw = np.random.default_rng(2)
     noisy = (f + levels * (draw.standard_normal(f.shape) + draw.standard_normal()) for f in video)
     return [np.clip(frame, 0, 255).astype(np.uint8) for frame in noisy]
 
 
 def moving_square(frames: int = 10) -> list[Frame]:
-    """A textured square that moves over another texture by 3 px a frame."""
+    """A textured square that moves over another texture by 3 px per frame."""
     video = []
     for index in range(frames):
         frame = (texture() // 4 + np.array(BACKGROUND, np.uint8)).astype(np.uint8)
@@ -185,7 +185,7 @@ def test_a_cropped_styled_video_is_an_error() -> None:
 
 
 def averaged_texture() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The average of four pictures of noise, and one of them."""
+    """The mean of four noise images, and one of them."""
     noise = 128 + 30 * np.random.default_rng(3).standard_normal((4, 64, 96, 3)).astype(np.float32)
     return noise.mean(axis=0, dtype=np.float32), noise[0]
 

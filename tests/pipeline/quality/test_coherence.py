@@ -23,7 +23,7 @@ def pair_of(name: str = "shapes", first: int = 3) -> tuple[Frame, Frame]:
 
 
 def flashing(pair: tuple[Frame, Frame], grey_levels: int) -> tuple[Frame, Frame]:
-    """The same pictures, the second brighter by a constant."""
+    """Two equal frames, the second brighter by a constant."""
     return pair[0], np.clip(pair[1].astype(int) + grey_levels, 0, 255).astype(np.uint8)
 
 
@@ -40,7 +40,7 @@ def test_a_flash_is_an_error_of_its_own_size() -> None:
 
 
 def test_what_moves_with_the_scene_does_not_flicker() -> None:
-    """A picture that pans by whole pixels, inverted: it moves as its source does."""
+    """An inverted video that pans by whole pixels moves like its source."""
     wide = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (96, 200, 3), np.uint8), (0, 0), 3)
     pan = (np.ascontiguousarray(wide[:, :160]), np.ascontiguousarray(wide[:, 4:164]))
     inverted = (255 - pan[0], 255 - pan[1])

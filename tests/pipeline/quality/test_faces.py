@@ -1,4 +1,4 @@
-"""Faces are counted in the source and looked for in the painting."""
+"""Faces are detected in the source and searched for in the painting."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scenes: the passes agree with the pictures and with each other, exactly."""
+"""Scenes: render passes agree exactly with the frames and with each other."""
 
 from __future__ import annotations
 

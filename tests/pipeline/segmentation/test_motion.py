@@ -102,7 +102,7 @@ def test_warp_back_equals_a_remap_of_the_whole_frame_where_parts_of_it_move() ->
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 999), st.integers(-3, 3), st.integers(-3, 3), st.sampled_from([0.0, 0.5, 0.85]))
 def test_denoising_equals_a_plain_implementation(seed: int, dx: int, dy: int, memory: float) -> None:
-    """Out = now + w (past - now), w = memory exp(-(d / 6)^2), d the CIELAB difference to where the pixel came from."""
+    """Out = now + w (past - now), w = memory exp(-(d / 6)^2), d = CIELAB difference to the advected previous value."""
     now, before = noise(seed, 100, 116), noise(seed + 1, 100, 116)
     out, residual = denoised_from(now, before, uniform_flow(dx, dy), memory)
     weight = memory if (dx, dy) == (0, 0) else memory * MOVING

@@ -32,7 +32,7 @@ def test_a_chain_of_two_seeds_is_linear() -> None:
 
 
 def test_votes_are_edges_to_other_frames() -> None:
-    """One pixel, links of weight 3 to label 1 and 1 to label 2."""
+    """One pixel has links of weight 3 to label 1 and of weight 1 to label 2."""
     votes = np.array([3.0, 1.0]).reshape(2, 1, 1)
     found = probabilities(np.zeros((1, 1), np.int32), (np.ones((1, 0)), np.ones((0, 1))), 2, votes=votes)
     np.testing.assert_allclose(found.ravel(), [0.75, 0.25], atol=1e-5)

@@ -173,7 +173,7 @@ def test_merging_is_limited_to_neighbours_and_acyclic(
 
 
 def whole(labels: Labels) -> Labels:
-    """Every 4-connected piece under a number of its own, 1.. in raster order."""
+    """4-connected components, numbered from 1 in raster order."""
     out = np.zeros_like(labels)
     for y, x in np.ndindex(*labels.shape):
         if out[y, x] == 0:

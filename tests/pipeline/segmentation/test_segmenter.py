@@ -57,7 +57,7 @@ class Stream:
 
 
 def check(made: Segmentation, lab: Lab8) -> Segmentation:
-    """What is true of every segmentation."""
+    """Check the invariants of every segmentation."""
     rows = len(made.ids)
     assert made.labels.dtype == np.int32 and made.labels.min() >= 1, "an unlabelled pixel"
     np.testing.assert_array_equal(np.unique(made.labels), np.arange(1, rows))
@@ -205,7 +205,7 @@ def test_a_slow_pan_is_followed() -> None:
 
 
 def test_a_region_that_reappears_has_a_new_id() -> None:
-    """Nothing hides for ever in its cover's region, and no name is given twice."""
+    """No region persists while it is hidden, and no id is used twice."""
     stream = Stream()
     names = []
     for step in range(16):
@@ -341,7 +341,7 @@ def test_ids_stay_on_their_object(name: str, pure: float) -> None:
 
 
 def regions_kept(counts: Iterable[Counter[int]], large_px: int) -> bool:
-    """Most of the picture belongs to names that live for most of the shot."""
+    """Most of the picture belongs to ids that exist for most of the shot."""
     areas = sorted((sum(inside.values()) for inside in counts), reverse=True)
     lasting = [area for area in areas if area >= 6 * large_px]
     return sum(lasting) > 0.8 * sum(areas)

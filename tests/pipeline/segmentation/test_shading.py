@@ -1,4 +1,4 @@
-"""Blocks of a codec in a gradient are smoothed; edges, texture and lines are kept."""
+"""Codec blocks in a gradient are smoothed; edges, texture and lines are kept."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_no_pixel_changes_by_more_than_the_limit() -> None:
 
 
 def test_a_border_through_a_compressed_sky_is_calm() -> None:
-    """A border across the picture has little more than its width; it followed the blocks before."""
+    """A border across the picture is hardly longer than the picture; without smoothing it follows the blocks."""
     light = blocky_gradient(192, 320) + np.linspace(0, 60, 192)[:, None] // 4
     frame = np.repeat(np.rint(light).astype(np.uint8)[..., None], 3, axis=2)
     session = AbstractionSession(AbstractionParams(lines="off", boundary_smoothing=0), (320, 192))

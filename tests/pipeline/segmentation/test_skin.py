@@ -1,4 +1,4 @@
-"""Hands beside a face: found by the colour of the face, within reach of the arms."""
+"""Hands near a face are found by the colour of the face, within arm's reach."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def test_the_ball_passes_a_gap_of_its_width(radius_px: int) -> None:
 
 
 def test_flood_fill_passes_the_gap() -> None:
-    """What the ball is for: at radius 1 the same gap lets it through."""
+    """A ball of radius 2 cannot pass the gap; a ball of radius 1 can."""
     assert filled(two_rooms(4), 2)[1] == 2
     assert filled(two_rooms(4), 1)[1] == 1
 

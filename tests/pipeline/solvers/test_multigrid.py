@@ -243,7 +243,7 @@ def test_all_pixels_given() -> None:
 
 
 def test_work_is_linear_in_pixels() -> None:
-    """Pixels of all grids together, and the cycles, say what it costs."""
+    """The cost is given by the pixels of all grids together and the number of cycles."""
     for side in (33, 130, 517):
         stencil = np.zeros((5, side + 2, side + 2))
         work = sum(level.shape[0] * level.shape[1] for level in build_levels(stencil)) / side**2

@@ -124,7 +124,7 @@ def test_colour_shift_and_jitter() -> None:
 
 
 def test_slopes_remove_steps_of_a_slanted_silhouette() -> None:
-    """Where it ends, row by row, to a fraction of a px: a straight line."""
+    """The end of the stroke, measured per row to a fraction of a px, lies on a straight line."""
     y, x = np.mgrid[: ODD[0], : ODD[1]].astype(float)
     inside = np.clip((40 + 0.3 * (y - 30) - x) / 3 + 0.5, 0, 1)  # an edge as soft as a camera's, three px wide
     guide = np.rint(inside[..., None] * (200, 100, 50)).astype(np.uint8)

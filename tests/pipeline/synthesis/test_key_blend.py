@@ -17,7 +17,7 @@ def textured(mean: int, seed: int) -> np.ndarray:
 
 
 def shifted(picture: np.ndarray, axis: int) -> np.ndarray:
-    """What is beside each pixel; the last row or column is repeated."""
+    """Each pixel's neighbour in the given direction; the last row or column is repeated."""
     last = picture[:, -1:] if axis == 1 else picture[-1:]
     return np.concatenate([picture[:, 1:] if axis == 1 else picture[1:], last], axis)
 

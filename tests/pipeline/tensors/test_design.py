@@ -217,7 +217,7 @@ def test_edges_and_elements_are_weighted() -> None:
 
 
 def test_free_regions_are_filled_across_the_branch_cut() -> None:
-    """From 170 degrees to 10, the short way: over 0, not over 90."""
+    """From 170 to 10 degrees, the interpolation passes 0 and not 90."""
     key = np.zeros(ODD, bool)
     key[:, :5] = key[:, -5:] = True
     angles = np.where(np.arange(53) < 26, math.radians(170), math.radians(10)) * np.ones((37, 1))
@@ -241,7 +241,7 @@ def test_a_border_keeps_directions_apart() -> None:
 
 
 def test_the_ellipse_of_a_rotating_object() -> None:
-    """More than a whole turn: the angle goes on and does not jump."""
+    """More than a full turn: the angle increases without jumps."""
     found: Ellipse | None = None
     for frame in range(60):
         true = Ellipse(60.3 + 0.7 * frame, 50.2 + 0.3 * frame, 0.4 + 0.13 * frame, 36, 17)

@@ -25,7 +25,7 @@ def blobs(count: int = 9, seed: int = 0) -> Labels:
 
 
 def confetti() -> Labels:
-    """Every kind of corner, and regions of one pixel."""
+    """All kinds of corners, and regions of one pixel."""
     return np.random.default_rng(1).integers(1, 5, (SIZE[1], SIZE[0])).astype(np.int32)
 
 
@@ -48,7 +48,7 @@ def test_unsmoothed_borders_give_back_the_label_map(labels: Labels) -> None:
 @pytest.mark.parametrize("labels", [blobs(), confetti()], ids=["blobs", "confetti"])
 @pytest.mark.parametrize("scale", [1.0, 1.7, 3.0, 0.5])
 def test_neighbours_leave_no_gap(labels: Labels, scale: float) -> None:
-    """With one colour for all regions every pixel has exactly that colour, however borders move."""
+    """If all regions have one colour, every pixel has exactly that colour, wherever the borders are."""
     colours = np.full((int(labels.max()) + 1, 3), (250, 130, 7), np.uint8)
     size = (round(SIZE[0] * scale), round(SIZE[1] * scale))
     picture = fill_regions(smooth_borders(find_borders(labels), 2.0, 2.0), colours, size)
@@ -132,7 +132,7 @@ def test_borders_stay_within_the_frame_and_the_limit() -> None:
 
 
 def half_covered(share: float) -> tuple[Labels, NDArray[np.uint8]]:
-    """Two regions, and their picture in 8-bit CIELAB, whose column 10 is a mixture: `share` of the left region."""
+    """Two regions and their image in 8-bit CIELAB; column 10 mixes them, with `share` of the left one."""
     labels = np.where(np.arange(20) < 10, 1, 2).astype(np.int32)[None].repeat(12, axis=0)
     lightness = np.where(np.arange(20) < 10, 40.0, 240.0)
     lightness[10] = 240 - 200 * share

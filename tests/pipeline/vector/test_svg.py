@@ -32,7 +32,7 @@ def blobs(size: tuple[int, int] = (64, 48), count: int = 9, seed: int = 0, sigma
 
 
 def confetti(size: tuple[int, int] = (17, 13), seed: int = 0) -> Labels:
-    """Every kind of corner: touching diagonals, single pixels, holes, unlabelled places."""
+    """All kinds of corners: touching diagonals, single pixels, holes, unlabelled pixels."""
     return np.random.default_rng(seed).integers(0, 4, (size[1], size[0])).astype(np.int32)
 
 
@@ -144,7 +144,7 @@ def test_tolerance_bounds_how_far_a_boundary_moves() -> None:
 
 
 def test_curves_stay_near_the_smoothed_border_and_have_fewer_corners() -> None:
-    """Fitted curves are as near as the tolerance says, turn without corners, and need less text than a polyline."""
+    """Fitted curves stay within the tolerance, have no corners, and need less text than a polyline."""
     y, x = np.mgrid[:96, :128]
     labels = (1 + (np.hypot(x - 60.3, y - 47.8) < 31.4)).astype(np.int32)
     borders = smooth_borders(find_borders(labels), 2.0, 1.5)
@@ -166,7 +166,7 @@ def distance(point: NDArray[np.float64], line: Polygon) -> float:
 
 @pytest.mark.parametrize("labels", [blobs(), confetti() + 1], ids=["blobs", "confetti"])
 def test_smoothed_borders_are_drawn_as_they_are(labels: Labels) -> None:
-    """Every corner of a path is a node of the borders, and the regions tile the frame."""
+    """Every corner of a path is a node of a border, and the regions tile the frame."""
     borders = smooth_borders(find_borders(labels), 1.5, 1.0)
     made = elements(to_svg(labels, colours_for(labels), smoothing=borders, tolerance_px=0))
     shapes = {name: polygons(element.attrib["d"]) for name, element in made.items()}

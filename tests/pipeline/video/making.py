@@ -1,4 +1,4 @@
-"""Small videos of every awkward kind, made on the spot."""
+"""Generates small videos with unusual properties."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 96, 64
 
 
 def picture(index: int, width: int = WIDTH, height: int = HEIGHT) -> Frame:
-    """A smooth picture of its own for every index: its mean red level says which it is."""
+    """A smooth image that differs for every index: its mean red level encodes the index."""
     frame = np.empty((height, width, 3), np.uint8)
     frame[..., 0] = 20 + 6 * (index % 36)
     frame[..., 1] = np.linspace(40, 200, width).astype(np.uint8)

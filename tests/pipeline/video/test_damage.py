@@ -1,4 +1,4 @@
-"""Damage of a video is noticed, counted, and never suspected in a whole one."""
+"""Damage of a video is detected and counted, and intact videos are not reported."""
 
 from __future__ import annotations
 

@@ -280,7 +280,7 @@ _KEPT_OPEN: list[socket.socket] = []
 
 
 def answering(*replies: Callable[[socket.socket], None]) -> DecoderProcess:
-    """Our side of a child that has been taken over, and sends these messages."""
+    """Our side of a connection to a compromised child, which sends these messages."""
     child = DecoderProcess.__new__(DecoderProcess)
     child._wire, theirs = socket.socketpair()
     child._wire.settimeout(5)
@@ -295,7 +295,7 @@ def answering(*replies: Callable[[socket.socket], None]) -> DecoderProcess:
 
 
 def test_a_compromised_child_cannot_affect_the_parent() -> None:
-    """It can lie about pictures. It cannot make us run, open or allocate anything."""
+    """It can return wrong pictures, but cannot make us run, open or allocate anything."""
     with pytest.raises(UnreadableMedia):
         answering(lambda wire: wire.sendall(struct.pack("!II", 1 << 31, 0))).ask({})
     with pytest.raises(UnreadableMedia):
@@ -323,7 +323,7 @@ def test_messages_are_checked() -> None:
 
 
 def test_every_role_is_used() -> None:
-    """A role that nobody asks for is a door that nobody watches."""
+    """A decoder role that nothing uses would be an attack surface without tests."""
     asked = "".join(path.read_text() for path in (ROOT / "pipeline" / "video").rglob("*.py"))
     assert [role for role in roles.ROLES if f'("{role}", ' not in asked] == []
 

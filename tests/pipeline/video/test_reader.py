@@ -1,4 +1,4 @@
-"""Exact frames of every kind of container, in any order of reads."""
+"""Exact frames of all kinds of containers, in any order of reads."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ KINDS: dict[str, tuple[str, str, str, dict[str, str]]] = {
 
 
 def levels(frames: list[Frame]) -> NDArray[np.float64]:
-    """Which picture each frame is, by its mean red."""
+    """Indices of the frames, decoded from their mean red."""
     return np.array([(np.median(frame[..., 0]) - 20) / 6 for frame in frames])
 
 

@@ -51,7 +51,7 @@ def test_the_same_frames_give_the_same_bytes_in_each_run(container: Format, tmp_
 
 @pytest.mark.parametrize("container", FORMATS)
 def test_concurrent_encoders_do_not_change_the_bytes(container: Format, tmp_path: Path) -> None:
-    """Four at once on a machine of any size: threads are interrupted everywhere."""
+    """Four encoders run at once, so that threads are interrupted anywhere, on a machine of any size."""
     with ThreadPoolExecutor(4) as pool:
         found = set(pool.map(lambda number: encoded(tmp_path / f"{number}", container, quality=20), range(24)))
     assert found == {encoded(tmp_path / "alone", container, quality=20)}

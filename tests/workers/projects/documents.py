@@ -1,4 +1,4 @@
-"""A document with something in every part, and the assets that it names."""
+"""A document in which every part is used, and the assets that it names."""
 
 from __future__ import annotations
 

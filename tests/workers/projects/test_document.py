@@ -1,4 +1,4 @@
-"""The document: what is refused, with every fault at its place."""
+"""The project document: invalid ones are refused, with the location of every fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Estimates: by frames and pixels of finished jobs, and the method's own figures without."""
+"""Estimates from frames and pixels of finished jobs, or from the method's own figures."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_time_grows_with_pixels_as_the_method_says_until_jobs_of_several_sizes_t
 
 
 def test_two_jobs_whose_content_differs_do_not_tell_how_time_grows_with_pixels() -> None:
-    """Neighbouring sizes, the larger frames the cheaper ones: an extrapolation of this to small frames is absurd."""
+    """Similar frame sizes, of which the larger was cheaper: extrapolating that to small frames would be absurd."""
     assert _cpu_s([_measured(30, 416, 4.4), _measured(24, 554, 3.5)], 40, 277) < 4.0
 
 

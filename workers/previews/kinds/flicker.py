@@ -1,6 +1,6 @@
-"""Where a painting flickers against its source: a map of one frame, and figures of several frames.
+"""Flicker of a painting relative to its source: a map of one frame, and values for several frames.
 
-What is measured is what the quality report measures (`pipeline.quality.coherence`), at the size of the preview.
+The measures are those of the quality report (`pipeline.quality.coherence`), at the size of the preview.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def _propagated(context: PreviewContext, layer: LayerSources, name: str, side_px
 
 
 def _span(context: PreviewContext, layer: LayerSources, name: str) -> tuple[int, range]:
-    """How many frames on each side of the key to repaint, and the frames to show: those between its neighbour keys."""
+    """Number of frames to repaint on each side of the key, and the frames to show: those between its neighbour keys."""
     key, around = context.options["key"], context.options["around"]
     others = [frame for frame in layer.images.get(name, {}) if frame != key]
     start = max([key - around, *(frame + 1 for frame in others if frame < key)])

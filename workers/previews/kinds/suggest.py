@@ -56,7 +56,7 @@ def _scores(before: Frame, now: Frame) -> tuple[float, float, float]:
 
 
 def chosen(scores: NDArray[np.float64], count: int) -> Sequence[int]:
-    """At most `count` frames: the first of each shot, then those at which equal amounts of change have come together.
+    """At most `count` frames: the first of each shot, then frames that divide the accumulated change evenly.
 
     Args:
         scores: (3, frames): hidden, misfit, new.

@@ -1,4 +1,4 @@
-"""How Alembic connects: with the connection that `Database` hands it, or, for developers, to an empty SQLite."""
+"""Connection of Alembic: the one that `Database` passes, or, for developers, one to an empty SQLite database."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a step is expected to weigh before it is planned."""
+"""Adds the expected weight of a step before it is planned."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def upgrade() -> None:
 
 
 def _dispatchers() -> None:
-    """Who runs something now keeps the lease that it has."""
+    """Dispatchers that run attempts now keep their present leases."""
     op.create_table(
         "dispatchers",
         sa.Column("id", sa.String(length=80), nullable=False),
