@@ -64,6 +64,8 @@ def natural_sigma(picture: Bytes) -> float:
 class Palette:
     """The colours of a painting. Searches that have been made are remembered, in at most 64 MiB.
 
+    Thread-safe: two threads may search the same colour, and find the same one.
+
     Args:
         painting: uint8 (h, w, 3), or (h, w, 4), of which only colours of visible pixels count if there are any.
     """
