@@ -48,10 +48,12 @@ def blend_colours(
     def work(first: int, last: int) -> None:
         for top in range(first, last, BAND_ROWS):
             rows = slice(top, min(top + BAND_ROWS, last))
-            around = slice(max(top - REACH_PX, 0), rows.stop + REACH_PX)
-            inner = slice(top - around.start, rows.stop - around.start)
-            low = np.asarray(cv2.erode(now[around], NEARBY), np.uint8)[inner]
-            high = np.asarray(cv2.dilate(now[around], NEARBY), np.uint8)[inner]
+            low = high = now[rows]
+            if moving[rows].any():  # the range of the colours nearby counts at moving borders only
+                around = slice(max(top - REACH_PX, 0), rows.stop + REACH_PX)
+                inner = slice(top - around.start, rows.stop - around.start)
+                low = np.asarray(cv2.erode(now[around], NEARBY), np.uint8)[inner]
+                high = np.asarray(cv2.dilate(now[around], NEARBY), np.uint8)[inner]
             _blend(now[rows], low, high, past[rows], residual[rows], weights, moving[rows])
 
     background.rows(work, len(now))

@@ -26,9 +26,9 @@ MAX_ROLLS = 4
 """Largest number of fills with the same ball radius."""
 MIN_RELEASED_SHARE = 0.001
 """Share of the frame that must have been released before the same ball radius is tried again."""
-SMALLEST_DETAIL_PX = 2
-"""Radius of the smallest ball that finds details before their neighbours grow over them; smaller balls fit into blurred
-edges."""
+LEAST_DETAIL_PX, ROWS_PER_DETAIL_PX = 2, 240
+"""Radius of the smallest ball that finds details before their neighbours grow over them: at least the first, and 1 px
+for so many rows of the frame. Smaller balls fit into blurred edges."""
 FIRST_GROWTH = 0.5
 """Share of the growing limit up to which a pixel joins a known region while details may still be found."""
 SPECK_PX = 4
@@ -60,13 +60,14 @@ def fill_remaining(
     """Second pass: fill with balls of decreasing radius from `radius_px`, and grow regions after each; `labels` in
     place.
 
-    Departure: regions grow up to `FIRST_GROWTH` of the limit until a ball of `SMALLEST_DETAIL_PX` has rolled. With the
+    Departure: regions grow up to `FIRST_GROWTH` of the limit until the smallest ball for details has rolled. With the
     whole limit, a wall grows over its windows before a ball that fits into a window finds them.
 
     Returns: sums with the new regions, and the pixels that are still unlabelled.
     """
+    smallest_px = max(LEAST_DETAIL_PX, labels.shape[0] // ROWS_PER_DETAIL_PX)
     while radius_px >= 1:
-        share = FIRST_GROWTH if radius_px >= SMALLEST_DETAIL_PX else 1.0
+        share = FIRST_GROWTH if radius_px >= smallest_px else 1.0
         if share == 1.0:
             pixels = grow(labels, lab, edges, limit, sums, pixels, share)
         known = sums.shape[0]

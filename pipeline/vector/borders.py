@@ -98,9 +98,10 @@ def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach
         reach_px: distance from a border in which lines are searched, px.
     """
     positions = borders.positions.copy()
-    side = 2 * _FAR * reach_px + 1
-    near = np.asarray(cv2.dilate(ink, np.ones((side, side), np.uint8)), np.uint8)
-    _tuck(positions, borders.lattice, borders.edges, ink, near, labels, reach_px)
+    margin = _FAR * reach_px
+    near = np.asarray(cv2.dilate(ink, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)), np.uint8)
+    padded = np.pad(ink, margin)
+    _tuck(positions, borders.lattice, borders.edges, padded, near, labels, reach_px)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -234,9 +235,14 @@ def _tuck(
     positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], ink: NDArray[np.uint8],
     near: NDArray[np.uint8], labels: Labels, reach: int,
 ) -> None:  # fmt: skip
-    """Move the nodes of edges beside a line, in place. `near`: uint8 (h, w), the most ink within reach."""
+    """Move the nodes of edges beside a line, in place.
+
+    Args:
+        ink: with a margin of `_FAR` times the reach, without ink, on each side.
+        near: uint8 (h, w), the most ink within that distance.
+    """
     count = positions.shape[0]
-    height, width = ink.shape
+    height, width = labels.shape
     moves = np.zeros((count, 2), np.float32)
     counts = np.zeros((count, 2), np.float32)
     for k in range(edges.shape[0]):
@@ -257,43 +263,39 @@ def _tuck(
 @kernel
 def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, reach: int) -> np.float32:
     """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
-    line within reach, or the edge is under a line."""
-    height, width = labels.shape
-    step_x, step_y = (1, 0) if axis == 0 else (0, 1)
-    for k in range(_FAR * reach):
-        ahead = _coverage(ink, x + k * step_x, y + k * step_y, height, width)
-        behind = _coverage(ink, x - (k + 1) * step_x, y - (k + 1) * step_y, height, width)
+    line within reach, or the edge is under a line. `ink`: with a margin of `_FAR` times the reach, as in `_tuck`."""
+    margin, width = _FAR * reach, ink.shape[1]
+    flat, at = ink.reshape(ink.size), (y + margin) * width + x + margin
+    step = 1 if axis == 0 else width
+    for k in range(margin):
+        ahead, behind = flat[at + k * step], flat[at - (k + 1) * step]
         if max(ahead, behind) < _LINE:
             continue
         if k == 0 and min(ahead, behind) >= _LINE:
             return np.float32(0)
-        if ahead >= behind:
-            hidden = k < reach or _crosses_line(ink, labels, x, y, step_x, step_y, k)
-            return np.float32(k) + _UNDER if hidden else np.float32(0)
-        hidden = k < reach or _crosses_line(ink, labels, x - step_x, y - step_y, -step_x, -step_y, k)
-        return -np.float32(k) - _UNDER if hidden else np.float32(0)
+        way = 1 if ahead >= behind else -1
+        if k < reach or _crosses_line(ink, labels, x, y, axis, way, k):
+            return np.float32(way) * (np.float32(k) + _UNDER)
+        return np.float32(0)
     return np.float32(0)
 
 
 @kernel
-def _crosses_line(
-    ink: NDArray[np.uint8], labels: Labels, x: int, y: int, step_x: int, step_y: int, distance: int
-) -> bool:
-    """Whether one region reaches from pixel (x, y) to the other side of the line whose first pixel lies `distance` px
-    from it."""
+def _crosses_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, way: int, distance: int) -> bool:
+    """Whether one region reaches from the edge at lattice position (x, y) to the other side of the line whose first
+    pixel lies `distance` px from it, in the direction `way`, 1 or -1, along `axis`."""
     height, width = labels.shape
+    margin = (ink.shape[0] - height) // 2
+    step_x, step_y = (way, 0) if axis == 0 else (0, way)
+    first_x, first_y = x + min(step_x, 0), y + min(step_y, 0)
+    own = labels[first_y, first_x]
     for n in range(distance + _THICKEST_PX):
-        j, i = y + n * step_y, x + n * step_x
-        if not _is(labels, i, j, labels[y, x], height, width):
+        i, j = first_x + n * step_x, first_y + n * step_y
+        if not _is(labels, i, j, own, height, width):
             return False
-        if n > distance and ink[j, i] < _LINE:
+        if n > distance and ink[j + margin, i + margin] < _LINE:
             return True
     return False
-
-
-@kernel
-def _coverage(ink: NDArray[np.uint8], x: int, y: int, height: int, width: int) -> int:
-    return int(ink[y, x]) if 0 <= x < width and 0 <= y < height else 0
 
 
 @kernel

@@ -120,6 +120,18 @@ def test_windows_are_found_before_their_wall_grows_over_them() -> None:
     assert len(np.unique(made.labels[lab[..., 0] == 235])) == 1
 
 
+def test_the_smallest_detail_grows_with_the_frame() -> None:
+    """At 720 lines, what is 5 px wide may be a blurred edge; at 120 lines it is a detail. Both have 14 CIELAB units."""
+    found = []
+    for height, width in ((120, 160), (720, 160)):
+        lab = np.full((height, width, 3), (235, 128, 128), np.uint8)
+        lab[40:60, 20:25, 0] = 200
+        lab[40:60, 60:80, 0] = 200
+        labels = Stream(KEEP_ALL, (height, width)).step(lab).labels
+        found.append([labels[50, x] != labels[50, 120] for x in (22, 70)])
+    assert found == [[True, True], [False, True]]
+
+
 def test_an_area_of_two_colours_is_not_merged_into_its_surroundings() -> None:
     lab = np.full((*SHAPE, 3), 128, np.uint8)
     lab[16:32, 12:32, 1], lab[16:32, 32:52, 1] = 90, 166
