@@ -190,7 +190,7 @@ def _closing(source: Source) -> Iterator[Source]:
 
 @contextmanager
 def _status(quiet: bool) -> Iterator[Callable[[Json], None]]:
-    """A line on a terminal, once a second; elsewhere only what the service has to say."""
+    """Print a status line once a second on a terminal; elsewhere only messages of the service."""
     if quiet:
         yield lambda message: None
     elif not err.is_terminal:
