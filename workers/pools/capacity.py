@@ -1,4 +1,4 @@
-"""Capacity: what a task needs, compared with what workers have and machines offer. Pure; knows no cluster."""
+"""Compares the resources of a task with those of workers and machines. Pure functions without access to a cluster."""
 
 from __future__ import annotations
 
