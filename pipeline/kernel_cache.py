@@ -30,7 +30,7 @@ from numba.core.runtime.nrt import rtsys
 from pipeline.compute.runtime import cache_folder
 
 UNUSED_DAYS = 60
-"""Compiled code that no process has used for so long is deleted."""
+"""Days after which compiled code that no process has used is deleted."""
 
 
 @cache

@@ -109,7 +109,7 @@ def openapi_document() -> Json:
 
 
 def _routes() -> FastAPI:
-    """An application with all routes, which cannot answer yet."""
+    """An application with all routes and without a farm, which cannot answer yet."""
     app = FastAPI(
         title=openapi.TITLE,
         version="1",
@@ -162,7 +162,7 @@ def _secrets(settings: Settings) -> WebhookSecrets:
 
 
 def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
-    """The last one added is the outermost."""
+    """Add the middleware. The one added last is the outermost."""
     settings = service.settings
     app.add_middleware(
         JsonBodies,

@@ -20,7 +20,7 @@ from pipeline.errors import ImpastoError
 from service.errors import BadJson, BodyTooLarge, RequestTimeout, UnsupportedMediaType, respond
 
 MIN_BYTES_PER_S = 1024
-"""Slower bodies are given up: each holds a connection."""
+"""Minimum rate of a body; slower ones are aborted, because each occupies a connection."""
 MAX_DEPTH = 64
 """Most levels of lists and objects in a JSON body."""
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)

@@ -45,7 +45,7 @@ class _Client:
     """Time at which the phase began; for BODY, at which bytes last arrived."""
     unsent_bytes: int = 0
     unsent_since: float = 0.0
-    """Since when `unsent_bytes` has been the same."""
+    """Time since which `unsent_bytes` has not changed."""
 
 
 class ConnectionGuard:
@@ -69,7 +69,7 @@ class ConnectionGuard:
         return len(self._clients)
 
     def enter(self, transport: asyncio.Transport, phase: Phase) -> None:
-        """Note that the connection is in `phase` now. A new one may close another, or be refused."""
+        """Record that the connection is now in `phase`. A new one may close another, or be refused."""
         client = self._clients.get(transport)
         if client is None:
             self._clients[transport] = _Client(phase, self._clock())

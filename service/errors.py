@@ -188,7 +188,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),
 }
-"""Code -> (status, title). Every code of the error tree has a row."""
+"""Code -> (status, title). All codes of the error tree have a row."""
 
 
 class ProblemPlace(BaseModel):

@@ -18,7 +18,7 @@ import pipeline
 from pipeline.compute.runtime import cache_folder
 
 UNUSED_DAYS = 60
-"""Pictures that no service has used for so long are deleted."""
+"""Days after which pictures that no service has used are deleted."""
 
 
 def painted(name: str, facts: object, paint: Callable[[], bytes]) -> Path:

@@ -58,7 +58,7 @@ class Drain:
     """Id of the place; empty for the queue."""
     at: float
     by: str
-    """Owner of the key that asked; empty without one."""
+    """Owner of the key that was used; empty without one."""
     reason: str = ""
 
 
@@ -140,7 +140,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Violation:
-    """Something in the database that contradicts itself."""
+    """A contradiction in the database."""
 
     kind: str
     """Kind of the inconsistency, for example "task-without-attempt"."""
@@ -184,7 +184,7 @@ class AttemptLogView:
 
 @dataclass(frozen=True)
 class LiveView:
-    """A live session, of whichever process."""
+    """A live session of any process."""
 
     id: str
     process: str

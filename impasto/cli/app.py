@@ -1,4 +1,4 @@
-"""The `impasto` command: all its subcommands, and how each failure becomes a message and an exit status."""
+"""The `impasto` command: its subcommands, and the conversion of errors to messages and exit statuses."""
 
 from __future__ import annotations
 

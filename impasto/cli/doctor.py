@@ -1,4 +1,4 @@
-"""`impasto doctor`: whether this machine can render, and how to repair it if not. `impasto version`.
+"""`impasto doctor`: checks whether this machine can render, and names remedies. `impasto version`.
 
 Each check examines the real part and never raises.
 """

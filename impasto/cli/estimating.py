@@ -1,4 +1,4 @@
-"""`impasto render --estimate`: what a render will take, from earlier renders on this machine."""
+"""`impasto render --estimate`: estimates the cost of a render from earlier renders on this machine."""
 
 from __future__ import annotations
 

@@ -62,12 +62,12 @@ class SubmitOptions:
     quality: QualityOption = 20
     report: Annotated[bool, typer.Option("--report", help="Measure the result: flicker, sharpness, faces.")] = False
     seed: SeedOption = 0
-    name: Annotated[str, typer.Option(help="Name of the job; else the name of IN.")] = ""
+    name: Annotated[str, typer.Option(help="Name of the job; default: the name of IN.")] = ""
     label: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
     ] = None
     on_damage: DamageOption = DamagePolicy.WARN
-    priority: Annotated[int, typer.Option(min=-100, max=100, help="Higher goes first.")] = 0
+    priority: Annotated[int, typer.Option(min=-100, max=100, help="Priority; higher runs first.")] = 0
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
     idempotency_key: Annotated[
         str, typer.Option(help="Repeating a request with the same key returns the same job.")
@@ -132,7 +132,7 @@ JobArgument = Annotated[str, typer.Argument(metavar="JOB", help="A job's id, or 
 def jobs(
     state: Annotated[str | None, typer.Option(help="queued, running, paused, succeeded, failed or cancelled.")] = None,
     method: Annotated[str | None, typer.Option("--method", "-m", help="Only jobs of this method.")] = None,
-    limit: Annotated[int, typer.Option(min=1, max=200, help="Most jobs to list.")] = 20,
+    limit: Annotated[int, typer.Option(min=1, max=200, help="Maximum number of jobs to list.")] = 20,
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,

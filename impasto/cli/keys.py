@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from workers.model import ApiKey
     from workers.store.keys import Keys
 
-app = typer.Typer(no_args_is_help=True, help="Make, list and revoke API keys of the service with this home.")
+app = typer.Typer(no_args_is_help=True, help="Create, list and revoke API keys of the service with this home.")
 
 
 @app.command()
 def create(
-    name: Annotated[str, typer.Argument(help="Whose it is, for you to remember.")],
+    name: Annotated[str, typer.Argument(help="Name of the key's user, for your own reference.")],
     scope: Annotated[list[str] | None, typer.Option(help="read, submit or admin; several are possible.")] = None,
     home: HomeOption = None,
     database: DatabaseOption = None,

@@ -81,15 +81,19 @@ class LiveCommandOptions:
     param: ParamOption = None
     seed: SeedOption = 0
     size: Annotated[str, typer.Option(metavar="WxH", help="Scale the input.", rich_help_panel=WHAT)] = ""
-    fps: Annotated[float | None, typer.Option(min=1, max=240, help="Of the input.", rich_help_panel=WHAT)] = None
-    loop: Annotated[str, typer.Option(metavar="N|forever", help="Play a file so often.", rich_help_panel=WHAT)] = "1"
-    duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after so many seconds.")] = None
+    fps: Annotated[
+        float | None, typer.Option(min=1, max=240, help="Frame rate of the input.", rich_help_panel=WHAT)
+    ] = None
+    loop: Annotated[
+        str, typer.Option(metavar="N|forever", help="Number of times to play a file.", rich_help_panel=WHAT)
+    ] = "1"
+    duration: Annotated[float | None, typer.Option(metavar="S", min=0.1, help="Stop after this many seconds.")] = None
     codec: Annotated[str, typer.Option(help=f"Both ways: {', '.join(_CODECS)}.", rich_help_panel=WHERE)] = "jpeg"
     prefer: Annotated[
         str,
         typer.Option(metavar="fluent|sharp", help="When frames take too long: lower the working size, or drop frames."),
     ] = "fluent"
-    steady: Annotated[bool, typer.Option("--steady", help="Remove flicker behind the method.")] = False
+    steady: Annotated[bool, typer.Option("--steady", help="Remove flicker from the painted frames.")] = False
     quality: QualityOption = 20
     server: ServerOption = None
     api_key: KeyOption = None
@@ -190,7 +194,7 @@ def _closing(source: Source) -> Iterator[Source]:
 
 @contextmanager
 def _status(quiet: bool) -> Iterator[Callable[[Json], None]]:
-    """A line on a terminal, once a second; elsewhere only what the service has to say."""
+    """Print a status line once a second on a terminal; elsewhere only messages of the service."""
     if quiet:
         yield lambda message: None
     elif not err.is_terminal:

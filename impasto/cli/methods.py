@@ -1,4 +1,4 @@
-"""`impasto methods`: the methods, and every parameter of each."""
+"""`impasto methods`: lists the methods and their parameters."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def describe(chosen: Method) -> Json:
 
 
 def parameters(chosen: Method) -> list[Json]:
-    """A row a parameter: name, type, unit, range, default, symbol, group, help."""
+    """One row per parameter: name, type, unit, range, default, symbol, group, help."""
     schema = chosen.Params.model_json_schema()
     kinds = schema.get("$defs", {})
     return [_parameter(name, _resolved(field, kinds)) for name, field in schema["properties"].items()]

@@ -15,7 +15,7 @@ from workers.model import Json
 app = typer.Typer(no_args_is_help=True, help="Look at a service's queue, workers and failures; pause, drain, requeue.")
 
 PlaceArgument = Annotated[
-    str, typer.Argument(metavar="PLACE", help="A worker's id (dsp_...), a machine's name, or `queue` for all of it.")
+    str, typer.Argument(metavar="PLACE", help="A worker's id (dsp_...), a machine's name, or `queue` for all work.")
 ]
 
 
@@ -57,8 +57,8 @@ def check(server: ServerOption = None, api_key: KeyOption = None, as_json: JsonF
 
 @app.command()
 def failures(
-    job: Annotated[str | None, typer.Option(help="Of this job only.")] = None,
-    limit: Annotated[int, typer.Option(min=1, max=200, help="How many at most.")] = 20,
+    job: Annotated[str | None, typer.Option(help="Only failures of this job.")] = None,
+    limit: Annotated[int, typer.Option(min=1, max=200, help="Maximum number of failures.")] = 20,
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
@@ -92,7 +92,7 @@ def log(
 @app.command()
 def drain(
     place: PlaceArgument,
-    reason: Annotated[str, typer.Option(help="Why, for the other operators.")] = "",
+    reason: Annotated[str, typer.Option(help="Reason, shown to other operators.")] = "",
     server: ServerOption = None,
     api_key: KeyOption = None,
 ) -> None:

@@ -52,22 +52,24 @@ DamageOption = Annotated[
 ]
 HomeOption = Annotated[
     Path | None,
-    typer.Option(help="Folder for data; else IMPASTO_HOME, else your data folder.", rich_help_panel=WHERE),
+    typer.Option(help="Folder for data; default: IMPASTO_HOME, or your data folder.", rich_help_panel=WHERE),
 ]
 DatabaseOption = Annotated[
     str | None,
     typer.Option(
         metavar="URL",
-        help="postgresql://...; else IMPASTO_DATABASE_URL, else SQLite in the home.",
+        help="postgresql://...; default: IMPASTO_DATABASE_URL, or SQLite in the home.",
         rich_help_panel=WHERE,
     ),
 ]
 ServerOption = Annotated[
     str | None,
-    typer.Option(metavar="URL", help="The service; else IMPASTO_SERVER, else this machine.", rich_help_panel=WHERE),
+    typer.Option(
+        metavar="URL", help="Address of the service; default: IMPASTO_SERVER, or this machine.", rich_help_panel=WHERE
+    ),
 ]
-KeyOption = Annotated[str | None, typer.Option(help="API key; else IMPASTO_API_KEY.", rich_help_panel=WHERE)]
-QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")]
+KeyOption = Annotated[str | None, typer.Option(help="API key; default: IMPASTO_API_KEY.", rich_help_panel=WHERE)]
+QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on the last line of stdout.")]
 
 

@@ -73,7 +73,7 @@ class RenderOptions:
         typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .gif, .png or .zip file, or a folder DIR/."),
     ] = ""
     estimate: Annotated[
-        bool, typer.Option("--estimate", help="Print time, memory and disk space that it will take, and stop.")
+        bool, typer.Option("--estimate", help="Print the expected time, memory and disk space, and exit.")
     ] = False
     method: MethodOption = "abstraction"
     param: ParamOption = None
@@ -84,18 +84,19 @@ class RenderOptions:
             "--artefact",
             "--output-artefact",
             metavar="NAME[=PATH]",
-            help="Also keep an artefact, beside OUT or at PATH.",
+            help="Also save an artefact, beside OUT or at PATH.",
         ),
     ] = None
     quality: QualityOption = 20
     seed: SeedOption = 0
     frames: Annotated[
-        str, typer.Option(metavar="FIRST:END", help="Only this piece of IN, counted from 0, END not included.")
+        str, typer.Option(metavar="FIRST:END", help="Render only these frames of IN, from 0, without END.")
     ] = ""
     on_damage: DamageOption = DamagePolicy.WARN
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
     workers: Annotated[
-        int | None, typer.Option(min=1, max=256, help="Tasks at once; else the whole machine. Never changes a byte.")
+        int | None,
+        typer.Option(min=1, max=256, help="Simultaneous tasks; default: as many as fit. The result is the same."),
     ] = None
     raw: Annotated[
         str, typer.Option(metavar="WxH[@FPS]", help="Pipes carry raw RGB frames of this size, not YUV4MPEG2.")

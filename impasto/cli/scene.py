@@ -29,7 +29,7 @@ def scene(
         str | None, typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm or .zip file, or a folder: DIR/.")
     ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Width and height, px.")] = "640x360",
-    frames: Annotated[int | None, typer.Option(min=1, help="How many; else as many as the scene was made for.")] = None,
+    frames: Annotated[int | None, typer.Option(min=1, help="Number of frames; default: the scene's own.")] = None,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 24.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of textures and small shapes.")] = 0,
     quiet: QuietFlag = False,

@@ -48,16 +48,24 @@ class Auth(StrEnum):
 class ServeOptions:
     """Options of `impasto serve`."""
 
-    host: Annotated[str | None, typer.Option(help="Address to listen at; 0.0.0.0 for every network.")] = None
-    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port, else 8420; 0 takes a free one.")] = None
+    host: Annotated[str | None, typer.Option(help="Address to listen on; 0.0.0.0 for all networks.")] = None
+    port: Annotated[int | None, typer.Option(min=0, max=65535, help="Port; default: 8420; 0 selects a free one.")] = (
+        None
+    )
     home: HomeOption = None
     farm: Annotated[FarmKind | None, typer.Option(help="Workers in this process, or on a Ray cluster.")] = None
-    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks at once; else the whole machine.")] = None
-    ray_address: Annotated[str | None, typer.Option(help="A Ray cluster's address; else one is started here.")] = None
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Simultaneous tasks; default: as many as fit.")
+    ] = None
+    ray_address: Annotated[str | None, typer.Option(help="Address of a Ray cluster; default: start one here.")] = None
     database: DatabaseOption = None
-    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None
-    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None
-    auth: Annotated[Auth | None, typer.Option(help="auto: keys are needed unless it listens on this machine only.")] = (
+    blobs: Annotated[
+        str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; default: a folder in the home.")
+    ] = None
+    s3_endpoint: Annotated[
+        str | None, typer.Option(metavar="URL", help="Endpoint of an S3 server other than Amazon's.")
+    ] = None
+    auth: Annotated[Auth | None, typer.Option(help="auto: keys are required unless it listens on loopback only.")] = (
         None
     )
 

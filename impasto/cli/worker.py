@@ -40,19 +40,25 @@ class WorkerOptions:
     """Options of `impasto worker`."""
 
     home: HomeOption = None
-    workers: Annotated[int | None, typer.Option(min=1, max=256, help="Tasks at once; else the whole machine.")] = None
-    database: DatabaseOption = None
-    blobs: Annotated[str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; else in the home.")] = None
-    s3_endpoint: Annotated[str | None, typer.Option(metavar="URL", help="An S3 server that is not Amazon's.")] = None
-    ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None
-    gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; else all.")] = None
-    memory: Annotated[
-        float | None, typer.Option(min=0.5, help="With --ray-address: GiB for tasks; else most of what is free.")
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Simultaneous tasks; default: as many as fit.")
     ] = None
-    name: Annotated[str | None, typer.Option(help="With --ray-address: the node's name; else the host's.")] = None
-    grace_s: Annotated[float, typer.Option(min=0, help="How long running tasks may take to end.")] = GRACE_S
+    database: DatabaseOption = None
+    blobs: Annotated[
+        str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; default: a folder in the home.")
+    ] = None
+    s3_endpoint: Annotated[
+        str | None, typer.Option(metavar="URL", help="Endpoint of an S3 server other than Amazon's.")
+    ] = None
+    ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None
+    gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; default: all.")] = None
+    memory: Annotated[
+        float | None, typer.Option(min=0.5, help="With --ray-address: GiB for tasks; default: most of the free memory.")
+    ] = None
+    name: Annotated[str | None, typer.Option(help="With --ray-address: name of the node; default: the host's.")] = None
+    grace_s: Annotated[float, typer.Option(min=0, help="Time that running tasks may take to end, seconds.")] = GRACE_S
     metrics_port: Annotated[
-        int | None, typer.Option(min=1, max=65535, help="Answer with Prometheus metrics at this port.")
+        int | None, typer.Option(min=1, max=65535, help="Serve Prometheus metrics on this port.")
     ] = None
 
 

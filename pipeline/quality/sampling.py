@@ -25,7 +25,7 @@ ALONE_EVERY, MOST_ALONE = 150, 3
 TILE_PX = (320, 180)
 """(width, height) of the part of each pair that is compared at full resolution."""
 FACES_EVERY = 6
-"""Faces are searched in one of so many sampled pairs."""
+"""Interval of the sampled pairs in which faces are searched."""
 _STEPS = 0.7548776662466927, 0.5698402909980532
 """Steps of the sequence of places, which covers the square evenly (the R2 sequence): inverses of the powers of the
 root of x^3 = x + 1."""

@@ -24,9 +24,9 @@ from workers.farm import Farm
 FRAME_WAIT_S = 3.0
 """Longest wait of a request for a frame slot, seconds; then it is answered with 503."""
 READINGS = 8
-"""Uploads and archives that are read or written at once."""
+"""Number of uploads and archives that are read or written at once."""
 DOWNLOADS = 16
-"""Pieces of downloads that are read from the blob store at once."""
+"""Number of downloaded chunks that are read from the blob store at once."""
 
 
 class Streams:

@@ -23,7 +23,7 @@ PLAIN = {
     "sheet": ("image/jpeg", "A contact sheet"),
     "preview": ("image/jpeg", "The newest finished frame"),
 }
-"""Files with an address of their own, with the usual media type."""
+"""Files with a separate address, with their usual media types."""
 
 
 @router.get("/files")

@@ -1,4 +1,4 @@
-"""/v1/jobs/{job_id}/frames/{index}: one frame of a finished film at its full size, to be corrected or looked at."""
+"""/v1/jobs/{job_id}/frames/{index}: one frame of a finished film at full size, for viewing or correction."""
 
 from __future__ import annotations
 

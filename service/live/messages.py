@@ -119,7 +119,7 @@ class ParamsOut(BaseModel):
 
 
 class SizeOut(BaseModel):
-    """Why the working size is as it is."""
+    """The reason for the working size."""
 
     reason: str
     """"slow" (missed deadlines), "room" (spare time) or "input" (size of the incoming frames)."""

@@ -17,7 +17,7 @@ from service.live.sessions import LiveSession, Sessions
 from service.live.viewers import Viewer, ViewFormat
 
 MAX_VIEWERS = 16
-"""Id of the watched session."""
+"""Maximum number of viewers of a session."""
 SEARCH_INTERVAL_S = 0.25
 """Seconds between searches for a session while there is none."""
 

@@ -57,6 +57,6 @@ def test_tests_that_are_named_exist() -> None:
     assert len(named) >= 10
     for path, name in named:
         assert f"def {name}" in (ROOT / path).read_text(), f"{path}::{name}"
-    promises = page.split("### What is promised")[1].split("\n### ")[0]
-    for row in re.findall(r"^\| (?!promise|---)(.*) \|$", promises, re.M):
+    guarantees = page.split("### Guarantees and their tests")[1].split("\n### ")[0]
+    for row in re.findall(r"^\| (?!guarantee|---)(.*) \|$", guarantees, re.M):
         assert "`tests/" in row, f"no test for: {row}"

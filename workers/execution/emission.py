@@ -18,7 +18,7 @@ _PREVIEW_PX = 960
 _MOST_WAITING = 3
 """Frames that wait for the encoder, at most; then `take` waits. They bound the memory."""
 _THREAD_PX = 640 * 480
-"""Frames of at least this size are encoded on a thread of their own. At 352x288 it would gain nothing."""
+"""Frames of at least this size, px, are encoded in a separate thread. At 352x288 a thread would gain nothing."""
 
 
 class EmitError(ImpastoError):
@@ -78,7 +78,7 @@ class Emission:
             self._writer.write(index, frame, self._index.time(index), self._index.time(index + 1))
 
     def _wait_until(self, most: int) -> None:
-        """Wait until at most so many frames wait for the encoder. Raises its errors."""
+        """Wait until at most this many frames wait for the encoder. Raises its errors."""
         while len(self._waiting) > most:
             self._waiting.popleft().result()
 

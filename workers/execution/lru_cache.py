@@ -1,4 +1,4 @@
-"""A few values that were made before."""
+"""A cache of a few values."""
 
 from __future__ import annotations
 

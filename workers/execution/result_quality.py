@@ -130,4 +130,4 @@ class ResultQuality:
 
 
 def _untold(done: float, preview: str = "") -> None:
-    """Progress of a frame painted alone, which nobody sees."""
+    """Progress function for frames that are painted alone; does nothing."""

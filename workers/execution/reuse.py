@@ -26,7 +26,7 @@ from workers.model import EarlierTask, Json, TaskOrder, TaskOutcome
 from workers.version import version
 
 ABSENT = "-"
-"""Digest of what is not there."""
+"""Digest of something that does not exist."""
 _DIGEST_BYTES = 12
 PREVIEW = "preview"
 

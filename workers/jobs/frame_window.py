@@ -1,4 +1,4 @@
-"""A piece [start, stop) of a video's frames, as the whole video of a job: every frame number is counted from `start`.
+"""Reduces a job to a piece [start, stop) of its video: every frame number is counted from `start`.
 
 Images by frame and frame numbers in JSON documents are moved, and those outside the piece left out. In a document,
 objects with a member `frame` in lists are keys: of those before the start only the latest of each region is kept, at

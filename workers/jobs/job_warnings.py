@@ -1,4 +1,4 @@
-"""Warnings of a job: what its user should know although the job goes on."""
+"""Warnings of a job: facts that its user should know although the job continues."""
 
 from __future__ import annotations
 

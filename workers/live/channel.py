@@ -1,4 +1,4 @@
-"""Frames to a worker in another process and back, over a socket of their own instead of Ray's calls.
+"""Sends frames to a worker in another process and back over a separate socket instead of Ray's actor calls.
 
 A call of a Ray actor costs 2 ms of latency and 1.5 ms of processor time on both sides (measured with Ray 2.60; a frame
 needs two); a message here costs a tenth of that. A frame is one message with two answers: the first when it has been

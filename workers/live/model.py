@@ -80,7 +80,7 @@ class FrameRequest:
     work_size: Size
     """(width, height) at which the frame is analyzed, px."""
     key: bool = False
-    """The answer shall be a key frame."""
+    """Whether the answer must be a key frame."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class FramePolicy:
     received: int = 0
     dropped: int = 0
     suspended: bool = False
-    """No frame begins: the session is about to change."""
+    """No frame starts, because the session is about to change."""
     alone: bool = True
     """Whether frames are processed one at a time."""
     _waiting: list[Packet] = field(default_factory=list)
@@ -142,7 +142,7 @@ class FramePolicy:
         return self.restart()
 
     def restart(self) -> bool:
-        """Decoding starts again. The waiting frame is kept only if it starts with a keyframe; True: ask for one."""
+        """Start decoding anew. The waiting frame is kept only if it starts with a keyframe; True: ask for one."""
         if not self.built_on or (self._waiting and self._waiting[0].key):
             return False
         return self._give_up()

@@ -28,7 +28,7 @@ Reason = Literal["slow", "room"]
 
 @dataclass(frozen=True)
 class SizeReason:
-    """Why frames are painted at the present size."""
+    """Reason why frames are painted at the present size."""
 
     reason: Literal["slow", "room", "input"] = "input"
     """Missed deadlines, spare time, or the size of the incoming frames."""
@@ -104,7 +104,7 @@ class FrameRateMeter:
 
 @dataclass(frozen=True)
 class FrameCost:
-    """Seconds of a frame's work."""
+    """Seconds of work for a frame."""
 
     decode_s: float
     analyze_s: float

@@ -95,7 +95,7 @@ class Stream:
         self._changing = asyncio.Lock()
         self._replacing: asyncio.Task[None] | None = None
         self._newest: asyncio.Task[None] | None = None
-        """Number of the frame that was begun last."""
+        """Task that paints the newest frame."""
         self._tasks: set[asyncio.Task[None]] = set()
         self._failure: Exception | None = None
         self.total, self._second = FrameStatistics(clock()), FrameStatistics(clock())

@@ -39,7 +39,7 @@ service's answers go first. Ray adds 15 on nodes where RAY_worker_niceness is no
 FETCH_S = 10.0
 """Beyond this size, the blob store is faster."""
 _ENDED_RUNS = 1000
-"""Ended preview queries that are remembered: the call that ends one may come before the query."""
+"""Number of ended preview queries that are remembered, since the call that ends one may arrive before the query."""
 
 
 def _lower_priority() -> None:
@@ -80,7 +80,7 @@ class _RenderActor:
 
     @ray.method(concurrency_group=CONTROL)
     def progress(self) -> tuple[str, float, str]:
-        """(attempt id, 0..1, blob key of its newest frame) of what runs now."""
+        """(attempt id, 0..1, blob key of its newest frame) of the present attempt."""
         return self._monitor.progress()
 
     @ray.method(concurrency_group=CONTROL)
@@ -206,7 +206,7 @@ class _PreviewActor:
 
     @ray.method(concurrency_group=CONTROL)
     def state(self) -> Json:
-        """Bytes that are kept warm, and the process's id."""
+        """Number of cached bytes, and the process's id."""
         return {"bytes": self._engine.cache.size_bytes, "pid": os.getpid()}
 
 

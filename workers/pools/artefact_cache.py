@@ -23,7 +23,7 @@ MOST_BYTES = 16 << 20
 """Largest artefact in the cache, bytes; larger ones use the blob store only."""
 
 Fetch = Callable[[], bytes | None]
-"""The bytes, or None: they are not there any more."""
+"""The bytes, or None if they are no longer in memory."""
 
 
 class ArtefactCache(Blobs):
@@ -50,7 +50,7 @@ class ArtefactCache(Blobs):
         self._made = {} if keep else None
 
     def end(self) -> dict[str, bytes]:
-        """The artefacts that it has stored, if they were to be kept."""
+        """The artefacts that the attempt has stored, if they were to be kept."""
         with self._lock:
             made, self._made, self._given = self._made or {}, None, {}
         return made
@@ -142,6 +142,6 @@ class SharedArtefacts:
                 self._bytes -= size
 
     def of(self, keys: Iterable[str]) -> dict[str, object]:
-        """References of those keys that are in memory."""
+        """References to those of the given keys that are in memory."""
         with self._lock:
             return {key: self._left[key][0] for key in keys if key in self._left}

@@ -1,4 +1,4 @@
-"""Capacity: what a task needs, compared with what workers have and machines offer. Pure; knows no cluster."""
+"""Compares the resources of a task with those of workers and machines. Pure functions without access to a cluster."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.methods.base import Resources
 from workers.settings import FarmSettings
 
 _LEAST_BYTES = 512 << 20
-"""Memory is given out in this, twice this, four times this ...: so that a worker suits many tasks."""
+"""Smallest amount of memory that is reserved; larger amounts are doubled from it, so that a worker suits many tasks."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def capacity_for(resources: Resources | None, settings: FarmSettings) -> Capacit
 
 
 def _rounded(size: int) -> int:
-    """The next size that is given out; 0 for 0."""
+    """The smallest reservable size of at least this; 0 for 0."""
     if size <= 0:
         return 0
     given = _LEAST_BYTES
@@ -57,7 +57,7 @@ def _rounded(size: int) -> int:
 
 
 Machines = Iterable[tuple[str, Capacity]]
-"""By name, what each has to give if nothing runs there. Names may repeat."""
+"""Machines by name with their total capacity. Names may repeat."""
 
 
 def machines_with(wanted: Capacity, machines: Machines) -> set[str]:

@@ -34,7 +34,7 @@ class TaskRunner(Protocol):
     def close(self) -> None: ...
 
     def warm_up(self, stopped: Callable[[], bool]) -> None:
-        """Get ready in the background, beside `run`, until it is done or `stopped`."""
+        """Warm up in the background, in parallel with `run`, until it is done or `stopped`."""
         ...
 
 

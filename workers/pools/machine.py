@@ -22,7 +22,7 @@ import psutil
 from pipeline.methods.base import PROCESS_BYTES, Resources
 
 LIVE_CPUS = 2.0
-"""Processors that a live session keeps busy: it analyses a frame while it paints the one before."""
+"""Processors that a live session keeps busy: it analyses a frame while it paints the previous one."""
 UNUSED = 0.25
 """Part of the memory that tasks leave to the system, the service and its caches."""
 LEAST_BYTES = 64 << 20

@@ -1,4 +1,4 @@
-"""Garbage collection: removes blobs that no job needs, and leftovers of crashes. In a thread of its own, because a
+"""Garbage collection: removes unneeded blobs and leftovers of crashes. It runs in a separate thread, because a
 remote blob store is slow."""
 
 from __future__ import annotations

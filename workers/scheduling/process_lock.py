@@ -43,7 +43,7 @@ class ProcessLock:
         return [file for file in self._folder.glob("dsp_*.lock") if file != self._place]
 
     def forget(self, dead: list[str]) -> None:
-        """Their work has been taken up."""
+        """Forget dispatchers whose tasks have been taken over."""
         for name in dead:
             (self._folder / f"{name}.lock").unlink(missing_ok=True)
 

@@ -34,10 +34,10 @@ class MultistyleParams(Params):
         )
 
     # -- style
-    style: StyleName = choice("van-gogh", "Style", "Style of everything that no design styles otherwise.", "Style")
+    style: StyleName = choice("van-gogh", "Style", "Style of all regions for which no design sets a style.", "Style")
     renderer: Renderer = choice(
         "implicit", "Renderer",
-        "implicit = discs drawn out along the stroke directions, with soft edges, the steadier one; explicit = every "
+        "implicit = discs swept along the stroke directions, with soft edges and less flicker; explicit = every "
         "stroke is a curve with crisp edges and ends; implicit-literal = each pixel takes the topmost disc on the "
         "streamline through it, as the paper's equation 5 computes it (slower).", "Style",
     )  # fmt: skip
@@ -59,7 +59,7 @@ class MultistyleParams(Params):
     )
     relief: float = number(1, 0, 4, "Relief", "Factor on the height of the paint.", "ratio", "Style")
     grain: float = number(1, 0, 2, "Grain", "Factor on the bristle texture in strokes.", "ratio", "Style")
-    layers: float = number(0, -2, 2, "Layers", "Added to the style's number of layers.", "layers", "Style")
+    layers: float = number(0, -2, 2, "Layers", "Number of layers added to those of the style.", "layers", "Style")
     threshold: float = number(
         1, 0, 4, "Error threshold", "Factor on the error above which finer strokes are painted; 0 = everywhere.",
         "ratio", "Style",
@@ -82,7 +82,7 @@ class MultistyleParams(Params):
         1, 0, 1, "Faces", "Finer strokes on faces and hands: 1 = half the size and one more layer.", "ratio", "Detail"
     )
     saliency_detail: float = number(
-        0.25, 0, 1, "Salient things", "Finer strokes on what stands out in a frame.", "ratio", "Detail"
+        0.25, 0, 1, "Salient things", "Finer strokes on things that stand out in a frame.", "ratio", "Detail"
     )
     motion_detail: float = number(
         0.2, 0, 1, "Moving things", "Finer strokes on what moves relative to the background.", "ratio", "Detail"
@@ -104,7 +104,7 @@ class MultistyleParams(Params):
 
     # -- time
     temporal: Switch = choice(
-        "on", "Temporal coherence", "off = every frame is painted on its own, as a baseline; it flickers.", "Time"
+        "on", "Temporal coherence", "off = every frame is painted independently, as a baseline; it flickers.", "Time"
     )
     flow: FlowName = choice("dis-medium", "Optical flow", "Algorithm that estimates the motion of strokes.", "Time")
     stillness: float = number(
@@ -116,7 +116,7 @@ class MultistyleParams(Params):
         "painted.", "gray levels", "Time",
     )  # fmt: skip
     stroke_fade: float = number(
-        0.3, 0.02, 1, "Stroke fade", "Change of a stroke's opacity a frame while it appears or disappears.", "ratio",
+        0.3, 0.02, 1, "Stroke fade", "Change of a stroke's opacity per frame while it appears or disappears.", "ratio",
         "Time",
     )  # fmt: skip
     colour_follow: float = number(
