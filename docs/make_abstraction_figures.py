@@ -47,7 +47,7 @@ class Strip:
     """The two other values, in ascending order. If the default is the lowest or highest value, they follow it."""
     words: str
     show: Literal["picture", "change", "flow", "importance"] = "picture"
-    """What is drawn: the picture, its change between frames where the video is static, the optical flow, or I(p)."""
+    """Kind of drawing: the picture, its change between frames where the video is static, the optical flow, or I(p)."""
     painting: str = ""
     zoom: tuple[float, float, float] = (0, 0, 1)
     """(left, top, side) of the displayed part, as fractions of the frame."""

@@ -175,7 +175,7 @@ def test_auto_draws_curves_from_480_lines_and_every_mode_where_the_frame_is_enla
 
 
 def test_a_cut_resets_the_session() -> None:
-    """With the detector on, a shot equals a video of that shot alone, except for the region ids."""
+    """A shot equals, with the detector on, a video of that shot alone, except for the region ids."""
     whole, alone = paint(shots()), paint(shots()[CUT:])
     np.testing.assert_array_equal(stacked(whole[CUT:]), stacked(alone))
     before = {int(name) for painting in whole[:CUT] for name in painting.regions.ids[1:]}

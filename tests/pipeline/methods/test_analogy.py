@@ -71,7 +71,7 @@ def test_every_output_colour_is_a_colour_of_the_style(params: dict[str, Any]) ->
 
 
 def test_a_scaled_painting_moves_by_fractions_of_a_pixel() -> None:
-    """In a pan of half a pixel per frame, each frame is the one before it, moved by half a pixel.
+    """Each frame of a pan by half a pixel per frame is the one before it, moved by half a pixel.
 
     With `stroke_scale=0` pixels are copied, and jump by whole pixels. Both have colours of the painting only.
     """

@@ -216,7 +216,7 @@ def test_averaged_texture_gets_the_contrast_of_the_styled_frame() -> None:
 
 
 def test_fine_texture_is_restored_without_more_of_the_coarser_texture() -> None:
-    """With one gain for all texture, the gradient was 12 % above that of the styled frame."""
+    """A single gain for all texture left the gradient 12 % above that of the styled frame."""
     _, styled = averaged_texture()
     blurred, more = (cv2.GaussianBlur(styled, (0, 0), sigma) for sigma in (0.5, 1.2))
     softer = styled - np.float32(0.6) * (styled - blurred) + np.float32(0.4) * (blurred - more)

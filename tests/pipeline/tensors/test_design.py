@@ -217,7 +217,7 @@ def test_edges_and_elements_are_weighted() -> None:
 
 
 def test_free_regions_are_filled_across_the_branch_cut() -> None:
-    """From 170 to 10 degrees, the interpolation passes 0 and not 90."""
+    """The interpolation from 170 to 10 degrees passes 0 and not 90."""
     key = np.zeros(ODD, bool)
     key[:, :5] = key[:, -5:] = True
     angles = np.where(np.arange(53) < 26, math.radians(170), math.radians(10)) * np.ones((37, 1))
