@@ -62,6 +62,12 @@ DatabaseOption = Annotated[
         rich_help_panel=WHERE,
     ),
 ]
+BlobsOption = Annotated[
+    str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; default: a folder in the home.")
+]
+S3EndpointOption = Annotated[
+    str | None, typer.Option(metavar="URL", help="Endpoint of an S3 server other than Amazon's.")
+]
 ServerOption = Annotated[
     str | None,
     typer.Option(

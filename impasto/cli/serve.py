@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from impasto.cli.console import print_status
-from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
+from impasto.cli.options import BlobsOption, DatabaseOption, HomeOption, S3EndpointOption, home_of, takes_options
 from workers.process.starting import without_garbage_collection
 
 EPILOG = """[bold]Examples[/bold]
@@ -59,12 +59,8 @@ class ServeOptions:
     ] = None
     ray_address: Annotated[str | None, typer.Option(help="Address of a Ray cluster; default: start one here.")] = None
     database: DatabaseOption = None
-    blobs: Annotated[
-        str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; default: a folder in the home.")
-    ] = None
-    s3_endpoint: Annotated[
-        str | None, typer.Option(metavar="URL", help="Endpoint of an S3 server other than Amazon's.")
-    ] = None
+    blobs: BlobsOption = None
+    s3_endpoint: S3EndpointOption = None
     auth: Annotated[Auth | None, typer.Option(help="auto: keys are required unless it listens on loopback only.")] = (
         None
     )

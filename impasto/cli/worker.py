@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import print_status
-from impasto.cli.options import DatabaseOption, HomeOption, home_of, takes_options
+from impasto.cli.options import BlobsOption, DatabaseOption, HomeOption, S3EndpointOption, home_of, takes_options
 from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
@@ -44,12 +44,8 @@ class WorkerOptions:
         int | None, typer.Option(min=1, max=256, help="Simultaneous tasks; default: as many as fit.")
     ] = None
     database: DatabaseOption = None
-    blobs: Annotated[
-        str | None, typer.Option(metavar="URL", help="s3://bucket/prefix; default: a folder in the home.")
-    ] = None
-    s3_endpoint: Annotated[
-        str | None, typer.Option(metavar="URL", help="Endpoint of an S3 server other than Amazon's.")
-    ] = None
+    blobs: BlobsOption = None
+    s3_endpoint: S3EndpointOption = None
     ray_address: Annotated[str | None, typer.Option(help="HOST:PORT of a Ray cluster that this machine joins.")] = None
     gpus: Annotated[float | None, typer.Option(min=0, help="With --ray-address: GPUs to offer; default: all.")] = None
     memory: Annotated[

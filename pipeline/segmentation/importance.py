@@ -143,14 +143,18 @@ class ImportanceTracker:
             self._gray = None
 
     def people(self) -> Plane | None:
-        """Hands and small heads in the latest frame, float32 at the size of the map, 0..1; None without a face."""
+        """Hands and small heads in the latest frame, times the weight of faces; None without a face.
+
+        Returns: float32 at the size of the map, 0..1.
+        """
         if not len(self._faces.faces):
             return None
         faces = self._faces.faces.copy()
         widths = faces["box"][:, 2] / max(self._size)
         faces["strength"] *= np.clip((LARGE_HEAD - widths) / (LARGE_HEAD - SMALL_HEAD), 0, 1)
         heads = head_mask(faces, self._size, self._hands.shape)
-        return np.asarray(np.maximum(heads, np.float32(HANDS) * self._hands), np.float32)
+        found = np.maximum(heads, np.float32(HANDS) * self._hands)
+        return np.asarray(np.float32(self._params.face) * found, np.float32)
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""
