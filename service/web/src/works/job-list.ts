@@ -8,7 +8,10 @@ import { notify, offerUndo, problemBlock } from "../shared/notices";
 import type { Job, Page, View } from "../shared/types";
 import { isFinal, stateWord } from "./progress";
 
+/** Between two requests while a listed job is not final. */
 const POLL_MS = 2500;
+/** Between two requests otherwise: jobs submitted or deleted elsewhere, or by this page before a reload. */
+const IDLE_POLL_MS = 10_000;
 /** After the last letter of a search. */
 const REST_MS = 250;
 
@@ -30,6 +33,7 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
   const cards = new Map<string, Card>();
   let timer = 0;
   let searches = 0;
+  let pages = 1;
   let closed = false;
 
   fill(
@@ -44,8 +48,13 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
       const page = await api.jobs(limit, filter?.wanted());
       if (!closed && mine === searches) show(page);
     } catch (error) {
+      if (closed) return;
+      if (cards.size) {
+        timer = window.setTimeout(load, IDLE_POLL_MS);
+        return;
+      }
       const again = h("button", { type: "button", class: "button", onclick: () => location.reload() }, "Try again");
-      if (!closed) fill(element, problemBlock(api.asProblem(error), again));
+      fill(element, problemBlock(api.asProblem(error), again));
     }
   }
 
@@ -53,6 +62,7 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
   function search(): void {
     cards.clear();
     searches += 1;
+    pages = 1;
     element.setAttribute("aria-busy", "true");
     clearTimeout(timer);
     timer = window.setTimeout(load, REST_MS);
@@ -65,8 +75,8 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
     place(page.items, list.firstChild);
     const chosen = Object.keys(filter?.wanted() ?? {}).length > 0;
     nothing.hidden = cards.size > 0 || !chosen;
-    fill(rest, !cards.size && !chosen && empty, more && page.cursor && moreButton(page.cursor));
-    if (page.items.some((job) => !isFinal(job))) timer = window.setTimeout(load, POLL_MS);
+    if (pages === 1) fill(rest, !cards.size && !chosen && empty, more && page.cursor && moreButton(page.cursor));
+    timer = window.setTimeout(load, page.items.some((job) => !isFinal(job)) ? POLL_MS : IDLE_POLL_MS);
   }
 
   /** Remove cards that belong on this first page and are not there any more: their job was deleted, or has another state. */
@@ -98,6 +108,7 @@ export function createJobList({ limit, more = false, empty = "" }: JobListOption
       const mine = searches;
       const page = await api.jobs(limit, filter?.wanted(), cursor);
       if (mine !== searches) return; // another search has begun
+      pages += 1;
       place(page.items);
       fill(rest, page.cursor && moreButton(page.cursor));
     };
