@@ -111,26 +111,27 @@ class LabelMattes:
 
     @cached_property
     def _planes(self) -> tuple[dict[int, Plane], Plane]:
-        """Matte of each label at full size, and their sum."""
+        """Matte of each label at full size, and their sum, at least 0.001."""
         alphas: dict[int, Plane] = {}
         total = np.zeros(self.frame.shape[:2], np.float32)
         for label in np.unique(self.labels).tolist():
             box, plane = self.box(label), np.zeros(total.shape, np.float32)
             plane[box] = self.alpha(label, box)
             alphas[label] = plane
-            total += plane
-        return alphas, total
+            total[box] += plane[box]
+        return alphas, np.maximum(total, np.float32(1e-3))
 
-    def normalized(self, label: int) -> Plane:
-        """Matte of a label, float32 (h, w), 0..1, scaled so that the mattes of all labels sum to 1 at every pixel.
+    def normalized(self, label: int, box: Box = (slice(None), slice(None))) -> Plane:
+        """Matte of a label in a box of the frame, float32 (h, w), 0..1, scaled so that the mattes of all labels sum to
+        1 at every pixel.
 
         0 everywhere if the frame does not have the label.
         """
         alphas, total = self._planes
         found = alphas.get(label)
         if found is None:
-            return np.zeros_like(total)
-        return np.asarray(found / np.maximum(total, np.float32(1e-3)), np.float32)
+            return np.zeros_like(total[box])
+        return np.asarray(found[box] / total[box], np.float32)
 
     def full(self) -> Labels:
         """Label map at the frame's size, int32: the label with the largest matte at each pixel, without specks."""

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Plane
+from pipeline.frames import Frame
 from pipeline.jit import kernel
 
 Light = NDArray[np.uint8]
@@ -32,55 +32,54 @@ def steepen(picture: Frame, steps: int) -> Frame:
     """
     if steps <= 0:
         return picture
-    sharp = picture
+    smooth = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
+    sharp, light = picture, smooth
     for _ in range(steps):
-        out = np.empty_like(sharp)
-        _toggle(sharp, *_range(sharp), out)
-        sharp = out
-    out = np.empty_like(sharp)
-    smooth = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.float32)
-    _anti_alias(sharp, *_range(sharp), smooth, out)
+        out, out_light = sharp.copy(), light.copy()
+        _toggle(sharp, light, *_range(light), out, out_light)
+        sharp, light = out, out_light
+    out = sharp.copy()
+    _anti_alias(sharp, light, *_range(light), smooth, out)
     return out
 
 
-def _range(picture: Frame) -> tuple[Light, Light, Light]:
-    """Lightness, and its largest and smallest value in 3x3 px: uint8 (h, w) each."""
-    light = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    planes = (light, cv2.dilate(light, _SQUARE), cv2.erode(light, _SQUARE))
-    one, two, three = (np.asarray(plane, np.uint8) for plane in planes)
-    return one, two, three
+def _range(light: Light) -> tuple[Light, Light]:
+    """Largest and smallest lightness in 3x3 px: uint8 (h, w) each."""
+    return np.asarray(cv2.dilate(light, _SQUARE), np.uint8), np.asarray(cv2.erode(light, _SQUARE), np.uint8)
 
 
 @kernel
-def _toggle(picture: Frame, light: Light, most: Light, least: Light, out: Frame) -> None:
+def _toggle(picture: Frame, light: Light, most: Light, least: Light, out: Frame, out_light: Light) -> None:
+    """One step. `out` and `out_light` are copies of `picture` and `light`: only pixels that change are written."""
     height, width = light.shape
     for y in range(height):
         for x in range(width):
+            if np.int32(most[y, x]) - least[y, x] < LEAST_STEP:
+                continue
             up, down = np.int32(most[y, x]) - light[y, x], np.int32(light[y, x]) - least[y, x]
-            row, column = y, x
-            if up + down >= LEAST_STEP and up > 0 and down > 0 and up != down:
+            if up > 0 and down > 0 and up != down:
                 row, column = _neighbour(light, y, x, most[y, x] if up < down else least[y, x])
-            for c in range(3):
-                out[y, x, c] = picture[row, column, c]
+                out_light[y, x] = light[row, column]
+                for c in range(3):
+                    out[y, x, c] = picture[row, column, c]
 
 
 @kernel
-def _anti_alias(sharp: Frame, light: Light, most: Light, least: Light, smooth: Plane, out: Frame) -> None:
+def _anti_alias(sharp: Frame, light: Light, most: Light, least: Light, smooth: Light, out: Frame) -> None:
     """Beside a step, mix its two colours by the coverage of the pixel: the distance to where the lightness of the
-    picture before (`smooth`) crosses the middle, in px."""
+    picture before (`smooth`) crosses the middle, in px. `out` is a copy of `sharp`: only pixels that change are
+    written."""
     height, width = light.shape
     half = np.float32(0.5)
     for y in range(height):
         for x in range(width):
-            low, span = np.float32(least[y, x]), np.float32(most[y, x]) - np.float32(least[y, x])
-            if span < LEAST_STEP:
-                for c in range(3):  # faster than a copy of a slice
-                    out[y, x, c] = sharp[y, x, c]
+            if np.int32(most[y, x]) - least[y, x] < LEAST_STEP:
                 continue
-            right, left = smooth[y, min(x + 1, width - 1)], smooth[y, max(x - 1, 0)]
-            below, above = smooth[min(y + 1, height - 1), x], smooth[max(y - 1, 0), x]
+            low, span = np.float32(least[y, x]), np.float32(most[y, x]) - np.float32(least[y, x])
+            right, left = np.float32(smooth[y, min(x + 1, width - 1)]), np.float32(smooth[y, max(x - 1, 0)])
+            below, above = np.float32(smooth[min(y + 1, height - 1), x]), np.float32(smooth[max(y - 1, 0), x])
             slope = half * np.sqrt((right - left) * (right - left) + (below - above) * (below - above))
-            over = smooth[y, x] - low - half * span
+            over = np.float32(smooth[y, x]) - low - half * span
             cover = min(max(half + over / max(slope, np.float32(1)), np.float32(0)), np.float32(1))
             j, i = _neighbour(light, y, x, least[y, x])
             n, m = _neighbour(light, y, x, most[y, x])
@@ -92,9 +91,8 @@ def _anti_alias(sharp: Frame, light: Light, most: Light, least: Light, smooth: P
 @kernel
 def _neighbour(light: Light, y: int, x: int, wanted: int) -> tuple[int, int]:
     """Row and column of the last pixel in 3x3 px around (x, y) with that lightness."""
-    row, column = y, x
-    for j in range(max(y - 1, 0), min(y + 2, light.shape[0])):
-        for i in range(max(x - 1, 0), min(x + 2, light.shape[1])):
+    for j in range(min(y + 1, light.shape[0] - 1), max(y - 1, 0) - 1, -1):
+        for i in range(min(x + 1, light.shape[1] - 1), max(x - 1, 0) - 1, -1):
             if light[j, i] == wanted:
-                row, column = j, i
-    return row, column
+                return j, i
+    return y, x

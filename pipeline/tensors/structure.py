@@ -18,6 +18,8 @@ from pipeline.jit import kernel
 Tensors: TypeAlias = NDArray[np.float32]
 """A symmetric 2 x 2 tensor per pixel, `float32` (3, height, width): the planes xx, xy, yy."""
 
+CELLS_A_SIGMA = 0.75
+"""Side of the cells of `doubled_tangents` as a multiple of sigma."""
 FLAT = 0.01
 """Difference of the eigenvalues, (gray levels/px)^2, up to which the direction is undefined: 0.1 gray levels/px."""
 
@@ -76,3 +78,77 @@ def _tangents(tensors: Tensors, flat: np.float32, out: Flow) -> None:
             ty = -smaller if steep else -larger
             out[y, x, 0] = tx if known else 0.0
             out[y, x, 1] = ty if known else 0.0
+
+
+def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLAT) -> NDArray[np.float32]:
+    """The tangent field as (cos 2a, sin 2a) of the angle a, of length 0..1: float32 (h, w, 2); (0, 0) where undefined.
+
+    The structure tensor is averaged over square cells before it is smoothed, where sigma is large: a smoothed field has
+    no finer detail. Directions are interpolated between cells, so that they are shorter than 1 where they turn.
+
+    Args:
+        gray: uint8 (h, w), gray levels.
+        sigma_px: as for `structure_tensor`.
+        flat: as for `tangent_field`.
+    """
+    cell = max(round(CELLS_A_SIGMA * sigma_px), 1)
+    height, width = gray.shape
+    tensors = np.empty((3, -(-height // cell), -(-width // cell)), np.float32)
+    _mean_tensors(gray, cell, tensors)
+    sigma = float(np.sqrt(sigma_px**2 - (cell**2 - 1) / 12)) / cell
+    for plane in tensors:
+        cv2.GaussianBlur(plane, (0, 0), sigma, dst=plane)
+    out = np.empty((*tensors.shape[1:], 2), np.float32)
+    _doubled(tensors, np.float32(flat), out)
+    if cell == 1:
+        return out
+    wide = cv2.resize(out, (out.shape[1] * cell, out.shape[0] * cell), interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(wide[:height, :width], np.float32)
+
+
+@kernel
+def _mean_tensors(gray: NDArray[np.uint8], cell: int, out: Tensors) -> None:
+    """Mean over each cell of the products of Scharr's gradient; border pixels are replicated."""
+    height, width = gray.shape
+    scale = np.float32(1 / 1024)
+    xx, xy, yy = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    across, down = np.empty(width + 2, np.int32), np.empty(width + 2, np.int32)
+    for row in range(out.shape[1]):
+        xx[:], xy[:], yy[:] = 0, 0, 0
+        bottom = min((row + 1) * cell, height)
+        for y in range(row * cell, bottom):
+            above, below = gray[max(y - 1, 0)], gray[min(y + 1, height - 1)]
+            here = gray[y]
+            for x in range(width):
+                across[x + 1] = 3 * (np.int32(above[x]) + np.int32(below[x])) + 10 * np.int32(here[x])
+                down[x + 1] = np.int32(below[x]) - np.int32(above[x])
+            across[0], down[0] = across[1], down[1]
+            across[width + 1], down[width + 1] = across[width], down[width]
+            for x in range(width):
+                dx = np.float32(across[x + 2] - across[x])
+                dy = np.float32(3 * (down[x] + down[x + 2]) + 10 * down[x + 1])
+                xx[x] += dx * dx
+                xy[x] += dx * dy
+                yy[x] += dy * dy
+        for column in range(out.shape[2]):
+            left, right = column * cell, min((column + 1) * cell, width)
+            share = scale / np.float32((right - left) * (bottom - row * cell))
+            a, b, c = np.float32(0), np.float32(0), np.float32(0)
+            for x in range(left, right):
+                a += xx[x]
+                b += xy[x]
+                c += yy[x]
+            out[0, row, column], out[1, row, column], out[2, row, column] = a * share, b * share, c * share
+
+
+@kernel
+def _doubled(tensors: Tensors, flat: np.float32, out: NDArray[np.float32]) -> None:
+    _, height, width = tensors.shape
+    for y in range(height):
+        for x in range(width):
+            u, v = tensors[2, y, x] - tensors[0, y, x], tensors[1, y, x] + tensors[1, y, x]
+            length = np.sqrt(u * u + v * v)
+            known = length > flat
+            scale = np.float32(1) / (length if known else np.float32(1))
+            out[y, x, 0] = u * scale if known else np.float32(0)
+            out[y, x, 1] = -v * scale if known else np.float32(0)

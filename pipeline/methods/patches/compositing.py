@@ -17,6 +17,7 @@ from pipeline.methods.patches.baselines import AdvectedFrames, IndependentFrames
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.face_tracking import ShotFaces
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
+from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted, blended
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
@@ -143,19 +144,20 @@ class PaintedPatch:
         return cls(track, result["periods"], renderings, (x, y), placements)
 
     def sample(self, index: int, x: Plane, y: Plane) -> Rendering:
-        """Sample panorama and painting for frame `index`: float32 (2, h, w, 3). Successive periods are cross-faded.
+        """Sample panorama and painting for frame `index`: uint8 (2, h, w, 3). Successive periods are cross-faded.
 
         Args:
             x, y: float32 (h, w), positions in the panorama, px.
         """
-        rendering = np.zeros((2, *x.shape, 3), np.float32)
-        for number, weight in self._period_weights(index):
-            for which, (picture, interpolation) in enumerate(
-                zip(self.renderings[number], (cv2.INTER_LINEAR, cv2.INTER_CUBIC), strict=True)
-            ):
-                sampled = cv2.remap(picture, x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
-                rendering[which] += np.float32(weight) * sampled
-        return rendering
+        out = np.empty((2, *x.shape, 3), np.uint8)
+        (number, weight), *before_or_after = self._period_weights(index)
+        for which, interpolation in enumerate((cv2.INTER_LINEAR, cv2.INTER_CUBIC)):
+            own = self.renderings[number][which]
+            cv2.remap(own, x, y, interpolation, dst=out[which], borderMode=cv2.BORDER_REPLICATE)
+            for other, rest in before_or_after:
+                sampled = cv2.remap(self.renderings[other][which], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
+                cv2.addWeighted(out[which], weight, sampled, rest, 0, dst=out[which])
+        return out
 
     def _period_weights(self, index: int) -> list[tuple[int, float]]:
         """Numbers of the periods shown at frame `index`, and their cross-fade weights."""
@@ -209,26 +211,26 @@ class PatchCompositor:
             if (placement := patch.placements.get(index)) is not None:
                 self._add_patch(total, covered, patch, placement, mattes, index, limit)
         opacity = residual.limited_opacity(index, 1 - covered)
-        total *= ((1 - opacity) / np.maximum(covered, np.float32(1e-6)))[..., None]
         if (opacity > VISIBLE_OPACITY).any():
-            total += residual.paint(index, frame, opacity, limit, self._faces(index)) * opacity[..., None]
+            layer = residual.paint(index, frame, opacity, limit, self._faces(index))
+            scale = (1 - opacity) / np.maximum(covered, np.float32(1e-6))
         else:
-            total /= covered[..., None]
-        picture, painting = np.rint(np.clip(total, 0, 255)).astype(np.uint8)
+            layer, opacity, scale = total, np.zeros_like(covered), np.reciprocal(covered)
+        picture, painting = blended(total, np.asarray(scale, np.float32), layer, opacity)
         residual.store(index, picture, painting)
         return picture, painting
 
     def _add_patch(
-        self, total: Rendering, covered: Plane, patch: PaintedPatch, placement: Placement, mattes: LabelMattes,
+        self, total: WeightedSum, covered: Plane, patch: PaintedPatch, placement: Placement, mattes: LabelMattes,
         index: int, limit: Plane,
     ) -> None:  # fmt: skip
         """Add a patch, weighted by its matte, its cross-fade and its fit, to `total`, and the weight to `covered`."""
         (left, top, right, bottom), x, y = full_map(placement, self._grid.ratio, self._size, patch.origin)
         box = slice(top, bottom), slice(left, right)
         rendering = patch.sample(index, x, y)
-        weight = mattes.normalized(patch.track.label)[box] * np.float32(patch.track.fade_weight(index))
-        weight = weight * patch_weight(mattes.frame[box], rendering, limit[box], self._grid)
-        total[:, *box] += rendering * weight[..., None]
+        weight = mattes.normalized(patch.track.label, box) * np.float32(patch.track.fade_weight(index))
+        weight *= patch_weight(mattes.frame[box], rendering, limit[box], self._grid)
+        add_weighted(total[:, *box], rendering, weight)
         covered[box] += weight
 
 

@@ -19,7 +19,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Plane
+from pipeline.arrays import AnyArray
+from pipeline.frames import Frame, Mask, Plane
+from pipeline.jit import kernel
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import vector_norm
 
@@ -43,12 +45,17 @@ REJECTED, REJECTED_NEARBY = 1.25, 0.3
 """Misfit above which a pixel is rejected, and above which pixels near it are rejected, too."""
 REJECTION_RADIUS_PX = 4.0
 """Radius of that neighbourhood, px of a frame 344 px high. Without it, a gray rim remains around changed areas."""
+LEAST_COVERAGE = 0.1
+"""Smallest factor on the limit beside pixels without paint."""
+CELLS_A_SIGMA = 0.7
+"""Paint and frame are compared on a grid of square cells, whose side is about this multiple of the Gaussian's sigma: a
+blurred picture has no finer detail, and the cost of a large Gaussian grows with its size."""
 SPECK_PX, MIN_MEAN_WEIGHT = 6.0, 0.7
 """Isolated specks are removed where the mean weight of a Gaussian neighbourhood is low: its sigma, px of a frame 344 px
 high, and that mean weight."""
 
-Rendering = NDArray[np.float32]
-"""float32 (2, h, w, 3): a picture and its painting, RGB 0..255."""
+Rendering = NDArray[np.uint8]
+"""uint8 (2, h, w, 3): a picture and its painting, RGB."""
 
 
 def error_tolerance(picture: Frame, unit: float) -> Plane:
@@ -65,7 +72,7 @@ def error_tolerance(picture: Frame, unit: float) -> Plane:
     return np.asarray(cv2.resize(factor, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def relative_sharpness(picture: Frame, frame: Frame, unit: float) -> Plane:
+def relative_sharpness(picture: Frame, frame: Frame, unit: float, size: tuple[int, int] | None = None) -> Plane:
     """Local detail of a picture relative to that of a frame, 0..1: float32 (h, w).
 
     A mean of misaligned frames is blurred and has less detail. One gray level is added to both, so that noise in
@@ -75,20 +82,37 @@ def relative_sharpness(picture: Frame, frame: Frame, unit: float) -> Plane:
         picture: uint8 (h, w, 3), a mean of frames.
         frame: uint8 (h, w, 3).
         unit: pixels of the picture per pixel of a frame 344 px high.
+        size: (width, height) of the result; None = the picture's.
     """
     ratio = np.minimum(SHARPNESS_GAIN * (_local_detail(picture, unit) + 1) / (_local_detail(frame, unit) + 1), 1)
-    return np.asarray(cv2.resize(ratio, picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+    return np.asarray(cv2.resize(ratio, size or picture.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def _local_detail(picture: Frame, unit: float) -> Plane:
     """Local mean of absolute detail, gray levels: float32, on a grid of `CELL_PX` cells."""
-    gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    detail = cv2.absdiff(gray, cv2.GaussianBlur(gray, (0, 0), DETAIL_PX * unit))
+    gray = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
+    detail = cv2.absdiff(gray, _blurred(gray, DETAIL_PX * unit))
     height, width = gray.shape
     step = max(int(CELL_PX * unit), 1)
     size = max(width // step, 1), max(height // step, 1)
-    small = cv2.resize(detail.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(detail, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(small, (0, 0), NEIGHBOURHOOD_PX * unit / step), np.float32)
+
+
+def _blurred(gray: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uint8]:
+    """Gaussian blur, computed at a fraction of the size where sigma is large."""
+    step = int(sigma_px / 2)
+    height, width = gray.shape
+    if step <= 1 or min(height, width) < 2 * step:
+        return np.asarray(cv2.GaussianBlur(gray, (0, 0), sigma_px), np.uint8)
+    small = cv2.resize(gray, (width // step, height // step), interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(small, (0, 0), _sigma_in_cells(sigma_px, step))
+    return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
+
+
+def _sigma_in_cells(sigma_px: float, cell: int) -> float:
+    """Sigma, in cells, of the Gaussian that, after a mean over cells, has a variance of `sigma_px` squared in all."""
+    return float(np.sqrt(sigma_px**2 - (cell**2 - 1) / 12)) / cell
 
 
 def fine_sigma_px(grid: WorkingGrid) -> float:
@@ -96,40 +120,98 @@ def fine_sigma_px(grid: WorkingGrid) -> float:
     return max(FINE_PX * grid.unit, 1.0)
 
 
-def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float) -> Plane:
-    """Misfit of paint and a frame: geometric mean of two RGB distances, in units of the limit, float32 (h, w).
+def cell_px(sigma_px: float) -> int:
+    """Side of the cells on which paint and frame are compared, px."""
+    return max(round(CELLS_A_SIGMA * sigma_px), 1)
+
+
+def enlarge(plane: Plane, cell: int, shape: tuple[int, int]) -> Plane:
+    """A plane of cells, enlarged to pixels: float32 of `shape` (h, w)."""
+    if cell == 1:
+        return plane
+    rows, columns = plane.shape
+    wide = cv2.resize(plane, (columns * cell, rows * cell), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(wide[: shape[0], : shape[1]], np.float32)
+
+
+def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, where: Mask | None = None) -> Plane:
+    """Misfit of paint and a frame: geometric mean of two RGB distances, in units of the limit.
 
         sqrt(|frame - picture| |frame - painting|) / limit
+
+    Returns:
+        float32, one value for each cell of `cell_px(sigma_px)` px; the last row and column may be incomplete cells.
 
     Args:
         rendering: the paint, and the picture that it was painted from.
         limit: float32 (h, w), tolerated RGB distance.
         sigma_px: sigma of the Gaussian applied to both differences, px.
+        where: bool (h, w), the pixels that have paint; None = all. Elsewhere the differences are 0, and the limit is
+            reduced beside them accordingly.
     """
-    changed, wrong = (
-        vector_norm(cv2.GaussianBlur(frame.astype(np.float32) - plane, (0, 0), sigma_px)) for plane in rendering
-    )
-    return np.asarray(np.sqrt(changed * wrong) / limit, np.float32)
+    cell = cell_px(sigma_px)
+    rows, columns = (-(-length // cell) for length in frame.shape[:2])
+    sigma = _sigma_in_cells(sigma_px, cell)
+    means = np.empty((2, rows, columns, 3), np.float32)
+    tolerated: AnyArray = cv2.resize(limit, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    coverage = np.empty((rows, columns), np.float32)
+    every = np.ones(limit.shape, np.bool_) if where is None else where
+    _mean_differences(frame, rendering, every, cell, means, coverage)
+    if where is not None:
+        tolerated = tolerated * np.maximum(cv2.GaussianBlur(coverage, (0, 0), sigma), np.float32(LEAST_COVERAGE))
+    changed, wrong = (vector_norm(cv2.GaussianBlur(plane, (0, 0), sigma)) for plane in means)
+    return np.asarray(np.sqrt(changed * wrong) / tolerated, np.float32)
+
+
+@kernel
+def _mean_differences(
+    frame: Frame, rendering: Rendering, where: Mask, cell: int, out: NDArray[np.float32], coverage: Plane
+) -> None:
+    """Mean difference of the frame to picture and painting in each cell, 0 outside `where`; share of `where` in it."""
+    height, width = frame.shape[:2]
+    for row in range(out.shape[1]):
+        bottom = min((row + 1) * cell, height)
+        for column in range(out.shape[2]):
+            right = min((column + 1) * cell, width)
+            share = np.float32(1) / np.float32((bottom - row * cell) * (right - column * cell))
+            inside = 0
+            for k in range(2):
+                red, green, blue, inside = 0, 0, 0, 0
+                for y in range(row * cell, bottom):
+                    for x in range(column * cell, right):
+                        if where[y, x]:
+                            inside += 1
+                            red += int(frame[y, x, 0]) - int(rendering[k, y, x, 0])
+                            green += int(frame[y, x, 1]) - int(rendering[k, y, x, 1])
+                            blue += int(frame[y, x, 2]) - int(rendering[k, y, x, 2])
+                out[k, row, column, 0] = share * np.float32(red)
+                out[k, row, column, 1] = share * np.float32(green)
+                out[k, row, column, 2] = share * np.float32(blue)
+            coverage[row, column] = share * np.float32(inside)
 
 
 def patch_weight(frame: Frame, rendering: Rendering, limit: Plane, grid: WorkingGrid) -> Plane:
     """Weight with which a patch can be used in its part of a frame: float32 (h, w), 0..1.
 
     The weight falls from 1 to 0 as the misfit rises from 1 to 1.5. It is also 0 around rejected pixels and on isolated
-    specks.
+    specks. It is computed for cells (`cell_px`) and interpolated between them.
 
     Args:
         frame: uint8 (h, w, 3), the part of the frame that the patch covers.
         rendering: the patch, warped to that part.
         limit: float32 (h, w), tolerated RGB distance.
     """
-    sharp = np.clip(relative_sharpness(rendering[0].astype(np.uint8), frame, grid.unit), MIN_SHARPNESS, 1)
-    off = misfit(frame, rendering, limit * sharp**SHARPNESS_POWER, fine_sigma_px(grid))
+    sigma_px = fine_sigma_px(grid)
+    cell = cell_px(sigma_px)
+    rows, columns = (-(-length // cell) for length in frame.shape[:2])
+    unit = grid.unit / cell
+    sharp = np.clip(relative_sharpness(rendering[0], frame, grid.unit, (columns, rows)), MIN_SHARPNESS, 1)
+    off = misfit(frame, rendering, limit, sigma_px) / sharp**SHARPNESS_POWER
     weight = np.clip(3 - 2 * off, 0, 1)
     weight *= weight * (3 - 2 * weight)
-    mean_weight = cv2.GaussianBlur(weight, (0, 0), SPECK_PX * grid.unit)
-    reach = 2 * int(REJECTION_RADIUS_PX * grid.unit) + 1
+    mean_weight = cv2.GaussianBlur(weight, (0, 0), SPECK_PX * unit)
+    reach = 2 * int(REJECTION_RADIUS_PX * unit) + 1
     near_rejected = cv2.dilate((off > REJECTED).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     kept = np.where(near_rejected & (off > REJECTED_NEARBY), np.float32(0), weight)
-    smooth = cv2.GaussianBlur(kept, (0, 0), grid.unit)
-    return np.asarray(smooth * np.clip((mean_weight - MIN_MEAN_WEIGHT) * 5, 0, 1), np.float32)
+    smooth = cv2.GaussianBlur(kept, (0, 0), unit) * np.clip((mean_weight - MIN_MEAN_WEIGHT) * 5, 0, 1)
+    return enlarge(np.asarray(smooth, np.float32), cell, (frame.shape[0], frame.shape[1]))

@@ -29,7 +29,7 @@ from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.steepen import steepen
 from pipeline.strokes.trace import TraceRules, trace
 from pipeline.strokes.tracks import fade
-from pipeline.tensors.structure import structure_tensor, tangent_field
+from pipeline.tensors.structure import doubled_tangents
 
 TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0, 128.0))
 """Rows of (largest region area, r_max, l_min, l_max), in px of a frame 344 px high."""
@@ -234,12 +234,10 @@ def _bounding_box(where: Mask, pad_px: int) -> Box:
 
 
 def directions(reference: Frame, brush: Brush) -> Direction:
-    """Stroke directions normal to the image gradient: float32 (h, w, 2), (cos 2a, sin 2a) of the angle a.
+    """Stroke directions normal to the image gradient: float32 (h, w, 2), (cos 2a, sin 2a) times a length of 0..1.
 
     Departure from hertzmann1998painterly: the gradient is averaged over the stroke's width by a structure tensor,
     since the gradient of a single pixel is mostly noise in smooth areas.
     """
-    gray = cv2.cvtColor(reference, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    along = tangent_field(structure_tensor(gray, max(float(np.median(brush.size_px)) / 2, 1.0)))
-    x, y = along[..., 0], along[..., 1]
-    return np.dstack([x * x - y * y, 2 * x * y]).astype(np.float32)
+    gray = np.asarray(cv2.cvtColor(reference, cv2.COLOR_RGB2GRAY), np.uint8)
+    return doubled_tangents(gray, max(float(np.median(brush.size_px)) / 2, 1.0))

@@ -32,7 +32,8 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.jit import kernel
 from pipeline.methods.patches.face_strokes import FacePlanes
-from pipeline.methods.patches.paint_error import Rendering, fine_sigma_px, misfit
+from pipeline.methods.patches.paint_error import Rendering, cell_px, enlarge, fine_sigma_px, misfit
+from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.scan import PAPER_HEIGHT, WorkingGrid
 from pipeline.methods.patches.window_flow import WindowFlow
@@ -105,16 +106,17 @@ class PaintSource:
             np.where(where, own.frame, self.frame), np.where(where[..., None], own.position, self.position)
         )  # fmt: skip
 
-    def sample(self, paintings: Paintings, which: int, where: Mask) -> NDArray[np.float32]:
-        """Sample the source pictures (`which` 0) or paintings (1) at the stored positions: float32 (h, w, 3).
+    def sample(self, paintings: Paintings, where: Mask) -> Rendering:
+        """Sample the source pictures and their paintings at the stored positions: uint8 (2, h, w, 3).
 
         Pixels outside `where` are 0.
         """
-        out = np.zeros((*where.shape, 3), np.float32)
+        out = np.zeros((2, *where.shape, 3), np.uint8)
         for source in _source_frames(self.frame[where]):
             pixels = np.flatnonzero(where & (self.frame == source))
             positions = self.position.reshape(-1, 2)[pixels]
-            out.reshape(-1, 3)[pixels] = _sampled(paintings[source][which], positions, bicubic=which == 1)
+            for which, plane in enumerate(out):
+                plane.reshape(-1, 3)[pixels] = _sampled(paintings[source][which], positions, bicubic=which == 1)
         return out
 
 
@@ -146,7 +148,7 @@ class ResidualLayer:
 
     def paint(
         self, index: int, frame: Frame, opacity: Plane, limit: Plane, faces: FacePlanes | None = None
-    ) -> Rendering:  # fmt: skip
+    ) -> WeightedSum:  # fmt: skip
         """Picture and painting of the residual layer of frame `index`, float32 (2, h, w, 3).
 
         Args:
@@ -160,9 +162,7 @@ class ResidualLayer:
         old, weight = self._old_paint(self.source, self.paintings, frame, visible, limit)
         rendering, total = self._with_next_run(index, frame, visible, limit, old, weight)
         if (incomplete := visible & (total < 1)).any():
-            missing = (1 - total)[..., None]
-            rendering[0] += frame * missing
-            rendering[1] += self._new_paint(frame, incomplete, faces) * missing
+            add_weighted(rendering, np.stack([frame, self._new_paint(frame, incomplete, faces)]), 1 - total)
         self.source, self.last = self.source.reset(index, ~visible | (weight < 1)), index
         return rendering
 
@@ -216,16 +216,20 @@ class ResidualLayer:
 
     def _with_next_run(
         self, index: int, frame: Frame, visible: Mask, limit: Plane, old: Rendering, weight: Plane
-    ) -> tuple[Rendering, Plane]:
+    ) -> tuple[WeightedSum, Plane]:
         """Weighted sum of old paint and the next run's paint, and the sum of the weights, float32 (h, w), 0..1."""
+        rendering = np.zeros(old.shape, np.float32)
         if index not in self.next_source:
-            return old * weight[..., None], weight
+            add_weighted(rendering, old, weight)
+            return rendering, weight
         source, cross_fade = self.next_source.pop(index)
         following, following_weight = self._old_paint(source, self.next_painting, frame, visible, limit)
         fade = np.float32(cross_fade)
         before = weight * (1 - fade * following_weight)
         after = following_weight * (fade + (1 - fade) * (1 - weight))
-        return old * before[..., None] + following * after[..., None], before + after
+        add_weighted(rendering, old, before)
+        add_weighted(rendering, following, after)
+        return rendering, before + after
 
     def _old_paint(
         self, source: PaintSource, paintings: Paintings, frame: Frame, visible: Mask, limit: Plane
@@ -235,20 +239,18 @@ class ResidualLayer:
         The weight is 1 where the paint matches the frame, and outside `visible`.
         """
         known = visible & (source.frame != NO_SOURCE)
-        rendering = np.stack([source.sample(paintings, which, known) for which in (0, 1)])
+        rendering = source.sample(paintings, known)
         if not known.any():
             return rendering, (~visible).astype(np.float32)
         sigma = fine_sigma_px(self.grid)
-        coverage = np.maximum(cv2.GaussianBlur(known.astype(np.float32), (0, 0), sigma), np.float32(0.1))
-        compared = np.where(known[..., None], rendering, frame)
-        off = misfit(frame, compared, limit * coverage, sigma)
+        off = enlarge(misfit(frame, rendering, limit, sigma, known), cell_px(sigma), known.shape)
         _clear_distorted(source.frame, source.position, known)
-        kept = np.clip((REPLACE_MISFIT - off) / (REPLACE_MISFIT - KEEP_MISFIT), 0, 1)
-        kept = np.where(known, kept, ~visible).astype(np.float32)
+        kept = np.empty(known.shape, np.float32)
+        _kept(off, known, visible, kept)
         side = 2 * int(TRANSITION_PX * self.grid.height / (2 * PAPER_HEIGHT)) + 1
-        smooth = cv2.blur(kept, (side, side), borderType=cv2.BORDER_REPLICATE)
-        weight = np.minimum(np.clip(2 * smooth - 1, 0, 1), kept)
-        return rendering, np.where(weight > 0.999, 1, weight).astype(np.float32)
+        smooth = np.asarray(cv2.blur(kept, (side, side), borderType=cv2.BORDER_REPLICATE), np.float32)
+        _with_transition(smooth, kept)
+        return rendering, kept
 
     def _new_paint(self, frame: Frame, where: Mask, faces: FacePlanes | None) -> Frame:
         """Paint the frame by itself, near the pixels of `where`."""
@@ -288,6 +290,29 @@ def _sampled(picture: Frame, positions: Positions, *, bicubic: bool) -> Frame:
     interpolation = cv2.INTER_CUBIC if bicubic else cv2.INTER_LINEAR
     found = cv2.remap(picture, x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(found.reshape(-1, 3)[: len(positions)], np.uint8)
+
+
+@kernel
+def _kept(off: Plane, known: Mask, visible: Mask, out: Plane) -> None:
+    """Weight of old paint by its misfit; without paint, 1 outside `visible` and 0 inside."""
+    height, width = out.shape
+    zero, one = np.float32(0), np.float32(1)
+    slope, offset = np.float32(1 / (REPLACE_MISFIT - KEEP_MISFIT)), np.float32(REPLACE_MISFIT)
+    for y in range(height):
+        for x in range(width):
+            fits = min(max((offset - off[y, x]) * slope, zero), one)
+            out[y, x] = fits if known[y, x] else (zero if visible[y, x] else one)
+
+
+@kernel
+def _with_transition(smooth: Plane, kept: Plane) -> None:
+    """Lower the weight of old paint, in place, towards replaced paint nearby; `smooth` is its mean over a square."""
+    height, width = kept.shape
+    zero, one, full = np.float32(0), np.float32(1), np.float32(0.999)
+    for y in range(height):
+        for x in range(width):
+            weight = min(min(max(smooth[y, x] + smooth[y, x] - one, zero), one), kept[y, x])
+            kept[y, x] = one if weight > full else weight
 
 
 @kernel
