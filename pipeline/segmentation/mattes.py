@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Labels, Plane
+from pipeline.frames import Frame, Labels, Mask, Plane
 from pipeline.jit import kernel
 
 RADIUS = 4
@@ -28,6 +28,7 @@ BAND = 6
 
 Box = tuple[slice, slice]
 """Rows and columns."""
+Places = tuple[NDArray[np.int32], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
@@ -96,9 +97,10 @@ class LabelMattes:
         coefficients = self._coefficients(mask)
         coefficients[~near] = 0
         coefficients[..., 3][~near] = mask[~near]
-        wide = np.asarray(cv2.resize(coefficients, self._size, interpolation=cv2.INTER_LINEAR)[box], np.float32)
-        out = np.empty(wide.shape[:2], np.float32)
-        _apply(np.ascontiguousarray(wide), np.ascontiguousarray(self.frame[box]), out)
+        out = np.empty((box[0].stop - box[0].start, box[1].stop - box[1].start), np.float32)
+        rows = _places(box[0], self._size[1], mask.shape[0])
+        columns = _places(box[1], self._size[0], mask.shape[1])
+        _apply(coefficients, near, (rows, columns), np.ascontiguousarray(self.frame[box]), out)
         return out
 
     def _coefficients(self, mask: Plane) -> NDArray[np.float32]:
@@ -205,15 +207,41 @@ def _fit(
             out[y, x, 3] = mean - (out[y, x, 0] * red + out[y, x, 1] * green + out[y, x, 2] * blue)
 
 
+def _places(span: slice, length: int, small: int) -> Places:
+    """For each pixel of `span`, on an axis of `length` px: the pixel of the reduced axis, of `small` px, before its
+    place, and the distance to that pixel."""
+    at = (np.arange(span.start, span.stop, dtype=np.float32) + np.float32(0.5)) * np.float32(small / length)
+    at = np.clip(at - np.float32(0.5), 0, small - 1)
+    first = np.minimum(at.astype(np.int32), max(small - 2, 0)).astype(np.int32)
+    return first, (at - first).astype(np.float32)
+
+
 @kernel
-def _apply(coefficients: NDArray[np.float32], frame: Frame, out: Plane) -> None:
-    """Evaluate the linear model and increase its contrast: a^3 / (a^3 + (1 - a)^3)."""
+def _apply(
+    coefficients: NDArray[np.float32], near: Mask, places: tuple[Places, Places], frame: Frame, out: Plane
+) -> None:
+    """Evaluate the linear model, interpolated bilinearly, and increase its contrast: a^3 / (a^3 + (1 - a)^3).
+
+    Where no pixel around is `near` a border, the matte is the constant of the model.
+    """
     one, zero = np.float32(1.0), np.float32(0.0)
+    (rows, down), (columns, across) = places
+    height, width = near.shape
     for y in range(out.shape[0]):
+        r, b = rows[y], down[y]
+        s = min(r + 1, height - 1)
         for x in range(out.shape[1]):
-            value = coefficients[y, x, 3]
-            for c in range(3):
-                value += coefficients[y, x, c] * np.float32(frame[y, x, c])
+            c, a = columns[x], across[x]
+            d = min(c + 1, width - 1)
+            if not (near[r, c] or near[r, d] or near[s, c] or near[s, d]):
+                out[y, x] = coefficients[r, c, 3]
+                continue
+            value = zero
+            for k in range(4):
+                upper = coefficients[r, c, k] + a * (coefficients[r, d, k] - coefficients[r, c, k])
+                lower = coefficients[s, c, k] + a * (coefficients[s, d, k] - coefficients[s, c, k])
+                factor = upper + b * (lower - upper)
+                value += factor * np.float32(frame[y, x, k]) if k < 3 else factor
             value = min(max(value, zero), one)
             complement = one - value
             cube, other = value * value * value, complement * complement * complement

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
+from pipeline.jit import kernel
 from pipeline.strokes.random import Ids, Purpose, draws
 from pipeline.strokes.seeds import Seeds, StyleField, nearest, sample
 
@@ -184,6 +185,18 @@ def _shift(
 
 def blank(reference: Frame) -> Canvas:
     """Make a canvas that has the reference's colours and paint of height 0."""
-    out = np.zeros((*reference.shape[:2], 7), np.float32)
-    out[..., :3] = out[..., TARGET:] = reference
+    out = np.empty((*reference.shape[:2], 7), np.float32)
+    _prime(reference, out)
     return out
+
+
+@kernel
+def _prime(reference: Frame, canvas: Canvas) -> None:
+    height, width = reference.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            for c in range(3):
+                value = np.float32(reference[y, x, c])
+                canvas[y, x, c] = value
+                canvas[y, x, TARGET + c] = value
+            canvas[y, x, HEIGHT] = 0

@@ -54,9 +54,19 @@ class StrokeProfile:
 def slopes_of(guide: Frame) -> Plane:
     """Largest change of colour a px around each pixel, RGB distance: float32 (h, w)."""
     around = np.ones((3, 3), np.uint8)
-    span = cv2.subtract(cv2.dilate(guide, around), cv2.erode(guide, around)).astype(np.float32)
-    square = span[..., 0] * span[..., 0] + span[..., 1] * span[..., 1] + span[..., 2] * span[..., 2]
-    return np.asarray(np.sqrt(square) * _HALF, np.float32)
+    span = np.asarray(cv2.subtract(cv2.dilate(guide, around), cv2.erode(guide, around)), np.uint8)
+    out = np.empty(span.shape[:2], np.float32)
+    _half_length(span, out)
+    return out
+
+
+@kernel
+def _half_length(vectors: NDArray[np.uint8], out: Plane) -> None:
+    height, width = out.shape
+    for y in range(height):
+        for x in range(width):
+            r, g, b = np.int32(vectors[y, x, 0]), np.int32(vectors[y, x, 1]), np.int32(vectors[y, x, 2])
+            out[y, x] = np.sqrt(np.float32(r * r + g * g + b * b)) * _HALF
 
 
 def profiles(profile: StrokeProfile | Profiles | None, count: int) -> Profiles:

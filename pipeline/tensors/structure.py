@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
+from pipeline.gaussian import sigma_in_cells
 from pipeline.jit import kernel
 
 Tensors: TypeAlias = NDArray[np.float32]
@@ -95,7 +96,7 @@ def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLA
     height, width = gray.shape
     tensors = np.empty((3, -(-height // cell), -(-width // cell)), np.float32)
     _mean_tensors(gray, cell, tensors)
-    sigma = float(np.sqrt(sigma_px**2 - (cell**2 - 1) / 12)) / cell
+    sigma = sigma_in_cells(sigma_px, cell)
     for plane in tensors:
         cv2.GaussianBlur(plane, (0, 0), sigma, dst=plane)
     out = np.empty((*tensors.shape[1:], 2), np.float32)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Mask, Plane
+from pipeline.gaussian import sigma_in_cells, wide_gaussian
 from pipeline.jit import kernel
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import vector_norm
@@ -91,28 +92,12 @@ def relative_sharpness(picture: Frame, frame: Frame, unit: float, size: tuple[in
 def _local_detail(picture: Frame, unit: float) -> Plane:
     """Local mean of absolute detail, gray levels: float32, on a grid of `CELL_PX` cells."""
     gray = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
-    detail = cv2.absdiff(gray, _blurred(gray, DETAIL_PX * unit))
+    detail = cv2.absdiff(gray, wide_gaussian(gray, DETAIL_PX * unit))
     height, width = gray.shape
     step = max(int(CELL_PX * unit), 1)
     size = max(width // step, 1), max(height // step, 1)
     small = cv2.resize(detail, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.GaussianBlur(small, (0, 0), NEIGHBOURHOOD_PX * unit / step), np.float32)
-
-
-def _blurred(gray: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uint8]:
-    """Gaussian blur, computed at a fraction of the size where sigma is large."""
-    step = int(sigma_px / 2)
-    height, width = gray.shape
-    if step <= 1 or min(height, width) < 2 * step:
-        return np.asarray(cv2.GaussianBlur(gray, (0, 0), sigma_px), np.uint8)
-    small = cv2.resize(gray, (width // step, height // step), interpolation=cv2.INTER_AREA)
-    small = cv2.GaussianBlur(small, (0, 0), _sigma_in_cells(sigma_px, step))
-    return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
-
-
-def _sigma_in_cells(sigma_px: float, cell: int) -> float:
-    """Sigma, in cells, of the Gaussian that, after a mean over cells, has a variance of `sigma_px` squared in all."""
-    return float(np.sqrt(sigma_px**2 - (cell**2 - 1) / 12)) / cell
 
 
 def fine_sigma_px(grid: WorkingGrid) -> float:
@@ -151,7 +136,7 @@ def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, wh
     """
     cell = cell_px(sigma_px)
     rows, columns = (-(-length // cell) for length in frame.shape[:2])
-    sigma = _sigma_in_cells(sigma_px, cell)
+    sigma = sigma_in_cells(sigma_px, cell)
     means = np.empty((2, rows, columns, 3), np.float32)
     tolerated: AnyArray = cv2.resize(limit, (columns, rows), interpolation=cv2.INTER_LINEAR)
     coverage = np.empty((rows, columns), np.float32)
