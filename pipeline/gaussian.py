@@ -24,7 +24,7 @@ def wide_gaussian(picture: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uin
     if cell <= 1 or min(height, width) < 2 * cell:
         return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.uint8)
     small = cv2.resize(picture, (width // cell, height // cell), interpolation=cv2.INTER_AREA)
-    small = cv2.GaussianBlur(small, (0, 0), sigma_in_cells(sigma_px, cell))
+    small = cv2.GaussianBlur(small, (0, 0), sigma_in_cells(sigma_px, cell), borderType=cv2.BORDER_REFLECT)
     return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 

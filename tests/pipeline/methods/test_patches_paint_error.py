@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+import pytest
 
 from pipeline.frames import Frame
 from pipeline.methods.patches.appearance import ColourSum, PanoramaRect, period_picture
 from pipeline.methods.patches.paint_error import (
     MIN_TOLERANCE,
+    Rendering,
+    cell_px,
+    enlarge,
     error_tolerance,
     misfit,
     patch_weight,
@@ -32,8 +35,8 @@ def halves() -> Frame:
     return np.asarray(np.clip(frame, 0, 255), np.uint8)
 
 
-def rendering(picture: Frame, painting: Frame) -> NDArray[np.float32]:
-    return np.stack([picture, painting]).astype(np.float32)
+def rendering(picture: Frame, painting: Frame) -> Rendering:
+    return np.stack([picture, painting])
 
 
 def with_spot(frame: Frame, shade: int, size: int = 10) -> Frame:
@@ -76,6 +79,26 @@ def test_paint_misfits_only_where_it_is_wrong_and_outdated() -> None:
     close = misfit(dark, rendering(frame, dark), LIMIT, 2.0)[102:108, 62:68]
     wrong = misfit(dark, rendering(frame, frame), LIMIT, 2.0)[102:108, 62:68]
     assert same.max() == 0 and close.max() == 0 and wrong.min() > 4
+
+
+@pytest.mark.parametrize("sigma_px", [2.8, 4.2, 6.3])
+def test_the_misfit_of_cells_is_that_of_pixels(sigma_px: float) -> None:
+    """The Gaussian of the differences, exactly, against the one that is computed on cells."""
+    frame = halves()[:, :331]
+    changed, limit = with_spot(frame, 20, 60), np.full(frame.shape[:2], 20, np.float32)
+    found = enlarge(misfit(changed, rendering(frame, frame), limit, sigma_px), cell_px(sigma_px), limit.shape)
+    exact = cv2.GaussianBlur(changed.astype(np.float32) - frame, (0, 0), sigma_px)
+    assert cell_px(sigma_px) > 1 and found.shape == limit.shape
+    np.testing.assert_allclose(found, np.linalg.norm(exact, axis=2) / 20, atol=0.35)
+
+
+def test_paint_is_compared_only_where_there_is_some() -> None:
+    frame, where = halves(), np.zeros((344, 344), np.bool_)
+    where[:, 200:] = True
+    off = misfit(with_spot(frame, 20, 60), rendering(frame, frame), LIMIT, 2.0, where)
+    assert not off.any(), "the spot lies outside"
+    where[90:170, 50:130] = True
+    assert misfit(with_spot(frame, 20, 60), rendering(frame, frame), LIMIT, 2.0, where)[115:145, 75:105].min() > 4
 
 
 def test_a_patch_has_no_weight_on_a_new_object_and_full_weight_elsewhere() -> None:

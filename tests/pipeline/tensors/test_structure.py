@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.tensors.structure import structure_tensor, tangent_field
+from pipeline.tensors.structure import doubled_tangents, structure_tensor, tangent_field
 
 ODD = (37, 53)
 
@@ -90,3 +90,21 @@ def test_memory_layout_does_not_change_the_result() -> None:
         tensors = structure_tensor(moved, 2.0)
         assert tensors.tobytes() == expected.tobytes()
         assert tangent_field(tensors).tobytes() == tangent_field(expected).tobytes()
+
+
+@pytest.mark.parametrize("sigma_px", [1.0, 2.0, 4.0, 9.0])
+def test_doubled_tangents_have_the_directions_of_the_tangent_field(sigma_px: float) -> None:
+    picture = np.rint(edge(0.4, (90, 130)) + 20 * np.sin(np.indices((90, 130))[1] / 3)).astype(np.uint8)
+    exact = tangent_field(structure_tensor(picture.astype(np.float32), sigma_px))
+    doubled = doubled_tangents(picture, sigma_px)
+    length = np.hypot(doubled[..., 0], doubled[..., 1])
+    cosine = (exact[..., 0] ** 2 - exact[..., 1] ** 2) * doubled[..., 0] + 2 * exact.prod(-1) * doubled[..., 1]
+    agrees = cosine / np.maximum(length, 1e-6)
+    assert doubled.shape == exact.shape and length.max() <= 1 + 1e-5
+    assert np.quantile(agrees, 0.05) > 0.95 and np.median(agrees) > 0.999
+    if sigma_px == 1:
+        np.testing.assert_allclose(agrees[length > 0], 1, atol=1e-3)
+
+
+def test_doubled_tangents_of_a_flat_picture_are_undefined() -> None:
+    assert not doubled_tangents(np.full(ODD, 90, np.uint8), 6.0).any()
