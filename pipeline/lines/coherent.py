@@ -28,6 +28,9 @@ STROKE = np.dtype([
 these pixels lie on ink that was drawn in the previous frame."""
 DRAWN = 76
 """Ink above this value counts as drawn in the previous frame."""
+CROWD, MOST_CROWDING = 10.0, 3.0
+"""Number of short strokes in nine cells from which strokes there must be longer, in proportion to that number, and the
+largest factor: foliage and grass would be full of specks, while the single short stroke of an eye stays."""
 _FAR = np.int32(1 << 30)
 
 
@@ -51,7 +54,8 @@ class StrokeLimits(NamedTuple):
     Attributes:
         weak, strong: hysteresis thresholds on ink, 0..255: of all pixels of a stroke, and of its strongest pixel.
         shortest_px: smallest extent of a stroke. The limit is a third of it for strokes that were drawn before, and
-            falls to a quarter where importance is 1, since an eye is short.
+            falls to a quarter where importance is 1, since an eye is short. It rises where short strokes are many
+            (`CROWD`).
     """
 
     weak: int
@@ -89,8 +93,10 @@ def _draw_strokes(
     for k in range(runs.size):
         runs[k]["parent"] = _root(runs, k)
         _add_run(runs[k], ink, past, importance, strokes[runs[k]["parent"]])
+    crowd = _count_short(runs, strokes, limits.shortest_px, ink.shape)
     for k in range(runs.size):
-        if _is_drawn(strokes[runs[k]["parent"]], limits):
+        stroke = strokes[runs[k]["parent"]]
+        if _is_drawn(stroke, limits, _crowding(stroke, crowd, limits.shortest_px)):
             out[runs[k]["row"], runs[k]["start"] : runs[k]["stop"]] = 255
 
 
@@ -159,12 +165,52 @@ def _add_run(run: np.void, ink: Ink, past: PreviousInk, importance: Plane, strok
 
 
 @kernel
-def _is_drawn(stroke: np.void, limits: StrokeLimits) -> bool:
+def _count_short(
+    runs: NDArray[np.void], strokes: NDArray[np.void], shortest_px: float, shape: tuple[int, int]
+) -> NDArray[np.int32]:
+    """Number of short strokes by cell, with an empty cell on every side. Cells are twice `shortest_px` wide; a stroke
+    of a third to twice that length is short."""
+    side = max(2 * shortest_px, 1.0)
+    out = np.zeros((int(shape[0] / side) + 3, int(shape[1] / side) + 3), np.int32)
+    for k in range(runs.size):
+        if runs[k]["parent"] == k and shortest_px <= 3 * _extent(strokes[k]) and _extent(strokes[k]) < side:
+            row, column = _cell(strokes[k], side)
+            out[row, column] += 1
+    return out
+
+
+@kernel
+def _crowding(stroke: np.void, crowd: NDArray[np.int32], shortest_px: float) -> float:
+    """Factor on the smallest extent of a stroke: 1, and up to `MOST_CROWDING` among many short strokes."""
+    row, column = _cell(stroke, max(2 * shortest_px, 1.0))
+    total = 0
+    for j in range(row - 1, row + 2):
+        for i in range(column - 1, column + 2):
+            total += crowd[j, i]
+    return min(max(total / CROWD, 1.0), MOST_CROWDING)
+
+
+@kernel
+def _cell(stroke: np.void, side: float) -> tuple[int, int]:
+    """Row and column of the cell in which a stroke's bounding box has its middle."""
+    return (
+        int((stroke["top"] + stroke["bottom"]) / (2 * side)) + 1,
+        int((stroke["left"] + stroke["right"]) / (2 * side)) + 1,
+    )
+
+
+@kernel
+def _extent(stroke: np.void) -> int:
+    longer: int = max(stroke["right"] - stroke["left"], stroke["bottom"] - stroke["top"]) + 1
+    return longer
+
+
+@kernel
+def _is_drawn(stroke: np.void, limits: StrokeLimits, crowding: float) -> bool:
     known = stroke["drawn_before"] * 4 > stroke["area"]
-    extent = max(stroke["right"] - stroke["left"], stroke["bottom"] - stroke["top"]) + 1
-    shortest = limits.shortest_px * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke["importance"] / 255))
+    shortest = limits.shortest_px * crowding * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke["importance"] / 255))
     strong_enough: bool = stroke["peak"] > limits.strong or known
-    return strong_enough and extent >= shortest
+    return strong_enough and _extent(stroke) >= shortest
 
 
 def advect(plane: Plane, flow: Flow) -> Plane:

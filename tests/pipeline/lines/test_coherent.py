@@ -53,6 +53,18 @@ def test_specks_are_not_drawn(length: int, stays: bool) -> None:
     assert bool(kept(np.ascontiguousarray(stroke(length, 200, y=2, x=2)[:30, :30].T)).any()) is stays
 
 
+def test_among_many_short_strokes_only_longer_ones_are_drawn() -> None:
+    ink = np.zeros((70, 130), np.uint8)
+    ink[2:60:6, 4:18] = 200  # ten strokes of 14 px
+    ink[2:60:6, 24:38] = 200  # ten more beside them
+    ink[2:60:6, 110:124] = np.where(np.arange(10) == 3, 200, 0)[:, None]  # one that stands alone
+    ink[64, 4:44] = 200  # a long one below
+    found = kept(ink)
+    assert not found[:60, :40].any()
+    np.testing.assert_array_equal(found[:, 100:], ink[:, 100:] > 0)
+    np.testing.assert_array_equal(found[64], ink[64] > 0)
+
+
 def test_a_diagonal_is_one_stroke() -> None:
     ink = np.zeros(SHAPE, np.uint8)
     np.fill_diagonal(ink[5:20, 5:20], 200)
