@@ -127,15 +127,11 @@ class AbstractionParams(Params):
     )  # fmt: skip
     line_opacity: float = number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
     line_length: float = number(
-        40,
-        0,
-        300,
-        "Shortest line",
+        40, 0, 300, "Shortest line",
         "Strokes shorter than this are not drawn. Where short strokes are many, as in foliage, they must be up to "
         "three times as long.",
-        "per mille of the height",
-        "Lines",
-    )
+        "per mille of the height", "Lines"
+    )  # fmt: skip
 
     # -- colour
     mean_shift_steps: int = Field(
