@@ -104,10 +104,9 @@ class AnalogyParams(Params):
     guided_stills: Literal["auto", "off"] = choice(
         "auto", "Still images with guides",
         "auto = for an image whose style has a registered scene or guides, the method chooses the other weights, and "
-        "guide weights are those of EbSynth: the weight of the texture is doubled, that of colour multiplied by 4; "
-        "coherence and variety are raised, less so where the guides change faster in the image than in the style; two "
-        "more levels, and half more iterations at all but the finest level. The set values are scaled. off = they are "
-        "used as they are.", "Style",
+        "guide weights are those of EbSynth: the weight of the texture is doubled; coherence and variety are raised, "
+        "less so where the guides change faster in the image than in the style; two more levels, and half more "
+        "iterations at all but the finest level. The set values are scaled. off = they are used as they are.", "Style",
     )  # fmt: skip
 
     # -- lines
