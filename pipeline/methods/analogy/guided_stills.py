@@ -22,8 +22,6 @@ from pipeline.synthesis.sweeps import SearchSchedule
 
 TEXTURE = 2.0
 """Factor of `texture_weight`: guide weights are then those of EbSynth, relative to the weight of the style."""
-COLOUR = 4.0
-"""Factor of `colour_weight`: lightness and hue have the same weight by default."""
 COHERENCE = 80 / 15
 """Factor of `coherence_weight` for guides that change as fast in the frame as in the style."""
 VARIETY = 200.0
@@ -62,7 +60,6 @@ def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
     return params.model_copy(
         update={
             "texture_weight": params.texture_weight * TEXTURE,
-            "colour_weight": params.colour_weight * COLOUR,
             "coherence_weight": params.coherence_weight * COHERENCE * reduction,
             "variety_weight": max(params.variety_weight, VARIETY * reduction),
             "levels": min(params.levels + FURTHER_LEVELS, MOST_LEVELS),

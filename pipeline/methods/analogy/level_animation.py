@@ -44,10 +44,10 @@ def levels_of(params: AnalogyParams, size: tuple[int, int], style_px: int) -> in
     return max(1, min(params.levels, fits + 1))
 
 
-def tone_matching(params: AnalogyParams, pair: StylePair, tones: ToneStatistics) -> Callable[[Bytes], Bytes]:
-    """The function that maps a guide of the video to the tones of the style; the identity if matching is off."""
+def tone_match(params: AnalogyParams, pair: StylePair, tones: ToneStatistics) -> ToneMatch | None:
+    """The function that maps a guide of the video to the tones of the style; None if matching is off."""
     if params.tone_match == "off" or (params.tone_match == "auto" and not pair.derived):
-        return lambda guide: guide
+        return None
     return ToneMatch(tones, tone_statistics([pair.guide]), params.tone_limit)
 
 

@@ -20,9 +20,9 @@ class AnalogyParams(Params):
         "subject more clearly, smaller values keep brush strokes whole.", "per squared gray level", "Likeness", "w_in",
     )  # fmt: skip
     colour_weight: float = number(
-        0.25, 0, 4, "Likeness in colour",
+        1, 0, 4, "Likeness in colour",
         "Weight of hue differences relative to lightness differences. Larger values bind the colours of the style to "
-        "the hues of the scene.", "ratio", "Likeness",
+        "the hues of the scene. With matched tones, hues of a nearly gray video count less.", "ratio", "Likeness",
     )  # fmt: skip
     texture_weight: float = number(
         1, 0, 50, "Likeness to the style",
@@ -74,7 +74,8 @@ class AnalogyParams(Params):
     tone_limit: float = number(
         2, 1, 20, "Limit of contrast",
         "Factor by which matching tones may raise or lower the contrast of the video. Larger values use more tones of "
-        "the painting and make noise, flat areas and faces blotchy.", "ratio", "Style",
+        "the painting and turn small differences of lightness into blotches. Contrast is raised less where figures "
+        "would merge with their surroundings; details keep their contrast.", "ratio", "Style",
     )  # fmt: skip
     stroke_scale: float = number(
         1, 0, 8, "Size of strokes",
@@ -103,10 +104,9 @@ class AnalogyParams(Params):
     guided_stills: Literal["auto", "off"] = choice(
         "auto", "Still images with guides",
         "auto = for an image whose style has a registered scene or guides, the method chooses the other weights, and "
-        "guide weights are those of EbSynth: the weight of the texture is doubled, that of colour multiplied by 4; "
-        "coherence and variety are raised, less so where the guides change faster in the image than in the style; two "
-        "more levels, and half more iterations at all but the finest level. The set values are scaled. off = they are "
-        "used as they are.", "Style",
+        "guide weights are those of EbSynth: the weight of the texture is doubled; coherence and variety are raised, "
+        "less so where the guides change faster in the image than in the style; two more levels, and half more "
+        "iterations at all but the finest level. The set values are scaled. off = they are used as they are.", "Style",
     )  # fmt: skip
 
     # -- lines

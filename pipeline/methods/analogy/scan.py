@@ -90,8 +90,7 @@ def _layer_tones(context: TaskContext[AnalogyParams], layer: Layer, passes: Rend
     """Tone statistics of the pixels inside the layer's silhouette."""
     accumulator = ToneAccumulator()
     for index in range(0, layer.frames, max(1, layer.frames // _SAMPLED_FRAMES)):
-        guide, mask = lab_guide(passes.frame(index)), passes.mask(index)
-        accumulator.add(guide if mask is None else guide[mask][:, None])
+        accumulator.add(lab_guide(passes.frame(index)), passes.mask(index))
         context.progress(1.0)
     return accumulator.statistics()
 

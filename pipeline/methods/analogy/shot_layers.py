@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -96,7 +96,7 @@ class LayerStatistics:
     @staticmethod
     def of(arrays: Arrays) -> LayerStatistics:
         """Restore what `arrays` returned."""
-        tones = ToneStatistics(*(arrays[name] for name in ("lightness", "hue_mean", "hue_spread")))
+        tones = ToneStatistics(*(arrays[field.name] for field in fields(ToneStatistics)))
         factors = tuple(float(f) for f in arrays["factors"])
         return LayerStatistics(tones, (factors[0], factors[1], factors[2]) if factors else None, float(arrays["reach"]))
 

@@ -20,7 +20,7 @@ from pipeline.methods.analogy.guided_stills import (
 )
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_matching
+from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_match
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import SweepTask, fine_levels
 from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
@@ -34,6 +34,7 @@ from pipeline.synthesis.images import Bytes, Offsets, pack_offsets, unpack_offse
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
 from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame, Sweep, order
+from pipeline.synthesis.tone_matching import ToneMatch
 
 COARSE_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
@@ -81,6 +82,10 @@ class Synthesizer:
         with context.clock("style"):
             self.pair = pair or style_of(context, inputs)
             self._palette = Palette(self.pair.output) if pair is None and is_scaled(inputs) else None
+            self._tone_match = None if self.keyframe_style else self._matched_tones()
+            if self._tone_match is not None:
+                colour_weight = self.params.colour_weight * self._tone_match.hue_weight
+                self.params = self.params.model_copy(update={"colour_weight": colour_weight})
             self._guided_still = not self.keyframe_style and is_guided_still(context, inputs, self.pair)
             if self._guided_still:
                 self.params = guided_still_params(self.params, self._stretch())
@@ -121,10 +126,13 @@ class Synthesizer:
                 self._loaded[level] = self.ops.load(self.pyramid.at(level, energy), energy)
         return self._loaded[level]
 
-    def tone_matching(self) -> Callable[[Bytes], Bytes]:
-        """The function that maps a guide of the video to the tones of the style."""
+    def _matched_tones(self) -> ToneMatch | None:
         statistics = LayerStatistics.of(self.context.load("scan", self.inputs.statistics_artefact))
-        return tone_matching(self.params, self.pair, statistics.tones)
+        return tone_match(self.params, self.pair, statistics.tones)
+
+    def tone_matching(self) -> Callable[[Bytes], Bytes]:
+        """The function that maps a guide of the video to the tones of the style; the identity if matching is off."""
+        return self._tone_match or (lambda guide: guide)
 
     def level_frames(self, start: int, stop: int, level: int, match: Callable[[Bytes], Bytes]) -> LevelFrames:
         """Frames [start, stop) at a level, with guides mapped by `match`."""

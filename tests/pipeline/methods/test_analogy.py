@@ -14,7 +14,7 @@ from pipeline.compute import Device, device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy import Analogy
+from pipeline.methods.analogy import Analogy, synthesizer
 from pipeline.methods.analogy.guided_stills import guided_still_params, guided_still_schedule, stretch_of_guides
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import (
@@ -311,6 +311,23 @@ def test_a_guide_determines_the_positions_in_the_style() -> None:
         shot()[:1], guide_weight=0, guide_a_weight=4,
     )[0]  # fmt: skip
     assert (out[:26, :, 2] == 200).mean() > 0.97 and (out[34:, :, 0] == 200).mean() > 0.97
+
+
+def test_hues_that_must_be_raised_beyond_the_limit_of_contrast_count_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    weights: list[float] = []
+
+    def recorded(params: AnalogyParams, *args: Any, **more: Any) -> Any:
+        weights.append(params.colour_weight)
+        return energy_of(params, *args, **more)
+
+    monkeypatch.setattr(synthesizer, "energy_of", recorded)
+    frame, few = shot()[0], {"levels": 1, "iterations": 1, "colour_weight": 0.8}
+    faint = np.rint(128 + 0.1 * (frame.astype(float) - 128)).astype(np.uint8)
+    for given in (frame, faint):
+        rendered({"style_output": [frame]}, [given], **few)
+    assert weights[0] == 0.8 and weights[-1] < 0.4
+    rendered({"style_output": [frame]}, [faint], tone_match="off", **few)
+    assert weights[-1] == 0.8
 
 
 def test_a_still_with_guides_has_settings_of_its_own_and_a_video_does_not() -> None:
