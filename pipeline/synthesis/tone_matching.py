@@ -45,6 +45,10 @@ _FRACTIONS = 16
 """Entries of the table of lightness per level."""
 
 
+NO_CONTRASTS = np.zeros((_CONTRAST_BINS, _CONTRAST_BINS), np.int64)
+"""Of images without any contrast, or whose contrasts are unknown: contrast is then raised up to the limit."""
+
+
 @dataclass(frozen=True)
 class ToneStatistics:
     """Distribution of lightness and hue of images in 8-bit CIELAB."""

@@ -17,7 +17,7 @@ from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.images import Bytes
-from pipeline.synthesis.tone_matching import ToneStatistics
+from pipeline.synthesis.tone_matching import NO_CONTRASTS, ToneStatistics
 from pipeline.video.archive import number_of
 from pipeline.video.exr import EXR_MAGIC, Exr, normals, object_ids, pixels, raw_vectors
 from pipeline.video.guard.pictures import guarded_exr, guarded_raw
@@ -95,8 +95,9 @@ class LayerStatistics:
 
     @staticmethod
     def of(arrays: Arrays) -> LayerStatistics:
-        """Restore what `arrays` returned."""
-        tones = ToneStatistics(*(arrays[field.name] for field in fields(ToneStatistics)))
+        """Restore what `arrays` returned; statistics of programs before 2026-11-25 have no contrasts."""
+        known: dict[str, Any] = {"contrasts": NO_CONTRASTS} | dict(arrays)
+        tones = ToneStatistics(*(known[field.name] for field in fields(ToneStatistics)))
         factors = tuple(float(f) for f in arrays["factors"])
         return LayerStatistics(tones, (factors[0], factors[1], factors[2]) if factors else None, float(arrays["reach"]))
 

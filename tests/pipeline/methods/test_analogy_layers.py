@@ -206,6 +206,9 @@ def test_normals_are_a_guide_if_the_style_has_them() -> None:
     statistics = LayerStatistics.of(context.load("scan", "tones-1"))
     assert [guide.name for guide in LayerInputs(context, shot.layers[1], statistics).guides] == ["normals"]
     assert [guide.name for guide in LayerInputs(context, shot.layers[0], statistics).guides] == []
+    earlier = dict(context.load("scan", "tones-1"))
+    del earlier["contrasts"]  # scanned by a program before 2026-11-25
+    assert not LayerStatistics.of(earlier).tones.contrasts.any()
 
 
 def test_invalid_parameters_of_a_layer_are_reported_with_their_path() -> None:
