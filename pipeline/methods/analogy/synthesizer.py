@@ -73,7 +73,9 @@ class Synthesizer:
         self, context: TaskContext[AnalogyParams], inputs: SynthesisInputs, pair: StylePair | None = None
     ) -> None:
         self.context, self.inputs = context, inputs
-        self._latest_frames: tuple[tuple[int, int, int], LevelFrames] | None = None
+        self._latest_frames: tuple[tuple[int, int], dict[int, LevelFrames]] = (0, 0), {}
+        self._finest = 0
+        """Finest level of the sweeps of this task."""
         self.params: AnalogyParams = inputs.params
         with context.clock("style"):
             self.pair = pair or style_of(context, inputs)
@@ -177,6 +179,7 @@ class Synthesizer:
 
     def run_sweeps(self, sweeps: Sequence[tuple[str, SweepTask]]) -> None:
         """Run the sweeps of a task, (key, sweep), in order. Only the last one saves its result as an artefact."""
+        self._finest = max(0, min(sweep.level for _, sweep in sweeps))
         for self._part, (key, sweep) in enumerate(sweeps):
             self._parts = len(sweeps)
             if sweep.level < 0:
@@ -302,12 +305,16 @@ class Synthesizer:
             self.preview(task.level, found[edge])
 
     def _frames_of_sweep(self, first: int, last: int, level: int, match: Callable[[Bytes], Bytes]) -> LevelFrames:
-        """Frames [first, last) at a level; those of the sweep before if it had the same."""
-        kept = self._latest_frames
-        if kept is None or kept[0] != (first, last, level):
-            self._latest_frames = None  # frees them first
-            self._latest_frames = kept = ((first, last, level), self.level_frames(first, last, level, match))
-        return kept[1]
+        """Frames [first, last) at a level; decoded once for the sweeps of this task that have the same frames."""
+        frames, levels = self._latest_frames
+        if frames != (first, last):
+            self._latest_frames = (0, 0), {}  # frees them first
+            levels = {self._finest: self.level_frames(first, last, self._finest, match)}
+            self._latest_frames = (first, last), levels
+        with self.context.clock("guides"):
+            for coarser in range(max(levels) + 1, level + 1):
+                levels[coarser] = levels[coarser - 1].halved()
+        return levels[level]
 
     def _previous_offsets(self, task: SweepTask, match: Callable[[Bytes], Bytes]) -> PreviousOffsets:
         """The previous result of each frame: of the sweep before, or of the coarser level."""
