@@ -32,16 +32,17 @@ from pipeline.synthesis.exemplar import Palette
 from pipeline.synthesis.images import Bytes, Offsets, pack_offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
-from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame, Sweep, order
+from pipeline.synthesis.sweeps import FirstFrame, SearchSchedule, SolvedFrame, Sweep, order
 
 COARSE_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
 FINE_ROUNDS = 3
 """Maximum number of rounds of a frame that continues the frame before it."""
-FINE_SEARCH_PX = 8.0
-"""Maximum radius of its random search, px."""
+FINE_SEARCH_PX = 2.0
+"""Maximum radius of its random search, px: it has only details to improve."""
 FIRST_FRAME_ROUNDS = 2
-"""Factor of iterations for the first frame, which all other frames of the shot continue."""
+"""Factor of iterations for the first frame, which all other frames of the shot continue. In the second half of them,
+the random search leaves settled pixels out."""
 FIRST_FRAME_SEARCH_PX = 16.0
 """Maximum radius of its random search at a fine level, and of that of second sweeps at coarse levels, px."""
 SECOND_SWEEP_ROUNDS = 2
@@ -166,7 +167,7 @@ class Synthesizer:
             again = replace(full, iterations=min(SECOND_SWEEP_ROUNDS, full.iterations), search_px=first_px)
             return replace(full if task.first or task.from_coarser else again, settles=True)
         rounds, search_px = min(FINE_ROUNDS, full.iterations), min(FINE_SEARCH_PX, full.search_px)
-        first = FIRST_FRAME_ROUNDS * full.iterations, first_px
+        first = FirstFrame(FIRST_FRAME_ROUNDS * full.iterations, first_px, full.iterations)
         return replace(full, iterations=rounds, search_px=search_px, first=first, settles=True)
 
     def _iterations(self, level: int) -> int:
