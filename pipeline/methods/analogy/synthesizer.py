@@ -34,7 +34,7 @@ from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
 from pipeline.synthesis.sweeps import FirstFrame, SearchSchedule, SolvedFrame, Sweep, order
 
-COARSE_ROUNDS = 2
+COARSEST_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
 FINE_ROUNDS = 3
 """Maximum number of rounds of a frame that continues the frame before it."""
@@ -44,10 +44,10 @@ FIRST_FRAME_ROUNDS = 2
 """Factor of iterations for the first frame, which all other frames of the shot continue. In the second half of them,
 the random search leaves settled pixels out."""
 FIRST_FRAME_SEARCH_PX = 16.0
-"""Maximum radius of its random search at a fine level, and of that of second sweeps at coarse levels, px."""
-SECOND_SWEEP_ROUNDS = 2
-"""Maximum number of rounds of the second sweep at a coarse level below fine ones: only 1 to 5 % of the pixels change
-in each further round."""
+"""Maximum radius of its random search at a fine level, and of that of all sweeps but the first at coarse levels, px."""
+COARSE_ROUNDS = 2
+"""Maximum number of rounds of all sweeps but the first at the levels below fine ones: only 1 to 5 % of the pixels
+change in each further round."""
 STEP = "synthesise"
 
 PreviousOffsets = Callable[[int, FrameState[Any]], Any]
@@ -146,7 +146,7 @@ class Synthesizer:
     def schedule(self, level: int, stream: int) -> SearchSchedule:
         """Effort of the search at a level; `stream` is the random stream of the sweep."""
         coarsest = level == self.levels - 1
-        iterations = self._iterations(level) * (COARSE_ROUNDS if coarsest else 1)
+        iterations = self._iterations(level) * (COARSEST_ROUNDS if coarsest else 1)
         search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
         schedule = SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
         if coarsest or not self._guided_still:
@@ -156,16 +156,17 @@ class Synthesizer:
     def _sweep_schedule(self, task: SweepTask) -> SearchSchedule:
         """Effort of the search of a sweep.
 
-        With fine levels, few rounds for their frames, where only the first one starts anew, and for the second sweeps
-        of the other levels.
+        With fine levels, few rounds for their frames, where only the first one starts anew, and for all sweeps of the
+        other levels but the first of the coarsest one.
         """
         full = self.schedule(task.level, task.level * 8 + task.sweep)
         if fine_levels(self.params, self.context.size) == 0:
             return full
         first_px = min(FIRST_FRAME_SEARCH_PX, full.search_px)
         if not task.fine:
-            again = replace(full, iterations=min(SECOND_SWEEP_ROUNDS, full.iterations), search_px=first_px)
-            return replace(full if task.first or task.from_coarser else again, settles=True)
+            again = replace(full, iterations=min(COARSE_ROUNDS, full.iterations), search_px=first_px)
+            starts = task.level == self.levels - 1 and task.sweep == 0
+            return replace(full if starts else again, settles=True)
         rounds, search_px = min(FINE_ROUNDS, full.iterations), min(FINE_SEARCH_PX, full.search_px)
         first = FirstFrame(FIRST_FRAME_ROUNDS * full.iterations, first_px, full.iterations)
         return replace(full, iterations=rounds, search_px=search_px, first=first, settles=True)
