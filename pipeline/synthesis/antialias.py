@@ -5,6 +5,8 @@ so do the seams between pieces of the style, which flicker where the scene moves
 its own and its eight neighbours' pieces show there, weighted 1 2 1 along x and y; inside a piece all nine agree. The
 pieces are sampled at fractional offsets by cubic convolution (a = -1/2). The colours of the result are new ones:
 `exemplar.Palette` replaces them by the style's.
+
+This is the specification of `antialias.cl`, which gives the same bytes.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ from pipeline.synthesis.energy import NO_DIRECTION, cosines
 from pipeline.synthesis.images import Bytes, Offsets, StyleImage
 from pipeline.synthesis.reference_energy import StyleDirections, extrapolated_offset
 
-_STEP_BITS = 4
-_STEPS = 1 << _STEP_BITS
+STEP_BITS = 4
+"""Bits of the fraction of a sample's position."""
+_STEPS = 1 << STEP_BITS
 """Number of sub-pixel steps of a sample along each axis."""
 _NO_BYTES = np.zeros((0, 0), np.uint8)
 
@@ -54,14 +57,14 @@ def antialiased(
     own_bins, style_bins = (_NO_BYTES, _NO_BYTES) if bins is None or style.bins is None else (bins, style.bins)
     directions = StyleDirections(style_bins, cosines(), *style.size)
     piece = Piece(
-        _cubic_taps(), own_bins, _NO_BYTES if paintable is None else paintable, directions
+        cubic_taps(), own_bins, _NO_BYTES if paintable is None else paintable, directions
     )  # fmt: skip
     out = np.empty((*offsets.shape[:2], style.colours.shape[2]), np.uint8)
     _render(np.ascontiguousarray(style.colours), np.ascontiguousarray(offsets), piece, out)
     return out
 
 
-def _cubic_taps() -> NDArray[np.float32]:
+def cubic_taps() -> NDArray[np.float32]:
     """Weights of the four samples of cubic convolution (Keys 1981, a = -1/2) for each sixteenth of a pixel."""
     t = np.arange(_STEPS) / _STEPS
     weights = (-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3)
@@ -95,7 +98,8 @@ def _render(style: Bytes, offsets: Offsets, piece: Piece, out: Bytes) -> None:
             for c in range(3):
                 out[y, x, c] = np.uint8(np.rint(min(max(total[c] / opacity, np.float32(0)), np.float32(255))))
             if channels == 4:
-                out[y, x, 3] = np.uint8(np.rint(np.float32(255) * min(total[3] / total[4], np.float32(1))))
+                shown = min(max(total[3] / total[4], np.float32(0)), np.float32(1))
+                out[y, x, 3] = np.uint8(np.rint(np.float32(255) * shown))
 
 
 @kernel
@@ -114,7 +118,7 @@ def _add(
 ) -> None:
     """Add a sample of the style to `total`: colours times opacity, opacity (0..1), and the weight."""
     height, width, channels = style.shape
-    x, y, fx, fy = at_x >> _STEP_BITS, at_y >> _STEP_BITS, at_x & _STEPS - 1, at_y & _STEPS - 1
+    x, y, fx, fy = at_x >> STEP_BITS, at_y >> STEP_BITS, at_x & _STEPS - 1, at_y & _STEPS - 1
     total[4] += weight
     for j in range(4 if fy else 1):
         sy = min(max(y + j - 1 if fy else y, 0), height - 1)

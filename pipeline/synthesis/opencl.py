@@ -12,13 +12,16 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray, Launch
+from pipeline.synthesis.antialias import STEP_BITS, cubic_taps
 from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, tables, tap_table, taps
 from pipeline.synthesis.images import TAIL, Bytes, StyleImage, Target, padded
 from pipeline.synthesis.images import packed as pack
 from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
 
 _HERE = Path(__file__)
-_COMMON, _FIELDS, _PATCHES = (_HERE.with_name(f"{name}.cl") for name in ("common", "fields", "patchmatch"))
+_COMMON, _FIELDS, _PATCHES, _ANTIALIAS = (
+    _HERE.with_name(f"{name}.cl") for name in ("common", "fields", "patchmatch", "antialias")
+)
 Size = tuple[int, int]
 
 
@@ -31,7 +34,7 @@ class OpenCLOperations:
         self.costs: DeviceArray | None = None
         """Cost of each pixel after the latest iteration, float32 (h, w); 0 at pixels that were not improved."""
         self._constants: dict[Energy, tuple[DeviceArray, ...]] = {}
-        self._cosines = device.upload(cosines())
+        self._cosines, self._cubic_taps = device.upload(cosines()), device.upload(cubic_taps())
 
     def upload(self, array: AnyArray) -> DeviceArray:
         """Copy an array to device memory."""
@@ -251,6 +254,41 @@ class OpenCLOperations:
         """Overwrite `offsets` in place by the `fixed` offsets, at pixels that have one."""
         self.device.run(self._at(style, "apply_fixed", size, fixed, offsets))
         return offsets
+
+    def antialiased(
+        self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray,
+        paintable: DeviceArray | None,
+    ) -> DeviceArray:  # fmt: skip
+        """Render the offsets of a frame between the pixels of the style, see `antialias`.
+
+        Args:
+            offsets: each with a position.
+            paintable: uint8 (h, w), 0 = the pixel may not be painted; None = all may be.
+
+        Returns:
+            uint8 (h, w, 3), or (h, w, 4) with straight alpha if the style has opacity.
+        """
+        (width, height), shape = state.size, (*style.style.colours.shape[:2], 4)
+        channels = style.style.colours.shape[2]
+        if style.colours is None:
+            four = np.ones(shape, np.uint8)
+            four[..., :channels] = style.style.colours
+            style.colours = self.upload(four)
+        out = self.device.empty((height, width, channels), np.uint8)
+        macros = {
+            "COLOURS": channels,
+            "STEP_BITS": STEP_BITS,
+            "STEPS": 1 << STEP_BITS,
+            "ROTATE": int(style.style.bins is not None),
+            "PARTIAL": int(paintable is not None),
+        }
+        kernel = self.device.kernel(_ANTIALIAS, "antialias", macros, _COMMON)
+        none = self._placeholder
+        self.device.run(kernel.at(
+            state.size, offsets, state.bins or none, style.bins, self._cosines, self._cubic_taps, style.colours,
+            paintable or none, out, *style.size, width, height,
+        ))  # fmt: skip
+        return out
 
 
 def _usable_area(style: StyleImage) -> int:

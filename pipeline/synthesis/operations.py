@@ -29,6 +29,7 @@ class LoadedStyle(Generic[T]):
         features: style features, padded by `energy.pad` px.
         tap_indices: patch taps of each rotation, as pixel indices of the padded style.
         tap_positions: patch taps of each rotation, see `energy.tap_table`.
+        colours: `style.colours`, as soon as `antialiased` has needed them.
     """
 
     style: StyleImage
@@ -39,6 +40,7 @@ class LoadedStyle(Generic[T]):
     distance: T
     tap_indices: T
     tap_positions: T
+    colours: T | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -125,6 +127,7 @@ class Operations(Protocol[T]):
     ) -> T: ...
     def colours_at(self, style: LoadedStyle[T], size: tuple[int, int], offsets: T) -> T: ...
     def apply_fixed(self, style: LoadedStyle[T], size: tuple[int, int], fixed: T, offsets: T) -> T: ...
+    def antialiased(self, style: LoadedStyle[T], state: FrameState[T], offsets: T, paintable: T | None) -> T: ...
 
 
 ITERATION = np.dtype(

@@ -209,7 +209,8 @@ static void consider_advected(const Patch *patch, Best *best, const float2 offse
     }
     const int2 at = rounded(offset);
     const int kept = same(at, best->at);
-    const float cost = kept_cost * (kept ? best->cost : patch_cost(patch, at, INFINITE));
+    const float limit = best->cost / kept_cost * 1.000001f; /* above any cost that can be lower; rounding included */
+    const float cost = kept_cost * (kept ? best->cost : patch_cost(patch, at, limit));
     if (kept || cost < best->cost) {
         best->offset = offset;
         best->at = at;

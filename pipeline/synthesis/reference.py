@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.jit import kernel
 from pipeline.strokes.random import philox
+from pipeline.synthesis.antialias import antialiased
 from pipeline.synthesis.energy import NO_DIRECTION, cosines, tables, taps
 from pipeline.synthesis.energy import Energy as Energy
 from pipeline.synthesis.images import NOWHERE, Offsets, StyleImage, Target
@@ -174,6 +175,11 @@ class ReferenceOperations:
     def apply_fixed(self, style: LoadedStyle[Array], size: Size, fixed: Array, offsets: Array) -> Array:
         np.copyto(offsets, fixed, where=fixed[..., :1] > NOWHERE)
         return offsets
+
+    def antialiased(
+        self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, paintable: Array | None
+    ) -> Array:
+        return antialiased(style.style, offsets, state.bins, paintable)
 
 
 def _or(array: Array | None, absent: Array) -> Array:

@@ -45,12 +45,23 @@ class Animation(Protocol):
 
 
 @dataclass(frozen=True)
+class FirstFrame:
+    """Effort for the first frame of a shot: rounds, radius of the random search (px), and the number of the first round
+    in which the random search leaves out settled pixels, see `refine`."""
+
+    iterations: int
+    search_px: float
+    searched: int
+
+
+@dataclass(frozen=True)
 class SearchSchedule:
     """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed.
 
     Attributes:
         settles: whether iterations leave out pixels around which nothing changes, see `refine`.
-        first: (rounds, radius) of the first frame of a shot, which continues no other; None = those of every frame.
+        first: effort for the first frame of a shot, which continues no other; None = that of every frame. The other
+            frames then ask direct neighbours only.
     """
 
     iterations: int = 4
@@ -58,7 +69,7 @@ class SearchSchedule:
     seed: int = 0
     stream: int = 0
     """Random stream of the level and sweep; `key` adds the frame number in the low 20 bits."""
-    first: tuple[int, float] | None = None
+    first: FirstFrame | None = None
     settles: bool = False
 
     def key(self, index: int) -> RandomKey:
@@ -121,9 +132,13 @@ class Sweep(Generic[T]):
         if painted is not None and (painted[..., 0] > NOWHERE).all():
             return start
         self._add_temporal_terms(index, state, advected)
-        schedule = self.schedule
-        rounds, search_px = (self.last is None and schedule.first) or (schedule.iterations, schedule.search_px)
-        return refine(self.ops, self.style, state, start, schedule.key(index), rounds, search_px, schedule.settles)
+        schedule, key = self.schedule, self.schedule.key(index)
+        first, settles = schedule.first, schedule.settles
+        if first is None or self.last is not None:
+            rounds, search_px, near = schedule.iterations, schedule.search_px, first is not None
+            return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, near)
+        rounds, search_px = first.iterations, first.search_px
+        return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, searched=first.searched)
 
     def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
         return self.ops.apply_fixed(self.style, state.size, fixed, offsets)

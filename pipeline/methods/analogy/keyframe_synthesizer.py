@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.arrays import AnyArray
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import KeyframeAnimation, LevelFrames, estimated_velocities, levels_of
+from pipeline.methods.analogy.level_animation import KeyframeAnimation, estimated_velocities, levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import KeyInterval, interval_key
 from pipeline.methods.analogy.shot_layers import LayerStatistics
@@ -88,7 +89,7 @@ class KeyframeSynthesizer(Synthesizer):
                 self.preview(level, self.ops.fetch(solved[(interval.first + interval.last) // 2].offsets))
         for index in range(interval.first, interval.last):
             offsets = self.ops.fetch(solved[self._shown_at(index)].offsets)
-            self.emit_frame(index, self.painting(index, offsets, self._frames[0]), self._frames[0])
+            self.emit_frame(index, self.painting(index, offsets), self._frames[0])
         ends = sorted({interval.start, interval.last} & set(solved))
         side = self._style_side(0)
         edge = {str(index): pack_offsets(self.ops.fetch(solved[index].offsets), side) for index in ends}
@@ -98,9 +99,9 @@ class KeyframeSynthesizer(Synthesizer):
         """The frame whose painting is shown at frame `index`; keyframes keep their frames."""
         return index if index in self._painted else self.shown(index, self.interval.start)
 
-    def painting(self, index: int, offsets: Offsets, level_frames: LevelFrames) -> Bytes:
+    def painting(self, index: int, offsets: AnyArray) -> Bytes:
         """The painted frame; with `key_blend`, between two keyframes, with the blended colours of both."""
-        painting, shown, full = super().painting(index, offsets, level_frames), self._shown_at(index), self._full
+        painting, shown, full = super().painting(index, offsets), self._shown_at(index), self._full
         last = max((i for i in full if i < shown), default=None)
         following = min((i for i in full if i > shown), default=None)
         if self.params.key_blend == 0 or shown in full or last is None or following is None:

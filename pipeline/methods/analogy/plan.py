@@ -4,7 +4,8 @@ scan         one pass over the video and its layers: frame count, cuts, tones, k
 synthesise   layers, shots and intervals between keyframes are independent of each other.
              Without keyframes: from the coarsest level to the finest, each level backward and then forward in time,
              in runs of frames. One task is one run of one sweep; it starts from the artefacts of the run before, so a
-             restart repeats at most one run. The coarse levels of a short shot (a sixteenth of its work) are one task.
+             restart repeats at most one run. Runs of coarse levels have more frames, since their offsets take a
+             sixteenth of the memory. The coarse levels of a short shot (a fifth of its work) are one task.
              Independent frames (temporal = off, stills): runs without dependencies
 composite    composites the layers, in runs of frames; no tasks without layers
 
@@ -32,8 +33,8 @@ FINE_LEVELS = 2
 """Number of finest levels that one forward sweep refines if `refinement` is fast."""
 FAST_FROM_ROWS = 720
 """Rows of the frame from which `refinement=auto` is fast."""
-_GROUPED_LEVEL = 2
-"""Levels from this one on are grouped into one task if the shot fits into one run."""
+_COARSE_LEVEL = 2
+"""Levels from this one on have long runs, and are grouped into one task if the shot fits into one."""
 MAX_INTERVAL_FRAMES = 48
 """Maximum number of frames of an interval; a task holds all of them at one level. The paper has a key every 10 to
 20."""
@@ -90,9 +91,13 @@ def run_frames(size: tuple[int, int]) -> int:
     return max(2, min(MAX_RUN_FRAMES, MAX_RUN_BYTES // (size[0] * size[1] * _OFFSET_BYTES)))
 
 
-def _run_length(params: AnalogyParams, size: tuple[int, int]) -> int:
-    """Number of frames of a run; even on twos, so that both frames that show a painting are in one run."""
-    return run_frames(size) // 2 * 2 if params.on_twos == "on" else run_frames(size)
+def _run_length(params: AnalogyParams, size: tuple[int, int], level: int = 0) -> int:
+    """Number of frames of a run at a level; even on twos, so that both frames that show a painting are in one run.
+
+    A run of a coarse level consists of whole runs of the finest level.
+    """
+    length = run_frames(size) // 2 * 2 if params.on_twos == "on" else run_frames(size)
+    return length * (MAX_RUN_FRAMES // length) if level >= _COARSE_LEVEL else length
 
 
 def plan_synthesis(context: PlanContext[AnalogyParams]) -> list[Task]:
@@ -128,7 +133,8 @@ def _layer_tasks(
             continue
         independent = context.params.temporal == "off" or end - begin == 1
         sweeps = (_independent_runs if independent else _chained_sweeps)(context.params, begin, end, size)
-        tasks += [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), end - begin <= run_frames(size))]
+        short = end - begin <= _run_length(context.params, size, _COARSE_LEVEL)
+        tasks += [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), short)]
     return tasks
 
 
@@ -136,7 +142,7 @@ def _grouped(sweeps: Sweeps, short: bool) -> Iterator[list[tuple[str, SweepTask]
     """Group sweeps into tasks: the coarse levels of a short shot are one task, since each task has a fixed overhead."""
     coarse: list[tuple[str, SweepTask]] = []
     for key, sweep in sweeps:
-        if short and sweep.level >= _GROUPED_LEVEL:
+        if short and sweep.level >= _COARSE_LEVEL:
             coarse.append((key, sweep))
             continue
         if coarse:
@@ -204,8 +210,6 @@ def _independent_runs(params: AnalogyParams, begin: int, end: int, size: tuple[i
 
 def _chained_sweeps(params: AnalogyParams, begin: int, end: int, size: tuple[int, int]) -> Sweeps:
     """All sweeps of a shot, run by run, with the tasks that each depends on."""
-    length = _run_length(params, size)
-    runs = [(start, min(start + length, end)) for start in range(begin, end, length)]
     fine = fine_levels(params, size)
     sweeps = [
         (level, sweep)
@@ -215,11 +219,14 @@ def _chained_sweeps(params: AnalogyParams, begin: int, end: int, size: tuple[int
     ]
     before: tuple[int, int] | None = None
 
-    def key(level: int, sweep: int, start: int) -> str:
+    def key(level: int, sweep: int, frame: int) -> str:
+        """Key of the task whose run contains a frame."""
+        start = frame - (frame - begin) % _run_length(params, size, level)
         return f"level-{level}-{'forth' if is_forward(params, sweep) else 'back'}-{sweep // 2}-{start:07d}"
 
     for level, sweep in sweeps:
-        forward = is_forward(params, sweep)
+        forward, length = is_forward(params, sweep), _run_length(params, size, level)
+        runs = [(start, min(start + length, end)) for start in range(begin, end, length)]
         ordered = runs if forward else runs[::-1]
         for place, (start, stop) in enumerate(ordered):
             yield key(level, sweep, start), SweepTask(

@@ -3,6 +3,7 @@ layers."""
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from itertools import pairwise
 from typing import cast
 
@@ -13,7 +14,7 @@ from pipeline.methods.analogy.layer_inputs import LayerInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import Factors, Layer, LayerStatistics, RenderPasses, layered_shot
 from pipeline.methods.analogy.style_images import save_default_pair
-from pipeline.methods.analogy.style_scaling import save_scaled_style
+from pipeline.methods.analogy.style_scaling import scaled_style_saved
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
 from pipeline.synthesis.tone_matching import ToneAccumulator, ToneStatistics, lab_guide
@@ -37,9 +38,10 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     """
     shot = layered_shot(context)
     accumulator = ToneAccumulator()
-    frames, cuts = scan_video(
-        context, context.params.cut_sensitivity, lambda frame: accumulator.add(lab_guide(frame))
-    )  # fmt: skip
+    with nullcontext() if shot is not None else scaled_style_saved(context, JobInputs(context)):
+        frames, cuts = scan_video(
+            context, context.params.cut_sensitivity, lambda frame: accumulator.add(lab_guide(frame))
+        )  # fmt: skip
     tones = accumulator.statistics()
     keys = checked_keyframes(JobInputs(context), frames) if shot is None else []
     if not context.has("style_output") and not _all_keyed(frames, cuts, keys):
@@ -47,7 +49,6 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
             save_default_pair(context, frames)
     if shot is None:
         context.save("tones", LayerStatistics(tones).arrays())
-        save_scaled_style(context, JobInputs(context))
         return {"frames": frames, "cuts": cuts, "keys": keys, "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
@@ -78,8 +79,8 @@ def _scan_layer(context: TaskContext[AnalogyParams], layer: Layer, tones: ToneSt
         own = tones if layer.number < 0 else _layer_tones(context, layer, passes)
         statistics = LayerStatistics(own, factors, inputs.overpaint_px())
     LayerInputs(context, layer, statistics, keyframe_style=bool(keys)).guides  # noqa: B018  (raises for invalid guides)
-    save_scaled_style(context, LayerInputs(context, layer, statistics))
-    context.save(layer.statistics_artefact, statistics.arrays())
+    with scaled_style_saved(context, LayerInputs(context, layer, statistics)):
+        context.save(layer.statistics_artefact, statistics.arrays())
     return {
         "name": layer.name, "keys": keys, "message": message, "overpaint_px": statistics.reach_px,
         "stylised": layer.stylised,

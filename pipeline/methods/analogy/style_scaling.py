@@ -5,6 +5,10 @@ The step `scan` saves the scaled painting, and the tasks of the step `synthesise
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
 import cv2
 import numpy as np
 
@@ -27,7 +31,8 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
     """Scale a painting to the size of the frame and remove the sharpening of its scan.
 
     With `stroke_scale` 1, painting and frame have equally many pixels, so that a stroke takes the same share of both at
-    any frame size. Every colour remains a colour of the painting.
+    any frame size. Every colour remains a colour of the painting. A second thread makes the guide of an enlarged
+    painting meanwhile.
 
     Args:
         pair: a painting without guides, lines and directions.
@@ -36,12 +41,28 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
     painting = pair.output
     scale = natural_size((painting.shape[1], painting.shape[0]), size) * params.stroke_scale
     scale = 1.0 if abs(scale - 1) <= SAME_SIZE else min(scale, MAX_SCALE)
+    smoothing_px = params.style_smoothing * _unit_px(size)
+    with ThreadPoolExecutor(1, "impasto-style") as thread:
+        smooth = thread.submit(_smoothed, painting, smoothing_px / scale) if scale > 1 else None
+        output = _scaled(painting, scale)
+        if smooth is None:
+            return StylePair(output, _smoothed(output, smoothing_px), True)
+        guide = cv2.resize(smooth.result(), output.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+    return StylePair(output, np.asarray(guide, np.uint8), True)
+
+
+def _scaled(painting: Bytes, scale: float) -> Bytes:
+    """The painting at another size and with the sharpness of a video, in its own colours."""
     output = resized(painting, scale) if scale != 1 else painting
     sigma = natural_sigma(output)
     if sigma > 0:
         output = np.asarray(cv2.GaussianBlur(output, (0, 0), sigma), np.uint8)
-    output = output if output is painting else Palette(painting).nearest(output)
-    return StylePair(output, _derived_guide(painting, output, scale, params.style_smoothing * _unit_px(size)), True)
+    return output if output is painting else Palette(painting).nearest(output)
+
+
+def _smoothed(picture: Bytes, smoothing_px: float) -> Bytes:
+    """S of a picture. That of an enlarged painting is made at the smaller of both sizes, where it takes less time."""
+    return derived_guide(np.ascontiguousarray(picture[..., :3]), smoothing_px)
 
 
 def _unit_px(size: tuple[int, int]) -> float:
@@ -49,30 +70,28 @@ def _unit_px(size: tuple[int, int]) -> float:
     return natural_size(SMOOTHING_SIZE, size)
 
 
-def _derived_guide(painting: Bytes, output: Bytes, scale: float, smoothing_px: float) -> Bytes:
-    """S of the scaled painting, at the smaller of both sizes, where smoothing takes less time.
-
-    Args:
-        smoothing_px: smoothing at the size of `output`, px.
-    """
-    if scale <= 1:
-        return derived_guide(np.ascontiguousarray(output[..., :3]), smoothing_px)
-    smooth = derived_guide(np.ascontiguousarray(painting[..., :3]), smoothing_px / scale)
-    return np.asarray(cv2.resize(smooth, output.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.uint8)
-
-
 def is_scaled(inputs: SynthesisInputs) -> bool:
     """Whether the style is a painting that is scaled."""
     return inputs.painting_alone and inputs.params.stroke_scale > 0
 
 
-def save_scaled_style(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> None:
-    """Scale the painting of a layer and save it as an artefact of the step `scan`, if it is scaled at all."""
+@contextmanager
+def scaled_style_saved(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> Iterator[None]:
+    """Scale the painting of a layer, if it is scaled at all, on a thread during the block; then save it as an artefact
+    of the step `scan`."""
     if not is_scaled(inputs):
+        yield
         return
-    with context.clock("style"):
-        pair = scaled_pair(inputs.style_pair(), inputs.params, context.size)
-    context.save(_artefact(inputs.layer), {"output": pair.output, "guide": pair.guide})
+    pair = inputs.style_pair()
+
+    def scaled() -> StylePair:
+        with context.clock("style"):
+            return scaled_pair(pair, inputs.params, context.size)
+
+    with ThreadPoolExecutor(1, "impasto-style") as thread:
+        found = thread.submit(scaled)
+        yield
+        context.save(_artefact(inputs.layer), {"output": found.result().output, "guide": found.result().guide})
 
 
 def style_of(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> StylePair:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -27,30 +27,28 @@ from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
 from pipeline.methods.analogy.style_scaling import is_scaled, style_of
 from pipeline.methods.base import Task, TaskContext, TaskResult
-from pipeline.synthesis.antialias import antialiased
 from pipeline.synthesis.device_memory import operations
 from pipeline.synthesis.exemplar import Palette
 from pipeline.synthesis.images import Bytes, Offsets, pack_offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
-from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame, Sweep, order
+from pipeline.synthesis.sweeps import FirstFrame, SearchSchedule, SolvedFrame, Sweep, order
 from pipeline.synthesis.tone_matching import ToneMatch
 
-COARSE_ROUNDS = 2
+COARSEST_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
 FINE_ROUNDS = 3
 """Maximum number of rounds of a frame that continues the frame before it."""
-FINE_SEARCH_PX = 8.0
-"""Maximum radius of its random search, px."""
+FINE_SEARCH_PX = 2.0
+"""Maximum radius of its random search, px: it has only details to improve."""
 FIRST_FRAME_ROUNDS = 2
-"""Factor of iterations for the first frame, which all other frames of the shot continue."""
+"""Factor of iterations for the first frame, which all other frames of the shot continue. In the second half of them,
+the random search leaves settled pixels out."""
 FIRST_FRAME_SEARCH_PX = 16.0
-"""Maximum radius of its random search at a fine level, and of that of second sweeps at coarse levels, px."""
-SECOND_SWEEP_ROUNDS = 2
-"""Maximum number of rounds of the second sweep at a coarse level below fine ones: only 1 to 5 % of the pixels change
-in each further round."""
-_THREADS = 2
-"""Number of threads that paint frames whose offsets are found."""
+"""Maximum radius of its random search at a fine level, and of that of all sweeps but the first at coarse levels, px."""
+COARSE_ROUNDS = 2
+"""Maximum number of rounds of all sweeps but the first at the levels below fine ones: only 1 to 5 % of the pixels
+change in each further round."""
 STEP = "synthesise"
 
 PreviousOffsets = Callable[[int, FrameState[Any]], Any]
@@ -77,7 +75,9 @@ class Synthesizer:
         self, context: TaskContext[AnalogyParams], inputs: SynthesisInputs, pair: StylePair | None = None
     ) -> None:
         self.context, self.inputs = context, inputs
-        self._latest_frames: tuple[tuple[int, int, int], LevelFrames] | None = None
+        self._latest_frames: tuple[tuple[int, int], dict[int, LevelFrames]] = (0, 0), {}
+        self._finest = 0
+        """Finest level of the sweeps of this task."""
         self.params: AnalogyParams = inputs.params
         with context.clock("style"):
             self.pair = pair or style_of(context, inputs)
@@ -154,7 +154,7 @@ class Synthesizer:
     def schedule(self, level: int, stream: int) -> SearchSchedule:
         """Effort of the search at a level; `stream` is the random stream of the sweep."""
         coarsest = level == self.levels - 1
-        iterations = self._iterations(level) * (COARSE_ROUNDS if coarsest else 1)
+        iterations = self._iterations(level) * (COARSEST_ROUNDS if coarsest else 1)
         search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
         schedule = SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
         if coarsest or not self._guided_still:
@@ -164,18 +164,19 @@ class Synthesizer:
     def _sweep_schedule(self, task: SweepTask) -> SearchSchedule:
         """Effort of the search of a sweep.
 
-        With fine levels, few rounds for their frames, where only the first one starts anew, and for the second sweeps
-        of the other levels.
+        With fine levels, few rounds for their frames, where only the first one starts anew, and for all sweeps of the
+        other levels but the first of the coarsest one.
         """
         full = self.schedule(task.level, task.level * 8 + task.sweep)
         if fine_levels(self.params, self.context.size) == 0:
             return full
         first_px = min(FIRST_FRAME_SEARCH_PX, full.search_px)
         if not task.fine:
-            again = replace(full, iterations=min(SECOND_SWEEP_ROUNDS, full.iterations), search_px=first_px)
-            return replace(full if task.first or task.from_coarser else again, settles=True)
+            again = replace(full, iterations=min(COARSE_ROUNDS, full.iterations), search_px=first_px)
+            starts = task.level == self.levels - 1 and task.sweep == 0
+            return replace(full if starts else again, settles=True)
         rounds, search_px = min(FINE_ROUNDS, full.iterations), min(FINE_SEARCH_PX, full.search_px)
-        first = FIRST_FRAME_ROUNDS * full.iterations, first_px
+        first = FirstFrame(FIRST_FRAME_ROUNDS * full.iterations, first_px, full.iterations)
         return replace(full, iterations=rounds, search_px=search_px, first=first, settles=True)
 
     def _iterations(self, level: int) -> int:
@@ -188,6 +189,7 @@ class Synthesizer:
 
     def run_sweeps(self, sweeps: Sequence[tuple[str, SweepTask]]) -> None:
         """Run the sweeps of a task, (key, sweep), in order. Only the last one saves its result as an artefact."""
+        self._finest = max(0, min(sweep.level for _, sweep in sweeps))
         for self._part, (key, sweep) in enumerate(sweeps):
             self._parts = len(sweeps)
             if sweep.level < 0:
@@ -216,14 +218,14 @@ class Synthesizer:
                 for _ in range(1, self.levels):
                     level_frames.append(level_frames[-1].halved())
             if self.shown(index, run.begin) == index:
-                offsets = self._all_levels(index, level_frames, (index - run.start) / (run.stop - run.start))
+                solved = self._all_levels(index, level_frames, (index - run.start) / (run.stop - run.start))
                 with self.context.clock("colours"):
-                    painting = self.painting(index, offsets, level_frames[0])
+                    painting = self.painting(index, self._rendered(solved, level_frames[0]))
             self.emit_frame(index, painting, level_frames[0])
             self.context.progress((index + 1 - run.start) / (run.stop - run.start))
 
-    def _all_levels(self, index: int, level_frames: list[LevelFrames], done: float) -> Offsets:
-        """Offsets of one frame at full size."""
+    def _all_levels(self, index: int, level_frames: list[LevelFrames], done: float) -> SolvedFrame[Any]:
+        """One frame at full size."""
         coarser: tuple[int, SolvedFrame[Any]] | None = None
         for level in reversed(range(self.levels)):
             previous, schedule = self._upsampled(coarser), self.schedule(level, 64 + level)
@@ -234,8 +236,7 @@ class Synthesizer:
                 self.ops.finish()
             self.context.progress(done)
         assert coarser is not None
-        offsets: Offsets = self.ops.fetch(coarser[1].offsets)
-        return offsets
+        return coarser[1]
 
     def _upsampled(self, coarser: tuple[int, SolvedFrame[Any]] | None) -> PreviousOffsets:
         """Offsets upsampled from a frame of the next coarser level, (level, frame)."""
@@ -248,17 +249,23 @@ class Synthesizer:
 
         return previous
 
-    def painting(self, index: int, offsets: Offsets, level_frames: LevelFrames) -> Bytes:
+    def _rendered(self, solved: SolvedFrame[Any], level_frames: LevelFrames) -> AnyArray:
+        """Data from which `painting` makes the picture of a solved frame: its offsets, or its colours, see there."""
+        if self._palette is None:
+            return self.ops.fetch(solved.offsets)
+        paintable = level_frames.paintable.get(solved.index)
+        on_device = None if paintable is None else self.ops.upload(paintable)
+        return self.ops.fetch(self.ops.antialiased(self.style(0), solved.state, solved.offsets, on_device))
+
+    def painting(self, index: int, rendered: AnyArray) -> Bytes:
         """The painted frame `index`, uint8 (h, w, 3), or (h, w, 4) if the style has opacity.
 
         Departure: a painting that is scaled has no pixels of its own that could be copied. Its strokes move by
-        fractions of a pixel, see `antialiased`, and every pixel then gets the nearest colour of the painting.
+        fractions of a pixel, see `antialias`, and every pixel then gets the nearest colour of the painting.
         """
-        style = self.style(0).style
         if self._palette is None:
-            return colours(style, offsets)
-        bins = level_frames.target(index).bins if self.inputs.rotates else None
-        return self._palette.nearest(antialiased(style, offsets, bins, level_frames.paintable.get(index)))
+            return colours(self.style(0).style, rendered)
+        return self._palette.nearest(rendered)
 
     def emit_frame(self, index: int, painting: Bytes, level_frames: LevelFrames) -> None:
         """Emit a finished frame, or save it for the step `composite` if it is a layer."""
@@ -285,7 +292,7 @@ class Synthesizer:
 
         The result is saved as an artefact, or emitted after the last sweep.
         """
-        edge = task.start - 1 if task.forward else task.stop
+        before = task.start - 1 if task.forward else task.stop
         first = max(task.start - 1, task.begin) if task.forward else task.start
         last = task.stop if task.forward else min(task.stop + 1, task.end)
         match = self.tone_matching()
@@ -296,18 +303,28 @@ class Synthesizer:
             self._sweep_schedule(task), task.forward, keep_first=task.sweep > 0 and not task.from_coarser,
         )  # fmt: skip
         if task.neighbour:
-            state = self.ops.prepare(self.style(task.level), level_frames.target(edge))
-            sweep.last = SolvedFrame(edge, state, self._load_edge(task.neighbour, edge, task.level))
-        found = self._collect(sweep, task)
-        self._save_or_emit(key, task, found, level_frames)
+            state = self.ops.prepare(self.style(task.level), level_frames.target(before))
+            sweep.last = SolvedFrame(before, state, self._load_edge(task.neighbour, before, task.level))
+        edge = task.stop - 1 if task.forward else task.start
+        found = self._emit_run(sweep, task, level_frames, edge) if task.last else self._collect(sweep, task)
+        if (task.stop < task.end) if task.forward else (task.start > task.begin):
+            packed = pack_offsets(found[edge], self._style_side(task.level))
+            self.context.save(f"{key}-edge", {str(edge): packed})
+        if not task.last:
+            self._save(key, task.level, found)
+            self.preview(task.level, found[edge])
 
     def _frames_of_sweep(self, first: int, last: int, level: int, match: Callable[[Bytes], Bytes]) -> LevelFrames:
-        """Frames [first, last) at a level; those of the sweep before if it had the same."""
-        kept = self._latest_frames
-        if kept is None or kept[0] != (first, last, level):
-            self._latest_frames = None  # frees them first
-            self._latest_frames = kept = ((first, last, level), self.level_frames(first, last, level, match))
-        return kept[1]
+        """Frames [first, last) at a level; decoded once for the sweeps of this task that have the same frames."""
+        frames, levels = self._latest_frames
+        if frames != (first, last):
+            self._latest_frames = (0, 0), {}  # frees them first
+            levels = {self._finest: self.level_frames(first, last, self._finest, match)}
+            self._latest_frames = (first, last), levels
+        with self.context.clock("guides"):
+            for coarser in range(max(levels) + 1, level + 1):
+                levels[coarser] = levels[coarser - 1].halved()
+        return levels[level]
 
     def _previous_offsets(self, task: SweepTask, match: Callable[[Bytes], Bytes]) -> PreviousOffsets:
         """The previous result of each frame: of the sweep before, or of the coarser level."""
@@ -342,41 +359,57 @@ class Synthesizer:
         """Offsets of the edge frame of another run, in device memory."""
         return self.ops.upload(self._unpacked(self.context.load(STEP, f"{task}-edge"), index, level))
 
-    def _collect(self, sweep: Sweep[Any], task: SweepTask) -> dict[int, Offsets]:
-        """Run a sweep and download its offsets, by frame number."""
-        found: dict[int, Offsets] = {}
+    def _solved_frames(self, sweep: Sweep[Any], task: SweepTask) -> Iterator[SolvedFrame[Any]]:
+        """The frames of a sweep, each as soon as the device has solved it."""
         count = task.stop - task.start
-        solved_frames = iter(sweep.run(order(task.start, task.stop, task.forward)))
+        solved_frames = sweep.run(order(task.start, task.stop, task.forward))
         for done in range(count):
             with self.context.clock("synthesis"):
                 solved = next(solved_frames)
-                found[solved.index] = self.ops.fetch(solved.offsets)
+                self.ops.finish()
+            yield solved
             self._progress((done + 1) / count)
+
+    def _collect(self, sweep: Sweep[Any], task: SweepTask) -> dict[int, Offsets]:
+        """Run a sweep and download its offsets, by frame number."""
+        return {solved.index: self.ops.fetch(solved.offsets) for solved in self._solved_frames(sweep, task)}
+
+    def _emit_run(self, sweep: Sweep[Any], task: SweepTask, level_frames: LevelFrames, edge: int) -> dict[int, Offsets]:
+        """Run the last sweep and emit its frames; returns the offsets of the frame `edge`.
+
+        A thread finishes each painting while the device works on the next frame.
+        """
+        paintings: dict[int, Future[Bytes]] = {}
+        emitted, found = task.start, dict[int, Offsets]()
+
+        def emit(wait: bool) -> int:
+            """Emit all frames that are finished, in order; returns the next one."""
+            index = emitted
+            while index < task.stop:
+                painting = paintings.get(self.shown(index, task.begin))
+                if painting is None or not (wait or painting.done()):
+                    break
+                self.emit_frame(index, painting.result(), level_frames)
+                index += 1
+            return index
+
+        with ThreadPoolExecutor(1, "impasto-colours") as thread:
+            for solved in self._solved_frames(sweep, task):
+                if self.shown(solved.index, task.begin) == solved.index:
+                    with self.context.clock("colours"):
+                        rendered = self._rendered(solved, level_frames)
+                    paintings[solved.index] = thread.submit(self.painting, solved.index, rendered)
+                if solved.index == edge:
+                    found[edge] = self.ops.fetch(solved.offsets)
+                emitted = emit(wait=False)
+            emit(wait=True)
         return found
 
-    def _emit_run(self, task: SweepTask, found: Mapping[int, Offsets], level_frames: LevelFrames) -> None:
-        """Emit the frames of a run. Two threads paint them."""
-        shown = [self.shown(index, task.begin) for index in range(task.start, task.stop)]
-
-        def painted(index: int) -> Bytes:
-            return self.painting(index, found[index], level_frames)
-
-        with self.context.clock("colours"), ThreadPoolExecutor(_THREADS, "impasto-colours") as threads:
-            paintings = {index: threads.submit(painted, index) for index in dict.fromkeys(shown)}
-            for index, each in enumerate(shown, task.start):
-                self.emit_frame(index, paintings[each].result(), level_frames)
-
-    def _save_or_emit(self, key: str, task: SweepTask, found: dict[int, Offsets], level_frames: LevelFrames) -> None:
-        side = self._style_side(task.level)
-        edge = task.stop - 1 if task.forward else task.start
-        if (task.stop < task.end) if task.forward else (task.start > task.begin):
-            self.context.save(f"{key}-edge", {str(edge): pack_offsets(found[edge], side)})
-        if task.last:
-            self._emit_run(task, found, level_frames)
-            return
+    def _save(self, key: str, level: int, found: Mapping[int, Offsets]) -> None:
+        """Save the result of a sweep, or keep it for a later sweep of this task."""
+        side = self._style_side(level)
         arrays: dict[str, AnyArray] = {str(index): pack_offsets(offsets, side) for index, offsets in found.items()}
         if self._is_last_part:
             self.context.save(key, arrays)
         else:
             self._unsaved[key] = arrays
-        self.preview(task.level, found[edge])

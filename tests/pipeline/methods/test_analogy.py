@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from inspect import signature
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -485,17 +486,21 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rounds: list[tuple[tuple[int, int], int]] = []
+    fine: list[tuple[float, bool, int | None]] = []
 
-    def counted(
-        ops: Any, style: Any, state: Any, offsets: Any, key: Any, count: int, search_px: float, settles: bool
-    ) -> Any:
-        rounds.append((state.size, count))
-        return refine(ops, style, state, offsets, key, count, search_px, settles)
+    def counted(*args: Any, **kwargs: Any) -> Any:
+        given = signature(refine).bind(*args, **kwargs)
+        given.apply_defaults()
+        rounds.append((given.arguments["state"].size, given.arguments["rounds"]))
+        if given.arguments["state"].size == SIZE:
+            fine.append((given.arguments["search_px"], given.arguments["near"], given.arguments["searched"]))
+        return refine(*args, **kwargs)
 
     monkeypatch.setattr(sweeps, "refine", counted)
     rendered(iterations=4, refinement="fast")
     assert [count for size, count in rounds if size == SIZE] == [8, 3, 3, 3, 3, 3]
     assert [count for size, count in rounds if size != SIZE] == [8] * 6 + [2] * 5
+    assert fine == [(16, False, 4)] + [(2, True, None)] * 5, "search radius, direct neighbours only, rounds everywhere"
 
 
 def test_the_steadiness_of_coarse_levels_is_a_parameter() -> None:
@@ -559,6 +564,20 @@ def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
     tasks = run_plan(chosen, context)["synthesise"]
     assert len(tasks) == 5 and len(tasks[0].args["earlier"]) == 1
     assert not [name for _, name in context.kept if name.endswith("-edge")], "no artefact is saved that no task loads"
+
+
+def test_runs_of_coarse_levels_have_more_frames_and_consist_of_whole_fine_runs() -> None:
+    scan = {"video": {"frames": 40, "cuts": [], "keys": [], "layers": []}}
+    video = SimpleNamespace(width=1920, height=1080, frames=40)
+    params = parse_params(method("analogy"), {})
+    tasks = plan_synthesis(SimpleNamespace(params=params, video=video, results={"scan": scan}))
+    sweeps_by_key = {task.key: SweepTask(**task.args) for task in tasks}
+    frames = {level: {s.stop - s.start for s in sweeps_by_key.values() if s.level == level} for level in range(4)}
+    assert frames == {3: {28, 12}, 2: {28, 12}, 1: {7, 5}, 0: {7, 5}}
+    for sweep in sweeps_by_key.values():
+        before = sweeps_by_key.get(sweep.previous, sweep)
+        assert before.start <= sweep.start and sweep.stop <= before.stop, "one task has all frames of the sweep before"
+    assert all(set(task.after) <= sweeps_by_key.keys() for task in tasks)
 
 
 def test_the_length_of_a_run_depends_on_the_frame_size() -> None:

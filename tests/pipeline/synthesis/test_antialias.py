@@ -85,6 +85,14 @@ def test_transparent_paint_gives_no_colour_to_its_neighbours() -> None:
     np.testing.assert_array_equal(out[5, 4], (200, 100, 50, 255))
 
 
+def test_opacity_does_not_overshoot_at_the_edge_of_paint() -> None:
+    """Cubic weights are negative beside an edge: fully transparent there, not nearly opaque."""
+    picture = np.zeros((40, 48, 4), np.uint8)
+    picture[:, :16] = (200, 100, 50, 255)
+    opacity = antialiased(StyleImage(picture, picture), identity(0.5))[5, :, 3]
+    assert opacity[:7].min() == 255 and opacity[8:].max() == 0
+
+
 def test_pieces_that_are_rotated_agree_inside() -> None:
     """A turned piece is copied sharply: its neighbours' positions follow its direction, not the picture's axes."""
     size = (20, 16)

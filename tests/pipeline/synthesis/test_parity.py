@@ -94,6 +94,9 @@ def run_operations(
         found["penalty"] = ops.penalty(style, now.size, offsets)
     fine = ops.load(random_style(energy, rotate, False), energy)
     finer = replace(now, size=(61, 46))
+    fraction = ops.upload(ops.fetch(offsets) + random_motion() / np.float32(8))
+    found["antialiased"] = ops.antialiased(style, now, fraction, None)
+    found["antialiased inside"] = ops.antialiased(style, now, fraction, ops.upload(visible))
     found["upsampled"] = ops.upsample(style, now, offsets, fine, finer)
     return {name: ops.fetch(array) for name, array in found.items()}
 
@@ -115,6 +118,12 @@ def test_bands_of_rows_give_the_bytes_of_the_whole_frame(pixels: int) -> None:
 def test_kernels_and_bands_equal_the_reference_where_settled_pixels_are_left_out(energy: str) -> None:
     check_parity(ENERGIES[energy], False, False, 6, settles=True)
     check_parity(ENERGIES[energy], False, False, 6, BandedOperations(device(), 31 * 20), settles=True)
+
+
+@pytest.mark.parametrize("rotate", [False, True])
+def test_paint_with_opacity_is_antialiased_to_the_bytes_of_the_reference(rotate: bool) -> None:
+    energy = replace(PLAIN, colours=4)
+    check_parity(energy, rotate, False, 1)
 
 
 def test_advected_offsets_are_preferred_and_their_fraction_continues_below_a_factor_of_1() -> None:
