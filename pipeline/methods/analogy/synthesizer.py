@@ -13,6 +13,7 @@ from pipeline.arrays import AnyArray, Arrays
 from pipeline.compute import device
 from pipeline.frames import Frame
 from pipeline.methods.analogy.guided_stills import (
+    STRETCH_HUES,
     guided_still_params,
     guided_still_schedule,
     is_guided_still,
@@ -100,7 +101,8 @@ class Synthesizer:
     def _stretch(self) -> float:
         """How much faster guides change in the first frame than in the style."""
         frame = self._frames_of_sweep(0, 1, 0, self.tone_matching()).guides[0]
-        return stretch_of_guides(frame, self.pair.guides, energy_of(self.params, self.inputs.guides, 0).guides)
+        params = self.params.model_copy(update={"colour_weight": self.params.colour_weight * STRETCH_HUES})
+        return stretch_of_guides(frame, self.pair.guides, energy_of(params, self.inputs.guides, 0).guides)
 
     def _frames_on_device(self) -> int:
         """Number of frames whose offsets are in device memory at the same time."""
