@@ -31,3 +31,17 @@ def wide_gaussian(picture: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uin
 def sigma_in_cells(sigma_px: float, cell: int) -> float:
     """Sigma, in cells, of a Gaussian whose variance, with that of the mean over a cell, is `sigma_px` squared."""
     return math.sqrt(sigma_px**2 - (cell**2 - 1) / 12) / cell
+
+
+def enlarge_cells(cells: NDArray[np.float32], cell: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Values of square cells, interpolated bilinearly at the pixels of a picture: float32 of `shape` (h, w).
+
+    Args:
+        cells: float32 (rows, columns) or (rows, columns, n). The last row and column may reach beyond the picture.
+        cell: side of a cell, px; 1 returns `cells` itself.
+    """
+    if cell == 1:
+        return cells
+    rows, columns = cells.shape[:2]
+    wide = cv2.resize(cells, (columns * cell, rows * cell), interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(wide[: shape[0], : shape[1]], np.float32)

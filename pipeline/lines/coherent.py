@@ -28,7 +28,7 @@ STROKE = np.dtype([
 these pixels lie on ink that was drawn in the previous frame."""
 DRAWN = 76
 """Ink above this value counts as drawn in the previous frame."""
-CROWD, MOST_CROWDING = 10.0, 3.0
+MANY_SHORT_STROKES, LARGEST_FACTOR = 10.0, 3.0
 """Number of short strokes in nine cells from which strokes there must be longer, in proportion to that number, and the
 largest factor: foliage and grass would be full of specks, while the single short stroke of an eye stays."""
 _FAR = np.int32(1 << 30)
@@ -55,7 +55,7 @@ class StrokeLimits(NamedTuple):
         weak, strong: hysteresis thresholds on ink, 0..255: of all pixels of a stroke, and of its strongest pixel.
         shortest_px: smallest extent of a stroke. The limit is a third of it for strokes that were drawn before, and
             falls to a quarter where importance is 1, since an eye is short. It rises where short strokes are many
-            (`CROWD`).
+            (`MANY_SHORT_STROKES`).
     """
 
     weak: int
@@ -93,10 +93,10 @@ def _draw_strokes(
     for k in range(runs.size):
         runs[k]["parent"] = _root(runs, k)
         _add_run(runs[k], ink, past, importance, strokes[runs[k]["parent"]])
-    crowd = _count_short(runs, strokes, limits.shortest_px, ink.shape)
+    short = _count_short(runs, strokes, limits.shortest_px, ink.shape)
     for k in range(runs.size):
         stroke = strokes[runs[k]["parent"]]
-        if _is_drawn(stroke, limits, _crowding(stroke, crowd, limits.shortest_px)):
+        if _is_drawn(stroke, limits, _length_factor(stroke, short, limits.shortest_px)):
             out[runs[k]["row"], runs[k]["start"] : runs[k]["stop"]] = 255
 
 
@@ -180,14 +180,14 @@ def _count_short(
 
 
 @kernel
-def _crowding(stroke: np.void, crowd: NDArray[np.int32], shortest_px: float) -> float:
-    """Factor on the smallest extent of a stroke: 1, and up to `MOST_CROWDING` among many short strokes."""
+def _length_factor(stroke: np.void, short: NDArray[np.int32], shortest_px: float) -> float:
+    """Factor on the smallest extent of a stroke: 1, and up to `LARGEST_FACTOR` among many short strokes."""
     row, column = _cell(stroke, max(2 * shortest_px, 1.0))
     total = 0
     for j in range(row - 1, row + 2):
         for i in range(column - 1, column + 2):
-            total += crowd[j, i]
-    return min(max(total / CROWD, 1.0), MOST_CROWDING)
+            total += short[j, i]
+    return min(max(total / MANY_SHORT_STROKES, 1.0), LARGEST_FACTOR)
 
 
 @kernel
@@ -206,9 +206,11 @@ def _extent(stroke: np.void) -> int:
 
 
 @kernel
-def _is_drawn(stroke: np.void, limits: StrokeLimits, crowding: float) -> bool:
+def _is_drawn(stroke: np.void, limits: StrokeLimits, length_factor: float) -> bool:
     known = stroke["drawn_before"] * 4 > stroke["area"]
-    shortest = limits.shortest_px * crowding * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke["importance"] / 255))
+    shortest = (
+        limits.shortest_px * length_factor * (1 / 3 if known else 1.0) * (1 - 0.75 * (stroke["importance"] / 255))
+    )
     strong_enough: bool = stroke["peak"] > limits.strong or known
     return strong_enough and _extent(stroke) >= shortest
 

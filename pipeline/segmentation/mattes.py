@@ -29,6 +29,7 @@ BAND = 6
 Box = tuple[slice, slice]
 """Rows and columns."""
 Places = tuple[NDArray[np.int32], NDArray[np.float32]]
+"""Positions on an axis: the pixel before each, and the distance to it, 0..1 px."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,13 @@ class LabelMattes:
         """
         mask = (self.labels == label).astype(np.float32)
         near = _near_border(mask)
+        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
         if not near.any():
-            return np.full((box[0].stop - box[0].start, box[1].stop - box[1].start), mask.flat[0], np.float32)
+            return np.full(shape, mask.flat[0], np.float32)
         coefficients = self._coefficients(mask)
         coefficients[~near] = 0
         coefficients[..., 3][~near] = mask[~near]
-        out = np.empty((box[0].stop - box[0].start, box[1].stop - box[1].start), np.float32)
+        out = np.empty(shape, np.float32)
         rows = _places(box[0], self._size[1], mask.shape[0])
         columns = _places(box[1], self._size[0], mask.shape[1])
         _apply(coefficients, near, (rows, columns), np.ascontiguousarray(self.frame[box]), out)
@@ -208,8 +210,7 @@ def _fit(
 
 
 def _places(span: slice, length: int, small: int) -> Places:
-    """For each pixel of `span`, on an axis of `length` px: the pixel of the reduced axis, of `small` px, before its
-    place, and the distance to that pixel."""
+    """Positions of the pixels in `span`, on an axis of `length` px, on the same axis reduced to `small` px."""
     at = (np.arange(span.start, span.stop, dtype=np.float32) + np.float32(0.5)) * np.float32(small / length)
     at = np.clip(at - np.float32(0.5), 0, small - 1)
     first = np.minimum(at.astype(np.int32), max(small - 2, 0)).astype(np.int32)

@@ -186,12 +186,12 @@ def _shift(
 def blank(reference: Frame) -> Canvas:
     """Make a canvas that has the reference's colours and paint of height 0."""
     out = np.empty((*reference.shape[:2], 7), np.float32)
-    _prime(reference, out)
+    _fill_blank(reference, out)
     return out
 
 
 @kernel
-def _prime(reference: Frame, canvas: Canvas) -> None:
+def _fill_blank(reference: Frame, canvas: Canvas) -> None:
     height, width = reference.shape[:2]
     for y in range(height):
         for x in range(width):

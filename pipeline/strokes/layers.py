@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
+from pipeline.gaussian import wide_gaussian
 from pipeline.jit import kernel
 from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.raster import StrokeProfile, paint
@@ -135,19 +136,10 @@ def typical(size_px: StyleField) -> float:
     return float(np.median(plane[::8, ::8] if plane.ndim else plane))
 
 
-LEAST_BLUR_PX = 0.3
-"""Sigma up to which a reference is not blurred."""
-
-
 def layer_reference(picture: Frame, brush: Brush, scheme: LayerScheme) -> Frame:
     """The reference of a layer: the picture, blurred in proportion to the median stroke size."""
-    sigma = reference_sigma_px(brush, scheme)
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
-
-
-def reference_sigma_px(brush: Brush, scheme: LayerScheme) -> float:
-    """Sigma of the blur of a layer's reference, px."""
-    return scheme.blur * typical(brush.size_px) / 2
+    sigma = scheme.blur * typical(brush.size_px) / 2
+    return wide_gaussian(picture, sigma) if sigma > 0.3 else picture
 
 
 def wanted(

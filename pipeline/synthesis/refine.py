@@ -23,7 +23,7 @@ def refine(
     search_px: float,
     settles: bool = False,
     near: bool = False,
-    searched: int | None = None,
+    full_rounds: int | None = None,
 ) -> T:
     """Run `rounds` iterations of parallel PatchMatch, as in section 3.3 of benard2013stylizing.
 
@@ -35,8 +35,9 @@ def refine(
     round only, and not in the last of several; the other rounds propagate its results. At 640x480 this saves a quarter
     of the time and raises the energy by 0.6 %. A single round asks the direct neighbours only, because no later round
     would fill the gaps that distant proposals leave. If `settles`, iterations without random search leave out pixels
-    around which no offset has changed in the iteration before; those from number `searched` on, with or without random
-    search. If `near`, direct neighbours only propose their offsets, as suits a start that continues another frame.
+    around which no offset has changed in the iteration before; all iterations do
+    after the first `full_rounds`. If `near`, offsets propagate from direct neighbours only: enough for a frame that
+    starts from the offsets of another frame.
     """
     before: T | None = None
     for index in range(rounds):
@@ -45,7 +46,7 @@ def refine(
         jump = _JUMPS[index % len(_JUMPS)] if rounds > 1 and not near else 1
         searches = index % 2 == 0 and (index == 0 or index + 1 < rounds)
         search = Search(key, index, jump, search_px if searches else 0.0)
-        everywhere = searches and (searched is None or index < searched)
+        everywhere = searches and (full_rounds is None or index < full_rounds)
         state.before = before if settles and not everywhere else None
         before = offsets
         offsets = ops.improve(style, state, offsets, penalty, search)

@@ -46,12 +46,17 @@ class Animation(Protocol):
 
 @dataclass(frozen=True)
 class FirstFrame:
-    """Effort for the first frame of a shot: rounds, radius of the random search (px), and the number of the first round
-    in which the random search leaves out settled pixels, see `refine`."""
+    """Effort for the first frame of a shot.
+
+    Attributes:
+        iterations: rounds of PatchMatch.
+        search_px: radius of the random search, px.
+        full_rounds: number of rounds whose random search visits every pixel, see `refine`.
+    """
 
     iterations: int
     search_px: float
-    searched: int
+    full_rounds: int
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,7 @@ class SearchSchedule:
     Attributes:
         settles: whether iterations leave out pixels around which nothing changes, see `refine`.
         first: effort for the first frame of a shot, which continues no other; None = that of every frame. The other
-            frames then ask direct neighbours only.
+            frames then take offsets from direct neighbours only.
     """
 
     iterations: int = 4
@@ -138,7 +143,9 @@ class Sweep(Generic[T]):
             rounds, search_px, near = schedule.iterations, schedule.search_px, first is not None
             return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, near)
         rounds, search_px = first.iterations, first.search_px
-        return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, searched=first.searched)
+        return refine(
+            self.ops, self.style, state, start, key, rounds, search_px, settles, full_rounds=first.full_rounds
+        )
 
     def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
         return self.ops.apply_fixed(self.style, state.size, fixed, offsets)

@@ -46,7 +46,7 @@ _FRACTIONS = 16
 
 
 NO_CONTRASTS = np.zeros((_CONTRAST_BINS, _CONTRAST_BINS), np.int64)
-"""Of images without any contrast, or whose contrasts are unknown: contrast is then raised up to the limit."""
+"""Contrasts that are unknown, or of images without contrast. `ToneMatch` then applies its limit unchanged."""
 
 
 @dataclass(frozen=True)

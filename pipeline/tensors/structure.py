@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.gaussian import sigma_in_cells
+from pipeline.gaussian import enlarge_cells, sigma_in_cells
 from pipeline.jit import kernel
 
 Tensors: TypeAlias = NDArray[np.float32]
@@ -101,10 +101,7 @@ def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLA
         cv2.GaussianBlur(plane, (0, 0), sigma, dst=plane)
     out = np.empty((*tensors.shape[1:], 2), np.float32)
     _doubled(tensors, np.float32(flat), out)
-    if cell == 1:
-        return out
-    wide = cv2.resize(out, (out.shape[1] * cell, out.shape[0] * cell), interpolation=cv2.INTER_LINEAR)
-    return np.ascontiguousarray(wide[:height, :width], np.float32)
+    return enlarge_cells(out, cell, (height, width))
 
 
 @kernel

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +21,7 @@ from pipeline.methods.analogy.guided_stills import (
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
 from pipeline.methods.analogy.level_animation import Boil, LevelAnimation, LevelFrames, levels_of, tone_match
+from pipeline.methods.analogy.ordered_output import OrderedOutput
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import SweepTask, fine_levels
 from pipeline.methods.analogy.shot_layers import LayerStatistics, paint_artefact
@@ -308,7 +308,10 @@ class Synthesizer:
             state = self.ops.prepare(self.style(task.level), level_frames.target(before))
             sweep.last = SolvedFrame(before, state, self._load_edge(task.neighbour, before, task.level))
         edge = task.stop - 1 if task.forward else task.start
-        found = self._emit_run(sweep, task, level_frames, edge) if task.last else self._collect(sweep, task)
+        if task.last:
+            found = self._emit_run(sweep, task, level_frames, edge)
+        else:
+            found = {solved.index: self.ops.fetch(solved.offsets) for solved in self._solved_frames(sweep, task)}
         if (task.stop < task.end) if task.forward else (task.start > task.begin):
             packed = pack_offsets(found[edge], self._style_side(task.level))
             self.context.save(f"{key}-edge", {str(edge): packed})
@@ -372,39 +375,23 @@ class Synthesizer:
             yield solved
             self._progress((done + 1) / count)
 
-    def _collect(self, sweep: Sweep[Any], task: SweepTask) -> dict[int, Offsets]:
-        """Run a sweep and download its offsets, by frame number."""
-        return {solved.index: self.ops.fetch(solved.offsets) for solved in self._solved_frames(sweep, task)}
-
     def _emit_run(self, sweep: Sweep[Any], task: SweepTask, level_frames: LevelFrames, edge: int) -> dict[int, Offsets]:
         """Run the last sweep and emit its frames; returns the offsets of the frame `edge`.
 
         A thread finishes each painting while the device works on the next frame.
         """
-        paintings: dict[int, Future[Bytes]] = {}
-        emitted, found = task.start, dict[int, Offsets]()
-
-        def emit(wait: bool) -> int:
-            """Emit all frames that are finished, in order; returns the next one."""
-            index = emitted
-            while index < task.stop:
-                painting = paintings.get(self.shown(index, task.begin))
-                if painting is None or not (wait or painting.done()):
-                    break
-                self.emit_frame(index, painting.result(), level_frames)
-                index += 1
-            return index
-
-        with ThreadPoolExecutor(1, "impasto-colours") as thread:
+        found: dict[int, Offsets] = {}
+        with OrderedOutput(
+            range(task.start, task.stop), lambda index: self.shown(index, task.begin), self.painting,
+            lambda index, painting: self.emit_frame(index, painting, level_frames),
+        ) as output:  # fmt: skip
             for solved in self._solved_frames(sweep, task):
                 if self.shown(solved.index, task.begin) == solved.index:
                     with self.context.clock("colours"):
                         rendered = self._rendered(solved, level_frames)
-                    paintings[solved.index] = thread.submit(self.painting, solved.index, rendered)
+                    output.add(solved.index, rendered)
                 if solved.index == edge:
                     found[edge] = self.ops.fetch(solved.offsets)
-                emitted = emit(wait=False)
-            emit(wait=True)
         return found
 
     def _save(self, key: str, level: int, found: Mapping[int, Offsets]) -> None:

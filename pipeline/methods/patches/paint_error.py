@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.gaussian import sigma_in_cells, wide_gaussian
+from pipeline.gaussian import enlarge_cells, sigma_in_cells, wide_gaussian
 from pipeline.jit import kernel
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import vector_norm
@@ -110,15 +110,6 @@ def cell_px(sigma_px: float) -> int:
     return max(round(CELLS_A_SIGMA * sigma_px), 1)
 
 
-def enlarge(plane: Plane, cell: int, shape: tuple[int, int]) -> Plane:
-    """A plane of cells, enlarged to pixels: float32 of `shape` (h, w)."""
-    if cell == 1:
-        return plane
-    rows, columns = plane.shape
-    wide = cv2.resize(plane, (columns * cell, rows * cell), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(wide[: shape[0], : shape[1]], np.float32)
-
-
 def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, where: Mask | None = None) -> Plane:
     """Misfit of paint and a frame: geometric mean of two RGB distances, in units of the limit.
 
@@ -199,4 +190,4 @@ def patch_weight(frame: Frame, rendering: Rendering, limit: Plane, grid: Working
     near_rejected = cv2.dilate((off > REJECTED).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     kept = np.where(near_rejected & (off > REJECTED_NEARBY), np.float32(0), weight)
     smooth = cv2.GaussianBlur(kept, (0, 0), unit) * np.clip((mean_weight - MIN_MEAN_WEIGHT) * 5, 0, 1)
-    return enlarge(np.asarray(smooth, np.float32), cell, (frame.shape[0], frame.shape[1]))
+    return enlarge_cells(np.asarray(smooth, np.float32), cell, (frame.shape[0], frame.shape[1]))

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.gaussian import wide_gaussian
 from pipeline.methods.patches.face_strokes import FACE_BLUR, FACE_LENGTH, LAYERS, LEAST_WEIGHT, FaceBrush, FacePlanes
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams, StrokeStyle
@@ -18,11 +17,10 @@ from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import (
     FARTHEST,
-    LEAST_BLUR_PX,
     LayerScheme,
     layer_brush,
+    layer_reference,
     layer_threshold,
-    reference_sigma_px,
     spacing_px,
     wanted,
 )
@@ -111,8 +109,7 @@ class HertzmannPainter:
         Departure from hertzmann1998painterly, section 2.1: strokes that take their colours from a blurred edge are of
         mixed colours, and make every silhouette a ramp of 4 px at 720 lines.
         """
-        sigma_px = reference_sigma_px(brush, self.scheme)
-        return self._steepened(wide_gaussian(picture, sigma_px) if sigma_px > LEAST_BLUR_PX else picture)
+        return self._steepened(layer_reference(picture, brush, self.scheme))
 
     def _steepened(self, picture: Frame) -> Frame:
         return steepen(picture, min(round(STEEPENING * self.unit), MOST_STEPS))

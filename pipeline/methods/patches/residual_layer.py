@@ -30,9 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.gaussian import enlarge_cells
 from pipeline.jit import kernel
 from pipeline.methods.patches.face_strokes import FacePlanes
-from pipeline.methods.patches.paint_error import Rendering, cell_px, enlarge, fine_sigma_px, misfit
+from pipeline.methods.patches.paint_error import Rendering, cell_px, fine_sigma_px, misfit
 from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.scan import PAPER_HEIGHT, WorkingGrid
@@ -243,7 +244,7 @@ class ResidualLayer:
         if not known.any():
             return rendering, (~visible).astype(np.float32)
         sigma = fine_sigma_px(self.grid)
-        off = enlarge(misfit(frame, rendering, limit, sigma, known), cell_px(sigma), known.shape)
+        off = enlarge_cells(misfit(frame, rendering, limit, sigma, known), cell_px(sigma), known.shape)
         _clear_distorted(source.frame, source.position, known)
         kept = np.empty(known.shape, np.float32)
         _kept(off, known, visible, kept)

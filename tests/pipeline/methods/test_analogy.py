@@ -493,7 +493,7 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
         given.apply_defaults()
         rounds.append((given.arguments["state"].size, given.arguments["rounds"]))
         if given.arguments["state"].size == SIZE:
-            fine.append((given.arguments["search_px"], given.arguments["near"], given.arguments["searched"]))
+            fine.append((given.arguments["search_px"], given.arguments["near"], given.arguments["full_rounds"]))
         return refine(*args, **kwargs)
 
     monkeypatch.setattr(sweeps, "refine", counted)

@@ -1,0 +1,51 @@
+"""Emission of frames in order, while a thread finishes their paintings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+
+from pipeline.arrays import AnyArray
+from pipeline.synthesis.images import Bytes
+
+
+class OrderedOutput:
+    """Emits the frames of a run in order, each as soon as its painting is finished. A context manager, whose end emits
+    the remaining frames.
+
+    Args:
+        frames: the frame numbers, ascending.
+        shown: frame number -> number of the frame whose painting it shows.
+        paint: makes a painting from the data of a frame; runs on the thread.
+        emit: receives each frame number and its painting, on the caller's thread.
+    """
+
+    def __init__(
+        self, frames: range, shown: Callable[[int], int], paint: Callable[[int, AnyArray], Bytes],
+        emit: Callable[[int, Bytes], None],
+    ) -> None:  # fmt: skip
+        self._waiting, self._shown, self._paint, self._emit = list(frames[::-1]), shown, paint, emit
+        self._paintings: dict[int, Future[Bytes]] = {}
+        self._thread = ThreadPoolExecutor(1, "impasto-colours")
+
+    def add(self, index: int, rendered: AnyArray) -> None:
+        """Paint frame `index` from its data, in the background, and emit what is finished."""
+        self._paintings[index] = self._thread.submit(self._paint, index, rendered)
+        self._emit_finished(wait=False)
+
+    def _emit_finished(self, wait: bool) -> None:
+        while self._waiting:
+            painting = self._paintings.get(self._shown(self._waiting[-1]))
+            if painting is None or not (wait or painting.done()):
+                return
+            self._emit(self._waiting.pop(), painting.result())
+
+    def __enter__(self) -> OrderedOutput:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        try:
+            if kind is None:
+                self._emit_finished(wait=True)
+        finally:
+            self._thread.shutdown(cancel_futures=True)
