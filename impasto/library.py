@@ -25,7 +25,7 @@ from pipeline.errors import BadInput, BadParameter, did_you_mean
 from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
-from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo
+from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo, missing_inputs
 from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
 from pipeline.video.headers import sniff
 from pipeline.video.join import join
@@ -135,13 +135,9 @@ def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
                 field=f"inputs.{name}",
                 remedy=did_you_mean(name, known, "inputs"),
             )
-    for spec in chosen.inputs:
-        if spec.required and spec.name != "video" and spec.name not in inputs:
-            raise BadParameter(
-                f"The method {chosen.name!r} needs the input {spec.name!r}.",
-                field=f"inputs.{spec.name}",
-                remedy=f"Give inputs={{{spec.name!r}: ...}}. {spec.help}",
-            )
+    for spec, why in missing_inputs(chosen.inputs, {"video", *inputs}):
+        remedy = f"Give inputs={{{spec.name!r}: ...}}. {spec.help}"
+        raise BadParameter(why, field=f"inputs.{spec.name}", remedy=remedy)
 
 
 def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> Target:

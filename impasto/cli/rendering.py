@@ -17,7 +17,7 @@ from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
 from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import Method, Params
+from pipeline.methods.base import Method, Params, missing_inputs
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
 from workers.execution.warm_up import begin_warm_up
@@ -93,13 +93,8 @@ def _check_inputs(chosen: Method, params: Params, paths: Mapping[str, Path]) -> 
                 value=name,
                 remedy=f"It takes: {', '.join(known)}.",
             )
-    for name, spec in known.items():
-        if spec.required and name not in paths:
-            raise BadInput(
-                f"The method {chosen.name!r} needs the input {name!r}: {spec.help}",
-                field="--input",
-                remedy=f"Add --input {name}=PATH.",
-            )
+    for spec, why in missing_inputs(known.values(), paths):
+        raise BadInput(f"{why} {spec.help}", field="--input", remedy=f"Add --input {spec.name}=PATH.")
 
 
 def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json:

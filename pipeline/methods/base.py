@@ -13,7 +13,7 @@ The rest is optional: a hook that a subclass does not override has the default o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, TypeAlias
@@ -70,6 +70,7 @@ __all__ = [
     "TaskContext",
     "TaskResult",
     "VideoInfo",
+    "missing_inputs",
     "no_clock",
     "resources_per_pixel",
     "seeded",
@@ -89,6 +90,7 @@ class InputSpec:
         part: the part of a project's layer from which the input is made: "keys.image" = the images of its painted keys
             by frame, "label_styles" = that member as JSON. Empty: a file that the layer names in its own `inputs`.
         preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
+        needs: another input, without which this one means nothing; empty: none.
     """
 
     name: str
@@ -98,6 +100,22 @@ class InputSpec:
     help: str
     part: str = ""
     preview: bool = True
+    needs: str = ""
+
+
+def missing_inputs(specs: Iterable[InputSpec], given: Collection[str]) -> Iterator[tuple[InputSpec, str]]:
+    """Inputs that a job must have and does not have, each with a sentence that says why it must.
+
+    Args:
+        specs: of all inputs that the job may have.
+        given: names of those that it has.
+    """
+    known = {spec.name: spec for spec in specs}
+    for spec in known.values():
+        if spec.required and spec.name not in given:
+            yield spec, f"The input {spec.name!r} is missing."
+        if spec.needs and spec.name in given and spec.needs not in given:
+            yield known[spec.needs], f"The input {spec.name!r} needs the input {spec.needs!r}, which is missing."
 
 
 @dataclass(frozen=True)

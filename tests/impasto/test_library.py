@@ -98,6 +98,8 @@ def test_errors_are_raised_before_the_first_frame(tiny_clip: Path) -> None:
         impasto.render("abstraction", tiny_clip, inputs={"refernce": tiny_clip})
     with pytest.raises(BadParameter, match="Did you mean 'lines'"):
         impasto.render("abstraction", tiny_clip, line="off")
+    with pytest.raises(BadParameter, match="'style' needs the input 'style_output'"):
+        impasto.render("analogy", tiny_clip, inputs={"style": tiny_clip})
 
 
 @pytest.mark.parametrize(

@@ -211,6 +211,7 @@ def test_references_parameters_and_artefacts_are_passed_on(render: Here, tiny_cl
         (["--method", "oil"], "method", "abstraction"),
         (["--input", "refrence=x.png"], "--input", "reference"),
         (["--input", "reference=/no/such.png"], "--input reference", "Check the path"),
+        (["--method", "analogy", "--input", "style=x.png"], "--input", "Add --input style_output=PATH"),
         (["--artefact", "psd"], "--artefact", "svg"),
     ],
 )

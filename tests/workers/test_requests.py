@@ -88,3 +88,16 @@ def test_a_missing_input_is_named() -> None:
     with pytest.raises(BadParameter, match="missing") as refused:
         check_request(replace(GOOD, inputs={}), {})
     assert refused.value.field == "inputs.data"
+
+
+def test_an_input_that_needs_another_is_refused_without_it() -> None:
+    """Of a method, and of a layer of a film, whose inputs have other names."""
+    video, image = _asset("video"), _asset("image")
+    with pytest.raises(BadParameter, match="'style' needs the input 'style_output'") as refused:
+        check_request(JobRequest("analogy", {}), {"video": video, "style": image})
+    assert refused.value.field == "inputs.style_output"
+    check_request(JobRequest("analogy", {}), {"video": video, "style": image, "style_output": image})
+    film = JobRequest("layers", {}, params={"layers": [{"method": "abstraction"}, {"method": "analogy"}]})
+    with pytest.raises(BadParameter, match="missing") as refused:
+        check_request(film, {"video": video, "layer1.style": image})
+    assert refused.value.field == "inputs.layer1.style_output"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from pipeline.methods import methods, param_faults
-from pipeline.methods.base import InputSpec, Method
+from pipeline.methods.base import InputSpec, Method, missing_inputs
 from workers.model import Asset
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
-from workers.projects.submissions import Pick, Selection, images_of, is_plain, picks
+from workers.projects.submissions import Pick, Selection, images_of, is_plain, parts_used, picks
 from workers.scheduling.requests import FITS
 
 _DESIGN = {"keys": "style_keys"}
@@ -101,6 +101,8 @@ class _Check:
         for spec in chosen.inputs:
             if spec.name != "video":
                 yield from self._input(chosen, spec, layer, path, video, count)
+        for spec, why in missing_inputs(chosen.inputs, {"video", *_given(chosen, layer)}):
+            yield fault((*path, "inputs", spec.name), f"{why} {spec.help}", remedy="Give one.")
 
     def _input(
         self, chosen: Method, spec: InputSpec, layer: Layer, path: Path, video: Asset | None, count: int | None
@@ -111,9 +113,6 @@ class _Check:
             yield from self._images(spec, layer, path, video, count)
         elif spec.part and (value := getattr(layer, spec.part)):
             yield from self._json(chosen, spec, layer, path, value, count)
-        elif spec.required:
-            message = f"The input {spec.name!r} is missing: {spec.help}"
-            yield fault((*path, "inputs", spec.name), message, remedy="Give one.")
 
     def _file(self, spec: InputSpec, name: str, path: Path) -> Iterator[DocumentFault]:
         yield from self._there(name, path)
@@ -188,6 +187,13 @@ class _Check:
 
     def _count(self, video: Asset | None) -> int | None:
         return None if video is None else int(video.info.get("frames", 0)) or None
+
+
+def _given(chosen: Method, layer: Layer) -> set[str]:
+    """Names of the inputs that a layer has, as files or as parts of the document."""
+    images = {spec.name for spec, found in parts_used(chosen, layer) if found}
+    documents = {spec.name for spec in chosen.inputs if spec.kind == "json" and spec.part and getattr(layer, spec.part)}
+    return {*layer.inputs, *images, *documents}
 
 
 def _size(asset: Asset) -> tuple[int, int]:

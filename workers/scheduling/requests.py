@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import InputKind, InputSpec, Method, Params
+from pipeline.methods.base import InputKind, Method, Params, missing_inputs
 from pipeline.video.writer import FORMATS
 from workers.jobs.frame_window import window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY
@@ -94,23 +94,17 @@ def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | N
                 field=f"inputs.{name}",
                 remedy=did_you_mean(name, specs, "inputs"),
             )
-    for spec in specs.values():
-        _check_input(spec, assets.get(spec.name))
-
-
-def _check_input(spec: InputSpec, asset: Asset | None) -> None:
-    field = f"inputs.{spec.name}"
-    if asset is None:
-        if spec.required:
-            raise BadParameter(f"The input {spec.name!r} is missing.", field=field, remedy=f"Give one: {spec.help}")
-        return
-    if asset.kind not in FITS[spec.kind]:
-        raise BadParameter(
-            f"The input {spec.name!r} is to be {spec.kind}, and this asset is {asset.kind}.",
-            field=field,
-            value=asset.id,
-            remedy=f"Use an asset of kind: {', '.join(FITS[spec.kind])}.",
-        )
+    for spec, why in missing_inputs(specs.values(), assets):
+        raise BadParameter(why, field=f"inputs.{spec.name}", remedy=f"Give one: {spec.help}")
+    for name, asset in assets.items():
+        kind = specs[name].kind
+        if asset.kind not in FITS[kind]:
+            raise BadParameter(
+                f"The input {name!r} is to be {kind}, and this asset is {asset.kind}.",
+                field=f"inputs.{name}",
+                value=asset.id,
+                remedy=f"Use an asset of kind: {', '.join(FITS[kind])}.",
+            )
 
 
 def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:

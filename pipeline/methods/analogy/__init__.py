@@ -76,6 +76,7 @@ class Analogy(Method):
             "style", "image", False, "Scene of the painting",
             "The picture that the painting shows, registered with the painting. Without it, the smoothed lightness and "
             "colour of the painting are used.",
+            needs="style_output",
         ),
         InputSpec(
             "keyframes", "images", False, "Painted keyframes",

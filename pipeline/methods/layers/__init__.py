@@ -52,7 +52,8 @@ def _inputs(layer: LayerParams) -> tuple[InputSpec, ...]:
 
 def _layer_input(number: int, spec: InputSpec) -> InputSpec:
     required = spec.required and spec.name != VIDEO
-    return replace(spec, name=input_name(number, spec.name), required=required, part="")
+    needs = input_name(number, spec.needs) if spec.needs else ""
+    return replace(spec, name=input_name(number, spec.name), required=required, needs=needs, part="")
 
 
 def _stage(index: int, count: int, params: AnyParams) -> Step[AnyParams]:

@@ -79,6 +79,8 @@ def test_json_pointers_escape_names() -> None:
         ({"regions": {"swan": {"label": 1}}}, ["/regions/swan/label"]),
         ({"region_maps": [{"frame": 24, "image": "map-0"}]}, ["/region_maps/0/frame"]),
         ({"region_maps": [{"frame": 0, "image": "clip"}]}, ["/region_maps/0/image"]),
+        ({"method": "analogy", "inputs": {"style": "wave"}}, ["/inputs/style_output"]),
+        ({"method": "steady"}, ["/inputs/styled"]),
     ],
 )  # fmt: skip
 def test_problems_are_reported_with_their_path(parts: dict[str, Any], paths: list[str]) -> None:
