@@ -27,7 +27,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Import on first use: `impasto --version` needs neither httpx nor NumPy."""
+    """Import on first use: `import impasto` alone loads neither httpx nor NumPy."""
     if name not in _HOMES:
         raise AttributeError(f"module 'impasto' has no attribute {name!r}")
     return resolve_name(f"{_HOMES[name]}:{name}")
