@@ -29,6 +29,7 @@ number of detections; number of searches without one since the latest; frames si
 at the latest detection, index into `POSES`."""
 Faces = NDArray[np.void]
 """Structured (`FACE`), (n,)."""
+NO_FACES: Faces = np.empty(0, FACE)
 _COLUMNS = FACE.itemsize // np.dtype(np.float64).itemsize
 """Columns of faces as stored: float64 (n, _COLUMNS), the fields of `FACE` in order."""
 _CYCLE_FRAMES, _PIECE_WINDOWS = 160, 4000.0
@@ -69,7 +70,7 @@ class FaceTracker:
         # All window sizes and poses together test about 1.6 times as many windows as the unscaled picture has pixels.
         self._pieces = pieces(size, least, max(_CYCLE_FRAMES, round(1.6 * windows / _PIECE_WINDOWS)))
         self._first = pose_pieces(size, "frontal", least)
-        self.faces: Faces = np.empty(0, FACE)
+        self.faces: Faces = NO_FACES
 
     def step(self, gray: Gray, flow: Flow | None, age: int) -> None:
         """Process frame number `age` of the shot: move the faces, and search the first frame.
@@ -80,7 +81,7 @@ class FaceTracker:
             age: 0 = a shot begins; all faces are removed.
         """
         if age == 0:
-            self.faces = np.empty(0, FACE)
+            self.faces = NO_FACES
             self.search_whole(gray, strength=1.0)
         elif flow is not None:
             shifts = self._shifts(self.faces["box"], flow)

@@ -204,6 +204,8 @@ class PatchCompositor:
     def _composite(self, index: int, frame: Frame, residual: ResidualLayer) -> tuple[Frame, Frame]:
         """Source picture and painting, uint8 (h, w, 3) each: weighted means of patches and residual layer."""
         limit = np.float32(self._params.misfit) * error_tolerance(frame, self._grid.unit)
+        if (at_features := self._faces.tolerance(index)) is not None:
+            limit = limit * at_features
         total = np.zeros((2, *frame.shape), np.float32)
         covered = np.zeros(frame.shape[:2], np.float32)
         mattes = LabelMattes(self._maps.require(index), frame)

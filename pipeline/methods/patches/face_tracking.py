@@ -17,7 +17,7 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.segmentation.face_detector import Gray
-from pipeline.segmentation.faces import Faces, FaceTracker, faces_of_state, head_mask
+from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker, faces_of_state, head_mask
 
 HALF_LIFE_FRAMES = 6.0
 """Half-life with which boxes and strengths of faces follow the detections."""
@@ -27,6 +27,8 @@ FEATURES = ((-0.19, -0.11, 0.17, 0.12), (0.19, -0.11, 0.17, 0.12), (0.0, 0.27, 0
 """Eyes and mouth: centre (x, y) and semi-axes of ellipses, in sides of the box, from its centre."""
 FEATURE_WIDTH = 0.25
 """Strokes at eyes and mouth are those of a face this many times as wide."""
+FEATURE_TOLERANCE = 0.3
+"""Factor on the tolerated error at eyes and mouth: paint of the patch stays there only while it still shows them."""
 CELL_PX = 2
 """Cell of the grid on which weights are computed, px of the frame."""
 
@@ -78,14 +80,28 @@ class ShotFaces:
 
     def __call__(self, index: int) -> FacePlanes | None:
         """The faces of frame `index`, with the weights of strokes on them; None = no faces."""
-        detail = self._context.params.face_detail
-        if detail <= 0:
+        faces = self._faces(index)
+        return None if not len(faces) else frame_planes(faces, self._context.params.face_detail, self._context.size)
+
+    def tolerance(self, index: int) -> Plane | None:
+        """Factor on the tolerated error of paint in frame `index`: float32 (h, w), `FEATURE_TOLERANCE`..1; None = 1."""
+        faces, size = self._faces(index), self._context.size
+        if not len(faces):
             return None
+        coarse = _coarse(size)
+        features = np.zeros(coarse, np.float32)
+        for face in faces:
+            np.maximum(features, np.float32(face["strength"]) * feature_mask(face["box"], size, coarse), out=features)
+        lower = np.float32(self._context.params.face_detail * (1 - FEATURE_TOLERANCE))
+        return np.asarray(cv2.resize(1 - lower * features, size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+    def _faces(self, index: int) -> Faces:
+        if self._context.params.face_detail <= 0:
+            return NO_FACES
         start = run_start(index, self._begin)
         if start not in self._runs:
             self._runs = {start: self._context.load("cluster", faces_key(start))}
-        faces = faces_of_state({"faces": self._runs[start][str(index)]})
-        return None if not len(faces) else frame_planes(faces, detail, self._context.size)
+        return faces_of_state({"faces": self._runs[start][str(index)]})
 
 
 def frame_planes(faces: Faces, detail: float, size: tuple[int, int]) -> FacePlanes:
@@ -94,7 +110,7 @@ def frame_planes(faces: Faces, detail: float, size: tuple[int, int]) -> FacePlan
     Args:
         size: (width, height) of the frame, px.
     """
-    coarse = max(1, size[1] // CELL_PX), max(1, size[0] // CELL_PX)
+    coarse = _coarse(size)
     weight, width = np.zeros(coarse, np.float32), np.zeros(coarse, np.float32)
     for index in range(len(faces)):
         own = head_mask(faces[index : index + 1], size, coarse)
@@ -109,6 +125,15 @@ def frame_planes(faces: Faces, detail: float, size: tuple[int, int]) -> FacePlan
 def stroke_widths(box: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int]) -> Plane:
     """Width of a face in px, `FEATURE_WIDTH` times as much at eyes and mouth: float32, a grid of `shape`.
 
+    Args: as for `feature_mask`.
+    """
+    narrower = np.float32(1 - FEATURE_WIDTH) * feature_mask(box, size, shape)
+    return np.asarray(np.float32(box[2]) * (1 - narrower), np.float32)
+
+
+def feature_mask(box: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int]) -> Plane:
+    """Soft mask of the eyes and the mouth of a face: float32, a grid of `shape`, 0..1.
+
     Args:
         box: float64 (4,), (centre x, centre y, width, height) of the face, px.
         size: (width, height) of the frame, px.
@@ -120,8 +145,12 @@ def stroke_widths(box: NDArray[np.float64], size: tuple[int, int], shape: tuple[
     for across, down, half_x, half_y in FEATURES:
         far_x, far_y = x / np.float32(box[2]) - np.float32(across), y / np.float32(box[3]) - np.float32(down)
         np.minimum(nearest, (far_x / np.float32(half_x)) ** 2 + (far_y / np.float32(half_y)) ** 2, out=nearest)
-    inside = np.clip(2 - nearest, 0, 1)
-    return np.asarray(np.float32(box[2]) * (1 - np.float32(1 - FEATURE_WIDTH) * inside), np.float32)
+    return np.asarray(np.clip(2 - nearest, 0, 1), np.float32)
+
+
+def _coarse(size: tuple[int, int]) -> tuple[int, int]:
+    """(rows, columns) of the grid of `CELL_PX` cells over a frame of `size`, (width, height)."""
+    return max(1, size[1] // CELL_PX), max(1, size[0] // CELL_PX)
 
 
 def single_frame_planes(gray: Gray, detail: float) -> FacePlanes | None:

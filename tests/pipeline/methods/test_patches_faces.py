@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.frames import Frame
-from pipeline.methods.patches import patch_construction
+from pipeline.methods.patches import face_tracking, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
 from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes, stroke_widths
@@ -109,6 +109,20 @@ def test_eyes_and_mouth_of_a_large_face_get_finer_strokes_than_its_cheeks() -> N
     widths = stroke_widths(np.array([50.0, 50.0, 80.0, 80.0]), (100, 100), (100, 100))
     cheek, eyes, mouth = widths[60, 25], (widths[41, 35], widths[41, 65]), widths[71, 50]
     assert cheek == 80 and max(*eyes, mouth) < 25
+
+
+def test_paint_at_the_eyes_is_replaced_sooner_than_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the sixth frame on, everything is a little darker: by an error that is tolerated beside eyes and mouth."""
+    frames = [np.rint(frame * (1.0 if k < 5 else 0.88)).astype(np.uint8) for k, frame in enumerate(portrait()[:10])]
+    made = paint(frames, cut_sensitivity=0)
+    factor = ShotFaces(made, 0).tolerance(7)
+    assert factor is not None
+    assert factor.max() == 1 and factor.min() == pytest.approx(face_tracking.FEATURE_TOLERANCE, abs=0.05)
+    eyes = factor < 0.5
+    followed = np.abs(painted(made)[7].astype(np.float32) - frames[7])[eyes].mean()
+    monkeypatch.setattr(face_tracking, "FEATURE_TOLERANCE", 1.0)
+    kept = np.abs(painted(paint(frames, cut_sensitivity=0))[7].astype(np.float32) - frames[7])[eyes].mean()
+    assert followed < 0.9 * kept
 
 
 def test_faces_of_different_width_are_painted_in_groups_whose_grids_of_seeds_do_not_depend_on_each_other() -> None:
