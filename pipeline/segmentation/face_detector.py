@@ -23,8 +23,9 @@ from pipeline.errors import DeviceError
 Gray = NDArray[np.uint8]
 Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
-Pose = Literal["frontal", "left", "right", "tilted left", "tilted right"]
-"""Pose of a head. The profile cascade knows one side; for the other side the mirrored picture is searched."""
+Pose = Literal["frontal", "mirrored", "left", "right", "tilted left", "tilted right"]
+"""Pose of a head. The profile cascade knows one side; for the other side the mirrored picture is searched. "mirrored": a
+frontal head in the mirrored picture."""
 
 POSES: tuple[Pose, ...] = ("frontal", "left", "right", "tilted left", "tilted right")
 WINDOW_PX = 24
@@ -167,7 +168,7 @@ def _sizes(least_px: int, most_px: int) -> list[int]:
 def _posed(gray: Gray, pose: Pose) -> tuple[Gray, NDArray[np.float64]]:
     """The picture in which the cascade finds heads of that pose, and the affine map (2, 3) back from it."""
     height, width = gray.shape
-    if pose == "right":
+    if pose in ("right", "mirrored"):
         return np.ascontiguousarray(gray[:, ::-1]), np.array([[-1.0, 0, width], [0, 1, 0]])
     if pose in ("tilted left", "tilted right"):
         degrees = -_TILT_DEGREES if pose == "tilted left" else _TILT_DEGREES

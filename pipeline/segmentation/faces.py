@@ -38,6 +38,9 @@ _SMALLEST_SHARE = 1 / 48
 """Smallest face, as a fraction of the frame's longer side; at least the detector's window."""
 _RECHECK_FRAMES = 8
 """Frames between two searches around a known face, if no other face has waited for longer."""
+_MIRRORED_PX = 36.0
+"""Width from which on a frontal face must be found in the mirrored picture, too, px: what looks like a face in grass or
+folds of clothes is not symmetric. Smaller faces have too few pixels for this test."""
 _MOST_CANDIDATES = 3
 """Candidates of a frame that are looked at closely."""
 _LEAST_MISSES, _MOST_MISSES = 2, 6
@@ -140,9 +143,14 @@ class FaceTracker:
             if self._known(candidate) is not None:
                 continue
             box = self._finder.confirm(gray, candidate, pose)
-            if box is not None and self._known(box) is None:
+            if box is not None and self._known(box) is None and self._is_symmetric(gray, box, pose):
                 face = np.array([(box, box, strength, 1.0, 0.0, 0.0, POSES.index(pose))], FACE)
                 self.faces = np.concatenate([self.faces, face])
+
+    def _is_symmetric(self, gray: Gray, box: NDArray[np.float64], pose: Pose) -> bool:
+        """Whether a large frontal face is found in the mirrored picture, too; True for all others."""
+        asked = pose == "frontal" and box[2] >= _MIRRORED_PX
+        return not asked or self._finder.confirm(gray, box, "mirrored") is not None
 
     def _known(self, box: NDArray[np.float64]) -> int | None:
         """The face at that place and of about that size; None = there is none."""

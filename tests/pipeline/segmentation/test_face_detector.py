@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.scenes import scene
 from pipeline.segmentation.face_detector import POSES, FaceDetector, Piece, Pose, pieces, pose_pieces
+from pipeline.segmentation.faces import FaceTracker
 
 SIZE = (320, 240)
 
@@ -88,3 +89,24 @@ def test_a_tilted_face_is_found_upright_in_the_turned_picture(
     box = FaceDetector().confirm(turned, face, "tilted left")
     assert box is not None
     assert np.linalg.norm(box[:2] - face[:2]) < 0.2 * face[2]
+
+
+def test_the_mirrored_face_is_found_at_its_place_in_the_picture(
+    picture: NDArray[np.uint8], face: NDArray[np.float64]
+) -> None:
+    box = FaceDetector().confirm(picture, face, "mirrored")
+    assert box is not None
+    assert np.linalg.norm(box[:2] - face[:2]) < 0.1 * face[2]
+
+
+@pytest.mark.parametrize("seed", [1, 14, 22])
+def test_texture_that_looks_like_a_face_from_one_side_only_is_not_tracked(seed: int) -> None:
+    """In these pictures of smooth noise, the detector finds and confirms a face, but not in the mirrored picture."""
+    noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(180, 240)).astype(np.float32), (0, 0), 3)
+    picture = np.clip(128 + noise / noise.std() * 45, 0, 255).astype(np.uint8)
+    finder = FaceDetector()
+    candidates = [box for piece in pose_pieces((240, 180), "frontal", 36) for box in finder.candidates(picture, piece)]
+    assert any(finder.confirm(picture, box) is not None for box in candidates)
+    tracker = FaceTracker((240, 180), 6.0)
+    tracker.step(picture, None, 0)
+    assert not len(tracker.faces)
