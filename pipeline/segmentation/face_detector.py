@@ -24,8 +24,8 @@ Gray = NDArray[np.uint8]
 Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
 Pose = Literal["frontal", "mirrored", "left", "right", "tilted left", "tilted right"]
-"""Pose of a head; "mirrored" is a frontal one in the mirrored picture. The profile cascade knows one side; the other side
-is searched in the mirrored picture."""
+"""Pose of a head; "mirrored" is a frontal one in the mirrored picture. The profile cascade knows one side; the other
+side is searched in the mirrored picture."""
 
 POSES: tuple[Pose, ...] = ("frontal", "left", "right", "tilted left", "tilted right")
 WINDOW_PX = 24
