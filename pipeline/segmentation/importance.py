@@ -95,7 +95,8 @@ class ImportanceTracker:
 
         Args:
             image: the frame, uint8 (height, width, 3) or gray (height, width).
-            flow: from the previous frame to this one, px; None = unknown, treated as no motion.
+            flow: from the previous frame to this one, px of the frame, on a grid of any size over it; None = unknown,
+                treated as no motion.
             cut: whether a shot begins with this frame; the state except the mask is then reset.
             mask: importance given by the user, valid until the next mask: float (height, width) in 0..1, NaN = use the
                 cues; or bool.
@@ -129,7 +130,7 @@ class ImportanceTracker:
             self._age = 0
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
-        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self._size, self.map_size)
+        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
         importance = self._combine(image, moving, faces_in, colours)
         self._age += 1
         if self._mask is not None:
@@ -267,8 +268,7 @@ def _shrink(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
-def _prepare_flow(flow: Flow, size: tuple[int, int], small: tuple[int, int]) -> Flow:
-    _check_shape(flow, size, "flow")
+def _prepare_flow(flow: Flow, small: tuple[int, int]) -> Flow:
     return np.asarray(cv2.resize(flow, small, interpolation=cv2.INTER_LINEAR), np.float32)
 
 

@@ -19,8 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.jit import kernel
 
 SAME, OTHER = 39.0, 65.0
 """Change of the mean colour, gray levels, see `changes`: up to the first, pictures show the same surface; from the
@@ -51,19 +51,113 @@ def accumulate(now: Painting, past: Sequence[Painting]) -> Frame:
     Args:
         past: paintings of the previous frames, latest first.
     """
-    size = now.paint.shape[1], now.paint.shape[0]
-    mean, weight = now.paint, np.ones(now.paint.shape[:2], np.float32)
+    mean, weight = now.paint.copy(), np.ones(now.paint.shape[:2], np.float32)
     flow, step = None, now.back
     for before in past:
         if step is None:
             break
-        flow = step if flow is None else np.asarray(flow + fetch(step, flow), np.float32)
-        share = _enlarge(_similarity(now.picture, before.picture, flow), size)
-        there = fetch(before.paint, _enlarge(flow, size) * np.float32(size[1] / flow.shape[0]))
-        mean = np.asarray(cv2.blendLinear(mean, there, weight, share), np.uint8)
-        weight = weight + share
+        flow = step if flow is None else _followed(flow, step)
+        _add(before.paint, flow, _surface_change(now.picture, before.picture, flow), mean, weight)
         step = before.back
     return mean
+
+
+def _followed(flow: Flow, step: Flow) -> Flow:
+    """The flow, followed by the step of the frame that it leads to: float32 (h, w, 2), px."""
+    out = np.empty_like(flow)
+    _follow(flow, step, out)
+    return out
+
+
+@kernel
+def _follow(flow: Flow, step: Flow, out: Flow) -> None:
+    height, width = flow.shape[:2]
+    for y in range(height):
+        for x in range(width):
+            left, right, top, bottom, a, b = _between(flow[y, x, 0], flow[y, x, 1], y, x, height, width)
+            for c in range(2):
+                above = step[top, left, c] + a * (step[top, right, c] - step[top, left, c])
+                below = step[bottom, left, c] + a * (step[bottom, right, c] - step[bottom, left, c])
+                out[y, x, c] = flow[y, x, c] + (above + b * (below - above))
+
+
+@kernel
+def _between(
+    dx: np.float32, dy: np.float32, y: int, x: int, height: int, width: int
+) -> tuple[int, int, int, int, np.float32, np.float32]:
+    """Columns and rows of the four pixels around (x + dx, y + dy), clamped to the picture, and its place between."""
+    px = min(max(np.float32(x) + dx, np.float32(0)), np.float32(width - 1))
+    py = min(max(np.float32(y) + dy, np.float32(0)), np.float32(height - 1))
+    left, top = int(px), int(py)
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    return left, right, top, bottom, px - np.float32(left), py - np.float32(top)
+
+
+@kernel
+def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) -> None:
+    """Average an earlier painting into the mean, in place.
+
+    Args:
+        paint: uint8 (h, w, 3).
+        flow: float32 (h', w', 2), to the earlier painting, px of its own grid over the picture.
+        change: float32 (h", w"), a grid over the picture, see `_surface_change`.
+        mean, weight: uint8 (h, w, 3) and float32 (h, w): the weighted mean of paintings, and the sum of their weights.
+    """
+    height, width = weight.shape
+    half, zero, one = np.float32(0.5), np.float32(0), np.float32(1)
+    grow_x, grow_y = np.float32(width / flow.shape[1]), np.float32(height / flow.shape[0])
+    columns, change_columns = np.empty((2, width), np.uintp), np.empty((2, width), np.uintp)
+    across, change_across = np.empty(width, np.float32), np.empty(width, np.float32)
+    for x in range(width):
+        columns[0, x], columns[1, x], across[x] = _cells(x, width, flow.shape[1])
+        change_columns[0, x], change_columns[1, x], change_across[x] = _cells(x, width, change.shape[1])
+    flow_x, flow_y = np.empty(flow.shape[1], np.float32), np.empty(flow.shape[1], np.float32)
+    changed = np.empty(change.shape[1], np.float32)
+    shares, parts, there = np.empty(width, np.float32), np.empty(3 * width, np.float32), np.empty(3 * width, np.float32)
+    for y in range(height):
+        above, below, down = _cells(y, height, flow.shape[0])
+        for x in range(flow.shape[1]):
+            flow_x[x] = (flow[above, x, 0] + down * (flow[below, x, 0] - flow[above, x, 0])) * grow_x
+            flow_y[x] = (flow[above, x, 1] + down * (flow[below, x, 1] - flow[above, x, 1])) * grow_y
+        above, below, down = _cells(y, height, change.shape[0])
+        for x in range(change.shape[1]):
+            changed[x] = change[above, x] + down * (change[below, x] - change[above, x])
+        for x in range(width):
+            first, second = changed[change_columns[0, x]], changed[change_columns[1, x]]
+            most = first + change_across[x] * (second - first)
+            shares[x] = min(max((np.float32(OTHER) - most) * np.float32(1 / (OTHER - SAME)), zero), one)
+        row, own = paint[y].reshape(-1), mean[y].reshape(-1)
+        for i in range(3 * width):
+            there[i] = np.float32(row[i])
+        for x in range(width):
+            i, j = columns[0, x], columns[1, x]
+            dx, dy = flow_x[i], flow_y[i]
+            if dx == zero and dy == zero and flow_x[j] == zero and flow_y[j] == zero:
+                continue
+            dx, dy = dx + across[x] * (flow_x[j] - dx), dy + across[x] * (flow_y[j] - dy)
+            px, py = np.float32(x) + dx, np.float32(y) + dy
+            if px < zero or py < zero or px > np.float32(width - 1) or py > np.float32(height - 1):
+                shares[x] = zero
+            if shares[x] > zero:
+                left, right, top, bottom, a, b = _between(dx, dy, y, x, height, width)
+                for c in range(3):
+                    there[3 * x + c] = _mixed(paint, left, right, top, bottom, a, b, c)
+        sums = weight[y]
+        for x in range(width):
+            sums[x] += shares[x]
+            part = shares[x] / sums[x]
+            parts[3 * x], parts[3 * x + 1], parts[3 * x + 2] = part, part, part
+        for i in range(3 * width):
+            value = np.float32(own[i])
+            own[i] = np.uint8(np.int32(value + parts[i] * (there[i] - value) + half))
+
+
+@kernel
+def _cells(at: int, size: int, cells: int) -> tuple[int, int, np.float32]:
+    """The two of `cells` cells over `size` px whose centres are around the centre of a pixel, and its place between."""
+    place = min(max((at + 0.5) * cells / size - 0.5, 0.0), cells - 1.0)
+    first = int(place)
+    return first, min(first + 1, cells - 1), np.float32(place - first)
 
 
 def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
@@ -75,8 +169,13 @@ def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
     size = (now.shape[1], now.shape[0])
     half = (max(1, size[0] // 2), max(1, size[1] // 2))
     difference = np.asarray(cv2.resize(now - before, half, interpolation=cv2.INTER_AREA), np.float32)
-    small, large = (_mean_change(difference, max(3, round(part * half[1])) | 1) for part in (SMALL, LARGE))
-    return _enlarge(np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32), size)
+    return np.asarray(cv2.resize(_largest_change(difference), size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _largest_change(difference: NDArray[np.float32]) -> Plane:
+    """`changes` for the difference at half the size, float32 (h, w, 3)."""
+    small, large = (_mean_change(difference, max(3, round(part * len(difference))) | 1) for part in (SMALL, LARGE))
+    return np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32)
 
 
 def _mean_change(difference: NDArray[np.float32], side: int) -> Plane:
@@ -84,17 +183,46 @@ def _mean_change(difference: NDArray[np.float32], side: int) -> Plane:
     return np.asarray(cv2.max(cv2.max(red, green), blue), np.float32)
 
 
-def _similarity(picture: Frame, before: Frame, flow: Flow) -> Plane:
-    """Weight 0..1 by which a pixel shows the same surface as the earlier picture at p + flow: float32 (h, w)."""
-    change = changes(picture.astype(np.float32), np.asarray(fetch(before, flow), np.float32))
-    height, width = change.shape
-    x = flow[..., 0] + np.arange(width, dtype=np.float32)
-    y = flow[..., 1] + np.arange(height, dtype=np.float32)[:, None]
-    inside = (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)
-    return np.asarray(np.clip((np.float32(OTHER) - change) / np.float32(OTHER - SAME), 0, 1) * inside, np.float32)
+def _surface_change(picture: Frame, before: Frame, flow: Flow) -> Plane:
+    """`changes` between a picture and the earlier one at p + flow, at half of the size: float32 (h // 2, w // 2)."""
+    height, width = picture.shape[:2]
+    difference = np.empty((max(1, height // 2), max(1, width // 2), 3), np.float32)
+    _mean_difference(picture, before, flow, difference)
+    return _largest_change(difference)
 
 
-def _enlarge(plane: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    if (plane.shape[1], plane.shape[0]) == size:
-        return plane
-    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR), np.float32)
+@kernel
+def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.float32]) -> None:
+    """Mean over each cell of `out` of the difference between the picture and the earlier one at p + flow."""
+    height, width = picture.shape[:2]
+    rows, columns = out.shape[:2]
+    for row in range(rows):
+        first_y, last_y = row * height // rows, (row + 1) * height // rows
+        for column in range(columns):
+            first_x, last_x = column * width // columns, (column + 1) * width // columns
+            red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+            for y in range(first_y, last_y):
+                for x in range(first_x, last_x):
+                    dx, dy = flow[y, x, 0], flow[y, x, 1]
+                    if dx == 0 and dy == 0:
+                        red += np.float32(np.int32(picture[y, x, 0]) - np.int32(before[y, x, 0]))
+                        green += np.float32(np.int32(picture[y, x, 1]) - np.int32(before[y, x, 1]))
+                        blue += np.float32(np.int32(picture[y, x, 2]) - np.int32(before[y, x, 2]))
+                        continue
+                    left, right, top, bottom, a, b = _between(dx, dy, y, x, height, width)
+                    red += np.float32(picture[y, x, 0]) - _mixed(before, left, right, top, bottom, a, b, 0)
+                    green += np.float32(picture[y, x, 1]) - _mixed(before, left, right, top, bottom, a, b, 1)
+                    blue += np.float32(picture[y, x, 2]) - _mixed(before, left, right, top, bottom, a, b, 2)
+            share = np.float32(1) / np.float32((last_y - first_y) * (last_x - first_x))
+            out[row, column, 0], out[row, column, 1], out[row, column, 2] = red * share, green * share, blue * share
+
+
+@kernel
+def _mixed(
+    image: Frame, left: int, right: int, top: int, bottom: int, a: np.float32, b: np.float32, channel: int
+) -> np.float32:
+    """A channel of an image, interpolated bilinearly between four pixels, see `_between`."""
+    above, below = np.float32(image[top, left, channel]), np.float32(image[bottom, left, channel])
+    above += a * (np.float32(image[top, right, channel]) - above)
+    below += a * (np.float32(image[bottom, right, channel]) - below)
+    return above + b * (below - above)

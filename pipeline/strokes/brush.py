@@ -144,24 +144,28 @@ def discs(seeds: Seeds, brush: Brush, targets: NDArray[np.float32], seed: int = 
     return Strokes(points, counts, size / np.float32(2), colours, targets, opacity, relief, grain, seeds.ids)
 
 
-def colours_at(seeds: Seeds, picture: Frame) -> NDArray[np.float32]:
+def colours_at(seeds: Seeds, picture: Frame, shape: tuple[int, ...] | None = None) -> NDArray[np.float32]:
     """Sample the picture's colour at each seed: float32 (n, 3), RGB 0..255.
 
     Args:
         picture: uint8 (h, w, 3), usually blurred, so that the noise of a single pixel does not become paint.
+        shape: (height, width, ...) of the frame in whose px the seeds are, if `picture` is smaller.
     """
-    x, y = nearest(seeds.xy, picture.shape)
+    x, y = nearest(seeds.xy, picture.shape, shape)
     return picture[y, x].astype(np.float32)
 
 
-def tint(targets: NDArray[np.float32], seeds: Seeds, brush: Brush, seed: int = 0) -> NDArray[np.float32]:
+def tint(
+    targets: NDArray[np.float32], seeds: Seeds, brush: Brush, seed: int = 0, shape: tuple[int, ...] | None = None
+) -> NDArray[np.float32]:
     """Shift and jitter target colours (n, 3) into paint colours; without shift and jitter they stay exactly the same.
 
     Grays have no hue and stay gray under a shift of saturation. The jitter depends on the stroke's id alone, so it is
-    constant over the stroke's lifetime.
+    constant over the stroke's lifetime. `shape`: (height, width, ...) of the picture, if the brush's parameters are
+    on a coarser grid.
     """
     hue, saturation, value, jitter = (
-        sample(f, seeds.xy) for f in (brush.hue_deg, brush.saturation, brush.value, brush.jitter)
+        sample(f, seeds.xy, shape) for f in (brush.hue_deg, brush.saturation, brush.value, brush.jitter)
     )
     colours = np.ascontiguousarray(targets, np.float32)
     if len(seeds) and (hue.any() or saturation.any() or value.any()):

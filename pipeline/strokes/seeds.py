@@ -24,7 +24,7 @@ Points: TypeAlias = NDArray[np.float32]
 """Positions in px, `float32` (n, 2): (x, y)."""
 
 StyleField: TypeAlias = float | Plane
-"""A style parameter: one number for the whole picture, or one per pixel."""
+"""A style parameter: one number for the whole picture, or one per pixel, or one per cell of a coarser grid over it."""
 
 _LEVELS = 4
 """Levels of Bayer's matrix: spacings of one picture may differ by a factor of 2 to this power."""
@@ -65,32 +65,55 @@ def as_plane(field: StyleField, shape: tuple[int, ...]) -> Plane:
     return np.ascontiguousarray(np.broadcast_to(plane, shape[:2]))
 
 
-def sample(field: StyleField, xy: Points) -> NDArray[np.float32]:
-    """Read the field at the pixel nearest to each point: float32 (n,)."""
+def sample(field: StyleField, xy: Points, shape: tuple[int, ...] | None = None) -> NDArray[np.float32]:
+    """Read the field at the pixel nearest to each point: float32 (n,). For `shape` see `nearest`."""
     plane = np.asarray(field, np.float32)
     if plane.ndim == 0:
         return np.full(len(xy), plane, np.float32)
-    x, y = nearest(xy, plane.shape)
+    x, y = nearest(xy, plane.shape, shape)
     return np.ascontiguousarray(plane[y, x])
 
 
 def sampler(xy: Points, shape: tuple[int, ...]) -> Callable[[StyleField], NDArray[np.float32]]:
-    """`sample` for many fields of one shape at the same points: the nearest pixels are found once."""
-    x, y = nearest(xy, shape)
-    index = y * shape[1] + x
+    """`sample` for many fields at the same points: the nearest pixels are found once for each grid."""
+    found: dict[tuple[int, ...], NDArray[np.intp]] = {}
 
     def at_points(field: StyleField) -> NDArray[np.float32]:
         plane = np.asarray(field, np.float32)
-        return np.full(len(index), plane, np.float32) if plane.ndim == 0 else plane.reshape(-1).take(index)
+        if plane.ndim == 0:
+            return np.full(len(xy), plane, np.float32)
+        if plane.shape not in found:
+            x, y = nearest(xy, plane.shape, shape)
+            found[plane.shape] = y * plane.shape[1] + x
+        return plane.reshape(-1).take(found[plane.shape])
 
     return at_points
 
 
-def nearest(xy: Points, shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Column and row of the pixel nearest to each point, clamped to the picture."""
-    x = np.clip(np.floor(xy[:, 0] + 0.5), 0, shape[1] - 1).astype(np.intp)
-    y = np.clip(np.floor(xy[:, 1] + 0.5), 0, shape[0] - 1).astype(np.intp)
+def nearest(
+    xy: Points, grid: tuple[int, ...], shape: tuple[int, ...] | None = None
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Column and row of the pixel nearest to each point, clamped to the picture.
+
+    Args:
+        grid: (rows, columns, ...) of the array to be read: the picture, or a coarser grid over all of it.
+        shape: (height, width, ...) of the picture in whose px the points are given; None = `grid`.
+    """
+    rows, columns = grid[:2]
+    height, width = grid[:2] if shape is None else shape[:2]
+    x, y = np.empty(len(xy), np.intp), np.empty(len(xy), np.intp)
+    _nearest(xy, (rows, columns), (np.float32(columns / width), np.float32(rows / height)), x, y)
     return x, y
+
+
+@kernel
+def _nearest(
+    xy: Points, grid: tuple[int, int], scale: tuple[np.float32, np.float32], x: NDArray[np.intp], y: NDArray[np.intp]
+) -> None:
+    rows, columns = grid
+    for k in range(len(xy)):
+        x[k] = min(max(int(np.floor((xy[k, 0] + np.float32(0.5)) * scale[0])), 0), columns - 1)
+        y[k] = min(max(int(np.floor((xy[k, 1] + np.float32(0.5)) * scale[1])), 0), rows - 1)
 
 
 class Grid(NamedTuple):
@@ -109,7 +132,8 @@ def place(
 
     Args:
         shape: (height, width, ...) of the picture.
-        spacing_px: distance of neighbours, > 0; values below a sixteenth of the maximum count as that sixteenth.
+        spacing_px: distance of neighbours, > 0; values below a sixteenth of the maximum count as that sixteenth. One
+            number, or float32, a grid of any size over the picture.
         jitter: 0 = on the grid, 1 = anywhere within a square of side `spacing_px` about the grid point.
         seed, layer: random seed, and number of the layer; each layer has its own jitter.
         birth: frame that the seeds are made for; it is a part of their ids and does not change their places.
@@ -117,7 +141,8 @@ def place(
     Source: kagaya2011video, section 4.1 (jittered grid). Departure: the density follows the stroke size. The paper
     keeps one density for all styles because a change of density made strokes jump; nested grids avoid the jumps.
     """
-    spacing = as_plane(spacing_px, shape)
+    spacing = np.atleast_2d(np.asarray(spacing_px, np.float32))
+    spacing = as_plane(spacing, spacing.shape)
     if spacing.min(initial=1.0) <= 0:
         raise BadParameter(
             "Strokes need a spacing above 0.", field="size_px", value=float(spacing.min()), remedy="Use a size above 0."
@@ -125,16 +150,20 @@ def place(
     cell = 2.0 ** math.floor(math.log2(max(float(spacing.min()), float(spacing.max()) / 2**_LEVELS)))
     grid = Grid(cell, *(math.ceil(side / cell) for side in shape[:2]))
     xy, ids = np.empty((grid.rows * grid.columns, 2), np.float32), np.empty(grid.rows * grid.columns, np.uint64)
-    n = _place(spacing, grid, jitter, (seed & 0xFFFFFFFF, int(Purpose.PLACE)), (layer, birth & 0xFFFFFF), xy, ids)
+    n = _place(
+        spacing, shape[:2], grid, jitter, (seed & 0xFFFFFFFF, int(Purpose.PLACE)), (layer, birth & 0xFFFFFF), xy, ids
+    )
     return Seeds(xy[:n].copy(), ids[:n].copy())
 
 
 @kernel
 def _place(
-    spacing: Plane, grid: Grid, jitter: float, key: tuple[int, int], origin: tuple[int, int], xy: Points, ids: Ids
-) -> int:
-    """Fill `xy` and `ids`; return the number of seeds. `origin` is (layer, birth)."""
-    height, width = spacing.shape
+    spacing: Plane, shape: tuple[int, int], grid: Grid, jitter: float, key: tuple[int, int], origin: tuple[int, int],
+    xy: Points, ids: Ids,
+) -> int:  # fmt: skip
+    """Fill `xy` and `ids`; return the number of seeds. `shape` is (height, width), `origin` (layer, birth)."""
+    height, width = shape
+    rows, columns = spacing.shape
     cell = grid.cell_px
     layer, birth = origin
     n = 0
@@ -144,7 +173,7 @@ def _place(
         for j in range(grid.columns):
             x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
             px, py = min(int(x + 0.5), width - 1), min(int(y + 0.5), height - 1)
-            step = max(np.float64(spacing[py, px]), cell)
+            step = max(np.float64(spacing[py * rows // height, px * columns // width]), cell)
             rank = 0
             for k in range(_LEVELS):
                 a, b = (j >> k) & 1, (i >> k) & 1

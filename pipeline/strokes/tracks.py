@@ -16,7 +16,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask
 from pipeline.jit import kernel
 from pipeline.strokes.brush import Strokes, colours_at
-from pipeline.strokes.seeds import Points, Seeds, StyleField, as_plane, nearest, sample
+from pipeline.strokes.seeds import Points, Seeds, StyleField, nearest, sample
 
 Flags = NDArray[np.bool_]
 
@@ -83,45 +83,57 @@ class LifecycleParams:
 
 
 def start_tracks(
-    seeds: Seeds, reference: Frame, spacing_px: StyleField, params: LifecycleParams | None = None
-) -> StrokeTracks:
-    """Create the tracks of a shot's first frame: fully visible, without crowded seeds, colours from the reference."""
-    spacing, none = as_plane(spacing_px, reference.shape), np.zeros(len(seeds), np.bool_)
-    crowded, _ = _crowding(seeds, none, seeds[none], spacing, params or LifecycleParams())
-    return _new_tracks(seeds[~crowded], reference, 1.0)
+    seeds: Seeds, reference: Frame, spacing_px: StyleField, params: LifecycleParams | None = None,
+    shape: tuple[int, ...] | None = None,
+) -> StrokeTracks:  # fmt: skip
+    """Create the tracks of a shot's first frame: fully visible, without crowded seeds, colours from the reference.
+
+    For `shape` see `update`.
+    """
+    shape, none = shape or reference.shape, np.zeros(len(seeds), np.bool_)
+    crowded, _ = _crowding(seeds, none, seeds[none], spacing_px, params or LifecycleParams(), shape)
+    return _new_tracks(seeds[~crowded], colours_at(seeds[~crowded], reference, shape), 1.0)
 
 
-def _new_tracks(seeds: Seeds, reference: Frame, presence: float | NDArray[np.float32]) -> StrokeTracks:
-    n, colours = len(seeds), colours_at(seeds, reference)
+def _new_tracks(seeds: Seeds, colours: NDArray[np.float32], presence: float | NDArray[np.float32]) -> StrokeTracks:
+    n = len(seeds)
     return StrokeTracks(seeds, colours, np.full(n, presence, np.float32), np.zeros(n, np.bool_), colours)
 
 
-def advect(tracks: StrokeTracks, flow: Flow, hidden: Mask | None = None) -> StrokeTracks:
+def advect(
+    tracks: StrokeTracks, flow: Flow, hidden: Mask | None = None, shape: tuple[int, ...] | None = None
+) -> StrokeTracks:
     """Move tracks along the flow; those that leave the picture are removed, those that become hidden start to fade.
 
     Args:
-        flow: float32 (h, w, 2), from the previous frame to this one, px.
+        flow: float32 (h', w', 2), from the previous frame to this one, px of the frame.
         hidden: bool (h, w), pixels of the previous frame that are not visible in this one.
+        shape: (height, width, ...) of the frame, if the flow is on a coarser grid.
     """
-    height, width = flow.shape[:2]
-    x, y = nearest(tracks.seeds.xy, flow.shape)
+    height, width = (shape or flow.shape)[:2]
     xy = np.empty_like(tracks.seeds.xy)
-    _moved(tracks.seeds.xy, flow, xy)
-    leaving = tracks.leaving if hidden is None else tracks.leaving | hidden[y, x]
+    scale = np.float32(flow.shape[1] / width), np.float32(flow.shape[0] / height)
+    _moved(tracks.seeds.xy, flow, scale, xy)
+    leaving = tracks.leaving
+    if hidden is not None:
+        x, y = nearest(tracks.seeds.xy, hidden.shape)
+        leaving = leaving | hidden[y, x]
     inside = (xy[:, 0] >= 0) & (xy[:, 1] >= 0) & (xy[:, 0] <= width - 1) & (xy[:, 1] <= height - 1)
     return replace(tracks, seeds=Seeds(xy, tracks.seeds.ids), leaving=leaving)[inside]
 
 
 @kernel
-def _moved(xy: Points, flow: Flow, out: Points) -> None:
-    """Fill `out` with the points moved along the flow, interpolated bilinearly."""
+def _moved(xy: Points, flow: Flow, scale: tuple[np.float32, np.float32], out: Points) -> None:
+    """Fill `out` with the points moved along the flow, interpolated bilinearly; `scale`: cells of the flow a px."""
     height, width = flow.shape[:2]
-    one = np.float32(1)
+    one, half = np.float32(1), np.float32(0.5)
+    shift_x, shift_y = half * scale[0] - half, half * scale[1] - half
     for k in range(len(xy)):
-        left = min(max(int(np.floor(xy[k, 0])), 0), max(width - 2, 0))
-        top = min(max(int(np.floor(xy[k, 1])), 0), max(height - 2, 0))
+        x = min(max(xy[k, 0] * scale[0] + shift_x, np.float32(0)), np.float32(width - 1))
+        y = min(max(xy[k, 1] * scale[1] + shift_y, np.float32(0)), np.float32(height - 1))
+        left, top = min(int(x), max(width - 2, 0)), min(int(y), max(height - 2, 0))
         right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
-        a, b = xy[k, 0] - np.float32(left), xy[k, 1] - np.float32(top)
+        a, b = x - np.float32(left), y - np.float32(top)
         for c in range(2):
             above = flow[top, left, c] * (one - a) + flow[top, right, c] * a
             below = flow[bottom, left, c] * (one - a) + flow[bottom, right, c] * a
@@ -131,6 +143,7 @@ def _moved(xy: Points, flow: Flow, out: Points) -> None:
 def update(
     tracks: StrokeTracks, candidates: Seeds, reference: Frame, spacing_px: StyleField, *,
     params: LifecycleParams | None = None, wanted: Flags | None = None, revealed: Mask | None = None,
+    shape: tuple[int, ...] | None = None,
 ) -> StrokeTracks:  # fmt: skip
     """Update advected tracks to the current frame: colours, presence, removal of crowded strokes, new strokes.
 
@@ -140,11 +153,13 @@ def update(
         wanted: bool (n,), for the existing tracks; False = the picture no longer needs the stroke.
         revealed: bool (h, w), pixels that have just become visible: new strokes are fully visible there at once, old
             ones take the new colour or are removed at once.
+        shape: (height, width, ...) of the frame in whose px the seeds are, if the arrays are on coarser grids over it.
 
     Source: hays2004image, section 5. Departure: colours change gradually too, and removed strokes fade in place.
     """
     params = params or LifecycleParams()
-    now = colours_at(tracks.seeds, reference)
+    shape = shape or reference.shape
+    now = colours_at(tracks.seeds, reference, shape)
     change = np.sqrt(((now - tracks.targets) ** 2).sum(axis=1))
     leaving = tracks.leaving | (change > params.break_off)
     if wanted is not None:
@@ -153,12 +168,11 @@ def update(
     share = (np.float32(params.follow) + np.float32(1 - params.follow) * far * far)[:, None]
     at_once = np.zeros(len(tracks), np.bool_)
     if revealed is not None:
-        x, y = nearest(tracks.seeds.xy, reference.shape)
+        x, y = nearest(tracks.seeds.xy, revealed.shape, shape)
         at_once = revealed[y, x]
         share[at_once] = 1
     targets = np.where(leaving[:, None], tracks.targets, tracks.targets + share * (now - tracks.targets))
-    spacing = as_plane(spacing_px, reference.shape)
-    crowded, room = _crowding(tracks.seeds, leaving, candidates, spacing, params)
+    crowded, room = _crowding(tracks.seeds, leaving, candidates, spacing_px, params, shape)
     leaving = leaving | crowded
     step = np.where(leaving, np.float32(-params.fade), np.float32(params.fade))
     presence = np.clip(tracks.presence + step, 0, 1).astype(np.float32)
@@ -167,9 +181,9 @@ def update(
     new = candidates[room]
     presence = np.full(len(new), params.fade, np.float32)
     if revealed is not None:
-        x, y = nearest(new.xy, reference.shape)
+        x, y = nearest(new.xy, revealed.shape, shape)
         presence[revealed[y, x]] = 1
-    return _concatenate(kept, _new_tracks(new, reference, presence))
+    return _concatenate(kept, _new_tracks(new, colours_at(new, reference, shape), presence))
 
 
 def _concatenate(old: StrokeTracks, new: StrokeTracks) -> StrokeTracks:
@@ -194,16 +208,17 @@ def fade(strokes: Strokes, presence: NDArray[np.float32]) -> Strokes:
 
 
 def _crowding(
-    seeds: Seeds, leaving: Flags, candidates: Seeds, spacing: NDArray[np.float32], params: LifecycleParams
-) -> tuple[Flags, Flags]:
+    seeds: Seeds, leaving: Flags, candidates: Seeds, spacing_px: StyleField, params: LifecycleParams,
+    shape: tuple[int, ...],
+) -> tuple[Flags, Flags]:  # fmt: skip
     """Flags of the seeds that crowd an older one, and of the candidates that have room beside those that stay."""
     xy = np.concatenate([seeds.xy, candidates.xy])
-    apart = sample(spacing, xy)
+    apart = sample(spacing_px, xy, shape)
     apart[: len(seeds)] *= np.float32(params.crowd)
     apart[len(seeds) :] *= np.float32(params.gap)
     skip = np.concatenate([leaving, np.zeros(len(candidates), np.bool_)])
     cell = max(float(apart.max(initial=1.0)), 1.0)
-    good = _poisson_filter(xy, apart, skip, np.float32(cell), *(int(side / cell) + 2 for side in spacing.shape))
+    good = _poisson_filter(xy, apart, skip, np.float32(cell), *(int(side / cell) + 2 for side in shape[:2]))
     return ~good[: len(seeds)] & ~leaving, good[len(seeds) :]
 
 

@@ -35,6 +35,9 @@ LEAST_COLUMNS = 64
 """Narrower frames are analysed at full resolution, since optical flow needs at least 16 px."""
 DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
 """Dead band and per-frame gain with which the detail map, moved along the flow, follows its target."""
+DETAIL_CELL = 4
+"""Side, px, of the cells on which style parameters vary with the detail map, which is smooth. A design's regions have
+borders, so that with a design they are computed at every pixel."""
 DIRECTION_TOLERANCE = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
 ORIENTATION_ROWS = 160
@@ -132,17 +135,18 @@ class StrokeAnalyzer:
         return is_cut(before, self.thumbnail, self.params.cut_sensitivity)
 
     def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> tuple[Flow | None, Flow | None]:
-        """Flow from the previous frame to this one at the frame's size, and back at the working size."""
+        """Flow from the previous frame to this one in px of the frame, and back in px of the working size; both at the
+        working size."""
         if fresh or self.gray is None:
             return None, None
         with self.clock("flow"):
             before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
             back = zero_resting_flow(estimate(now, before, self.params.flow), now, before, self.params.stillness)
             forward, _ = invert_flow(back, now, before)
-            return _enlarged_flow(forward, self.size), back
+            return forward * np.divide(self.size, self.work).astype(np.float32), back
 
     def _detail(self, frame: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool) -> Plane | None:
-        """Detail map, float32 (h, w) in 0..1; None = 0 everywhere."""
+        """Detail map, float32 in 0..1, of the frame's size with a design, otherwise coarser; None = 0 everywhere."""
         params = self.params
         if max(params.face_detail, params.saliency_detail, params.motion_detail) <= 0:
             return None
@@ -154,7 +158,8 @@ class StrokeAnalyzer:
                 far = np.abs(coarse - before) > DETAIL_DEAD_BAND
                 coarse = before + np.where(far, np.float32(DETAIL_GAIN), 0) * (coarse - before)
             self.detail = np.asarray(coarse, np.float32)
-            return np.asarray(cv2.resize(self.detail, self.size, interpolation=cv2.INTER_LINEAR), np.float32)
+            grid = self.size if self.design is not None else tuple(-(-side // DETAIL_CELL) for side in self.size)
+            return np.asarray(cv2.resize(self.detail, grid, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
@@ -214,15 +219,6 @@ def _shrunk_flow(flow: Flow, size: tuple[int, int]) -> Flow:
     """The flow on a coarser grid, in px of that grid."""
     scale = np.float32(size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
-
-
-def _enlarged_flow(flow: Flow, size: tuple[int, int]) -> Flow:
-    if (flow.shape[1], flow.shape[0]) == size:
-        return flow
-    scale = np.array([size[0] / flow.shape[1], size[1] / flow.shape[0]], np.float32)
-    wide = np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    wide *= scale
-    return wide
 
 
 def _trust(changed: Mask, size: tuple[int, int]) -> Plane:

@@ -33,6 +33,8 @@ LEAST_BLUR_PX = 0.3
 """Sigma below which a blur is skipped, px."""
 ERROR_MEMORY = 0.8
 """Weight of the past, along the motion, in the error that calls for finer strokes; 0 on newly visible surfaces."""
+MEDIAN_ROWS = 60
+"""Rows of a plane of which a median is computed, about."""
 KEEP = 0.6
 """Factor on the error threshold for existing strokes (hysteresis)."""
 
@@ -42,7 +44,7 @@ class FrameMotion:
     """Motion of a frame relative to the previous one.
 
     Attributes:
-        forward: float32 (h, w, 2), from the previous frame to this one, px of the frame.
+        forward: float32 (h', w', 2), from the previous frame to this one, px of the frame.
         back: float32 (h', w', 2), from this frame to the previous one, px of the working size.
         changed: bool (h', w'), pixels that show another surface than before; None = unknown.
     """
@@ -83,7 +85,7 @@ class StrokeLayers:
         Args:
             picture: uint8 (h', w', 3), the denoised picture.
             motion: None = a shot begins.
-            detail: float32 (h, w) in 0..1; None = 0.
+            detail: float32 in 0..1, a grid over the frame; None = 0.
             number: of the frame; a part of the ids of new strokes.
         """
         if motion is None:
@@ -96,7 +98,7 @@ class StrokeLayers:
             brush = _layer_brush(style, index)
             width = median(brush.size_px) * scale
             sigma = scheme.blur * width / 2
-            reference = _enlarged(blurred(picture, sigma) if sigma > LEAST_BLUR_PX else picture, self.size)
+            reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
             error = self._error(index, picture, below, motion) if index else None
             job = _LayerJob(index, brush, reference, error)
             updated = self._update(job, style, scheme, motion, revealed, number)
@@ -111,27 +113,25 @@ class StrokeLayers:
         revealed: Mask | None, number: int,
     ) -> StrokeTracks:  # fmt: skip
         """Tracks of one layer in this frame."""
-        spacing = spacing_px(job.brush, scheme)
+        shape, spacing = self.size[::-1], spacing_px(job.brush, scheme)
         birth = 0 if self.params.temporal == "off" else number
-        candidates = place(
-            self.size[::-1], spacing, jitter=scheme.scatter, seed=self.seed, layer=job.index, birth=birth
-        )
+        candidates = place(shape, spacing, jitter=scheme.scatter, seed=self.seed, layer=job.index, birth=birth)
         if job.error is not None:
             candidates = candidates[self._exceeds(candidates, job, style, 1)]
         if motion is None or len(self.tracks) <= job.index:
-            return start_tracks(candidates, job.reference, spacing, self.lifecycle)
-        tracks = advect(self.tracks[job.index], motion.forward)
+            return start_tracks(candidates, job.reference, spacing, self.lifecycle, shape)
+        tracks = advect(self.tracks[job.index], motion.forward, shape=shape)
         keep = None if job.error is None else self._exceeds(tracks.seeds, job, style, KEEP)
         break_off = max(median(style.technique["edge"]) * EDGE_FALL**job.index, LEAST_BREAK_OFF)
         params = replace(self.lifecycle, break_off=break_off)
-        return update(tracks, candidates, job.reference, spacing, params=params, wanted=keep, revealed=revealed)
+        return update(
+            tracks, candidates, job.reference, spacing, params=params, wanted=keep, revealed=revealed, shape=shape
+        )
 
     def _revealed(self, motion: FrameMotion) -> Mask:
-        """Newly visible pixels, bool (h, w); strokes appear at once there."""
-        outside = ~inside(-motion.forward)
-        if motion.changed is None:
-            return outside
-        return outside | (_enlarged(motion.changed.astype(np.uint8), self.size) > 0)
+        """Newly visible pixels, bool (h', w'); strokes appear at once there."""
+        outside = ~inside(motion.back)
+        return outside if motion.changed is None else outside | motion.changed
 
     def _exceeds(self, seeds: Seeds, job: _LayerJob, style: LayerStyle, factor: float) -> NDArray[np.bool_]:
         """Flags of the seeds whose area error exceeds the layer's threshold times `factor`."""
@@ -164,10 +164,13 @@ class StrokeLayers:
     ) -> StrokeLayer:
         """The layer's strokes with their paint."""
         seeds, technique, brush = tracks.seeds, style.technique, job.brush
-        at_seeds = sampler(seeds.xy, self.size[::-1])
+        shape = self.size[::-1]
+        at_seeds = sampler(seeds.xy, shape)
         vivid, contrast, order_mix = (at_seeds(technique[name]) for name in ("vivid", "contrast", "order_mix"))
         strokes = np.zeros(len(tracks), STROKE)
-        strokes["colour"] = np.clip(tint(pigment(tracks.targets, vivid, contrast), seeds, brush, self.seed), 0, 255)
+        strokes["colour"] = np.clip(
+            tint(pigment(tracks.targets, vivid, contrast), seeds, brush, self.seed, shape), 0, 255
+        )
         strokes["target"] = tracks.targets
         strokes["radius_px"] = at_seeds(brush.size_px) / np.float32(2)
         for name in ("opacity", "relief_px", "grain", "length_px"):
@@ -197,9 +200,10 @@ class StrokeLayers:
 
 
 def median(field: StyleField) -> float:
-    """Approximate median of a style parameter: the median of every eighth pixel."""
-    plane = np.asarray(field)
-    return float(np.median(plane.astype(np.float32)[::8, ::8])) if plane.ndim else float(plane)
+    """Approximate median of a style parameter: the median of about every `MEDIAN_ROWS`th of its rows and columns."""
+    plane = np.asarray(field, np.float32)
+    step = max(1, plane.shape[0] // MEDIAN_ROWS) if plane.ndim else 1
+    return float(np.median(plane[::step, ::step])) if plane.ndim else float(plane)
 
 
 def scheme_of(style: LayerStyle) -> LayerScheme:
@@ -223,9 +227,3 @@ def _layer_brush(style: LayerStyle, index: int) -> Brush:
 
 def blurred(image: AnyArray, sigma_px: float) -> AnyArray:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px))
-
-
-def _enlarged(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    if (image.shape[1], image.shape[0]) == size:
-        return image
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)

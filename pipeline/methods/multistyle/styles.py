@@ -229,7 +229,7 @@ def uniform(style: Style, technique: Technique) -> dict[str, StyleField]:
 
 @dataclass(frozen=True)
 class LayerStyle:
-    """Style parameters in px, as the renderer takes them; each is a number, or one per pixel.
+    """Style parameters in px, as the renderer takes them; each is a number, or float32 on a grid over the picture.
 
     Attributes:
         brush: of the coarsest layer.
@@ -251,7 +251,7 @@ def layer_style(values: Values, detail: Plane | None, height: int) -> LayerStyle
 
     Args:
         values: all parameters of `Style` and `Technique`.
-        detail: float32 (h, w) in 0..1, 1 = finest strokes; None = 0.
+        detail: float32 in 0..1, 1 = finest strokes, of the shape of the values that are planes; None = 0.
         height: height of the frame, px.
     """
     px = np.float32(height / 1000)

@@ -289,10 +289,18 @@ def test_an_invalid_mask_is_rejected(mask: NDArray[np.float32], word: str) -> No
     assert refusal.value.field == "mask"
 
 
-def test_a_frame_or_flow_of_another_size_is_rejected() -> None:
+def test_a_frame_of_another_size_is_rejected() -> None:
     tracker = ImportanceTracker(NOTHING, SIZE)
     with pytest.raises(BadFrame, match="another size"):
         tracker.step(portrait())
-    tracker.step(gray())
-    with pytest.raises(BadFrame, match="another size"):
-        tracker.step(gray(), np.zeros((240, 320, 2), np.float32))
+
+
+def test_the_flow_may_be_on_a_coarser_grid() -> None:
+    """It is always given in px of the frame."""
+    maps = []
+    for by in (1, 2):
+        tracker = ImportanceTracker(ONLY_MOTION, SIZE)
+        maps += [[tracker.step(gray(), moving_square()[::by, ::by]) for _ in range(CUES_EVERY_FRAMES + 1)][-1]]
+    assert maps[0].max() > 0.5
+    np.testing.assert_allclose(maps[1], maps[0], atol=0.35)
+    assert np.abs(maps[1] - maps[0]).mean() < 0.02

@@ -68,7 +68,17 @@ def test_fields_are_read_at_the_nearest_pixel() -> None:
     np.testing.assert_array_equal(sample(2.5, points), [2.5] * 4)
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.ones((3, 3), np.float32)])
+def test_a_field_may_be_on_a_coarser_grid_over_the_picture() -> None:
+    coarse = np.arange(6, dtype=np.float32).reshape(2, 3)
+    fine = np.ascontiguousarray(coarse.repeat(8, axis=0).repeat(8, axis=1))
+    points = np.random.default_rng(4).uniform(0, (23, 15), (50, 2)).astype(np.float32)
+    np.testing.assert_array_equal(sample(coarse, points, fine.shape), sample(fine, points))
+    one, other = place(fine.shape, coarse + 3), place(fine.shape, fine + 3)
+    np.testing.assert_array_equal(one.xy, other.xy)
+    np.testing.assert_array_equal(one.ids, other.ids)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.array([[3.0, np.inf]])])
 def test_an_invalid_spacing_is_named(bad: float) -> None:
     with pytest.raises(BadParameter):
         place(ODD, bad)
