@@ -151,7 +151,14 @@ def place(
     grid = Grid(cell, *(math.ceil(side / cell) for side in shape[:2]))
     xy, ids = np.empty((grid.rows * grid.columns, 2), np.float32), np.empty(grid.rows * grid.columns, np.uint64)
     n = _place(
-        spacing, shape[:2], grid, jitter, (seed & 0xFFFFFFFF, int(Purpose.PLACE)), (layer, birth & 0xFFFFFF), xy, ids
+        spacing,
+        (shape[0], shape[1]),
+        grid,
+        jitter,
+        (seed & 0xFFFFFFFF, int(Purpose.PLACE)),
+        (layer, birth & 0xFFFFFF),
+        xy,
+        ids,
     )
     return Seeds(xy[:n].copy(), ids[:n].copy())
 

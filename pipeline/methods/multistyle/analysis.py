@@ -6,7 +6,7 @@ of frames of one shot can therefore be painted concurrently, in any order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -128,6 +128,14 @@ class StrokeAnalysis:
         return out | {
             f"varying-{name}": value for name, value in self.technique.items() if not isinstance(value, float)
         }
+
+
+def same(some: Sequence[StrokeAnalysis], others: Sequence[StrokeAnalysis]) -> bool:
+    """Whether two sequences of analyses are equal, byte for byte."""
+    return len(some) == len(others) and all(
+        one.keys() == other.keys() and all(one[name].tobytes() == other[name].tobytes() for name in one)
+        for one, other in zip((each.pack() for each in some), (each.pack() for each in others), strict=True)
+    )
 
 
 def unpack(arrays: Arrays) -> StrokeAnalysis:

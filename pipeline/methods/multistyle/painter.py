@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.frames import Frame, Plane
-from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, unpack
+from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, same, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.methods.tasks import Clock, no_clock
@@ -80,6 +82,26 @@ class Painter:
         """Paint a previous frame for accumulation only."""
         if self.accumulated:
             self._keep(analysis, self._painting(analysis))
+
+    def recall_run(self, analyses: Sequence[StrokeAnalysis]) -> None:
+        """`recall` of the last frames of a run, in order. If this process painted the same ones last, their paintings
+        are still there, and are not painted again."""
+        if not self._is_latest(analyses):
+            for analysis in analyses:
+                self.recall(analysis)
+
+    def keep_run(self) -> None:
+        """Keep the last paintings for the `recall_run` of another painter in this process."""
+        _latest[:] = [(self.params, self.size, self.seed, self.past)]
+
+    def _is_latest(self, analyses: Sequence[StrokeAnalysis]) -> bool:
+        """Take over the kept paintings, if they are those of these analyses; whether they are."""
+        for params, size, seed, past in _latest[:]:
+            kept = [analysis for analysis, _ in reversed(past)]
+            if (params, size, seed) == (self.params, self.size, self.seed) and same(kept, analyses):
+                self.past = past
+                return True
+        return False
 
     def state(self) -> State:
         """Analyses of the previous frames as arrays by name."""
@@ -191,6 +213,8 @@ class Painter:
 
 
 _PAINT = ("vivid", "contrast")
+_latest: list[tuple[MultistyleParams, tuple[int, int], int, list[tuple[StrokeAnalysis, Painting]]]] = []
+"""Parameters, size, seed and last paintings of the run that was painted last in this process; at most one."""
 
 
 def _round_off(canvas: Canvas) -> None:

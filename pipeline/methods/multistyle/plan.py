@@ -6,7 +6,7 @@
     maps      a task a run: region map of every frame and ellipse of every region; then a list of all regions
     paint     two tasks a run: `analyze-n` continues from the state that the previous run saved, and saves the analysis
               of every frame; `run-n` paints from the analyses, and repaints the few previous frames that temporal
-              accumulation needs
+              accumulation needs, unless its process has just painted them
 
 Analysis costs about half of painting, so a single long shot keeps three workers busy. Shots are independent. The
 result is the same, byte for byte, as that of one session over the whole video.
@@ -78,7 +78,7 @@ def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
         )
         after = (_analysis_key(start - run_frames(shot)),) if start > shot[0] else ()
         analyses.append(Task(_analysis_key(start), args, after, weight=ANALYSIS_SHARE * (stop - start)))
-        args = {"start": start, "stop": stop, "before": after[0] if after else None}
+        args = {"start": start, "stop": stop, "before": after[0] if after else None, "last": stop == shot[1]}
         weight = (1 - ANALYSIS_SHARE) * (stop - start)
         paints.append(Task(f"run-{start:07d}", args, (_analysis_key(start), *after), (start, stop), weight=weight))
     return analyses + paints
@@ -130,12 +130,13 @@ def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     packed = context.load("paint", _analysis_key(start))
     painter = Painter(context.params, context.size, context.seed, context.clock)
     if painter.accumulated and task.args["before"]:
-        for analysis in _unpacked(context.load("paint", f"last-{task.args['before']}")):
-            painter.recall(analysis)
+        painter.recall_run(_unpacked(context.load("paint", f"last-{task.args['before']}")))
     frames = _unpacked(packed)
     for k, analysis in enumerate(frames):
         context.emit(start + k, painter.paint(analysis))
         context.progress((k + 1) / (stop - start))
+    if painter.accumulated and not task.args["last"]:
+        painter.keep_run()
     if context.wants(DIRECTIONS):
         pictures = {start + k: orientation_picture(analysis, context.size) for k, analysis in enumerate(frames)}
         context.save_file(f"{DIRECTIONS}-{start:07d}.zip", archive(pictures), "application/zip")

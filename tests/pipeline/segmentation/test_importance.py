@@ -301,6 +301,6 @@ def test_the_flow_may_be_on_a_coarser_grid() -> None:
     for by in (1, 2):
         tracker = ImportanceTracker(ONLY_MOTION, SIZE)
         maps += [[tracker.step(gray(), moving_square()[::by, ::by]) for _ in range(CUES_EVERY_FRAMES + 1)][-1]]
-    assert maps[0].max() > 0.5
-    np.testing.assert_allclose(maps[1], maps[0], atol=0.35)
-    assert np.abs(maps[1] - maps[0]).mean() < 0.02
+    assert maps[0].max() > 0.2
+    np.testing.assert_allclose(maps[1], maps[0], atol=0.1)
+    assert np.abs(maps[1] - maps[0]).mean() < 0.01
