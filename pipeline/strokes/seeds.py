@@ -176,15 +176,21 @@ def _place(
     n = 0
     # The cell size is a part of the counter, so another grid gives other ids; quarter pixels distinguish all sizes.
     salt = (layer & 0xFF) | (int(cell * 64.0) << 8)
-    for i in range(grid.rows):
-        for j in range(grid.columns):
-            x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
-            px, py = min(int(x + 0.5), width - 1), min(int(y + 0.5), height - 1)
-            step = max(np.float64(spacing[py * rows // height, px * columns // width]), cell)
-            rank = 0
+    columns_at = np.empty(grid.columns, np.intp)
+    for j in range(grid.columns):
+        columns_at[j] = min(int((j + 0.5) * cell), width - 1) * columns // width
+    ranks = np.zeros((1 << _LEVELS, 1 << _LEVELS), np.int64)
+    for i in range(1 << _LEVELS):
+        for j in range(1 << _LEVELS):
             for k in range(_LEVELS):
                 a, b = (j >> k) & 1, (i >> k) & 1
-                rank = rank * 4 + ((a ^ b) * 2 + b)
+                ranks[i, j] = ranks[i, j] * 4 + ((a ^ b) * 2 + b)
+    for i in range(grid.rows):
+        spacings = spacing[min(int((i + 0.5) * cell), height - 1) * rows // height]
+        for j in range(grid.columns):
+            x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
+            step = max(np.float64(spacings[columns_at[j]]), cell)
+            rank = ranks[i & ((1 << _LEVELS) - 1), j & ((1 << _LEVELS) - 1)]
             if rank / 4.0**_LEVELS * step * step >= cell * cell:
                 continue  # no random number can bring the rank below the limit
             words = philox(j, i, salt, 0, key[0], key[1])

@@ -13,6 +13,7 @@ from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, face_weight, pigment
@@ -149,13 +150,14 @@ class StrokeLayers:
         the stroke size of the layer below. The blur does not depend on single strokes, so the error does not flicker
         with them, and a frame can be analysed without painting it.
         """
-        red, green, blue = cv2.split(picture.astype(np.float32) - below.astype(np.float32))  # a sum over axis 2 is slow
-        now = np.sqrt(red * red + green * green + blue * blue)
+        now = np.empty(picture.shape[:2], np.float32)
         if motion is not None and len(self.errors) >= index:
-            past = fetch(self.errors[index - 1], motion.back)
-            share = np.float32(ERROR_MEMORY)
-            now = now + (share if motion.changed is None else share * ~motion.changed) * (past - now)
-        now = np.asarray(now, np.float32)
+            changed = np.zeros(now.shape, np.bool_) if motion.changed is None else motion.changed
+            _distance(
+                picture, below, fetch(self.errors[index - 1], motion.back), np.float32(ERROR_MEMORY), changed, now
+            )
+        else:
+            _distance(picture, below, now, np.float32(0), np.ones(now.shape, np.bool_), now)
         self.errors = [*self.errors[: index - 1], now, *self.errors[index:]]
         return now
 
@@ -197,6 +199,19 @@ class StrokeLayers:
         self.errors = [errors[str(k)] for k in range(len(errors))]
         count = sum(name.startswith("tracks") and name.endswith(".xy") for name in state)
         self.tracks = [StrokeTracks.from_state(part(state, f"tracks{k}")) for k in range(count)]
+
+
+@kernel
+def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, changed: Mask, out: Plane) -> None:
+    """RGB distance of two pictures; of the past, the share `memory` is kept where nothing has changed."""
+    height, width = out.shape
+    for y in range(height):
+        for x in range(width):
+            r = np.int32(picture[y, x, 0]) - np.int32(below[y, x, 0])
+            g = np.int32(picture[y, x, 1]) - np.int32(below[y, x, 1])
+            b = np.int32(picture[y, x, 2]) - np.int32(below[y, x, 2])
+            now = np.sqrt(np.float32(r * r + g * g + b * b))
+            out[y, x] = now if changed[y, x] else now + memory * (past[y, x] - now)
 
 
 def median(field: StyleField) -> float:
