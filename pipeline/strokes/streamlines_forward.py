@@ -186,6 +186,10 @@ def _paint_strokes(
     coverage, lengthwise = np.zeros(rows_high * width, np.float32), np.empty(rows_high * width, np.float32)
     crosswise = np.empty(rows_high * width, np.float32)
     rows = np.empty((rows_high, 2), np.int32)
+    # Whether each pixel of the band is finished; the buffer itself does not fit in the processor's nearer cache.
+    finished = np.empty(rows_high * width, np.bool_)
+    for i in range(len(finished)):
+        finished[i] = pixels[np.uintp((band_top * width + i) * 5 + TRANSMITTANCE)] <= _OPAQUE
     line = np.empty((points.shape[1], 2), np.float32)
     for k in order:
         r, tolerance = strokes.radius_px[k], guide.tolerances[k]
@@ -256,11 +260,15 @@ def _paint_strokes(
                     left, right = max(left, enter - lean * fy), min(right, leave - lean * fy)
                 start, final = max(int(np.ceil(left)), first_column), min(int(np.floor(right)), last_column)
                 row = y - first_row
-                box, pixel = row * columns - first_column, y * width
+                box, in_band = row * columns - first_column, (y - band_top) * width
+                while start <= final and finished[np.uintp(in_band + start)]:
+                    start += 1
+                while start <= final and finished[np.uintp(in_band + final)]:
+                    final -= 1
                 s_row, t_row = fy * ay, fy * ax
                 first_covered, last_covered = rows[row, 0], rows[row, 1]
                 for x in range(start, final + 1):
-                    if pixels[np.uintp((pixel + x) * 5 + TRANSMITTANCE)] <= _OPAQUE:
+                    if finished[np.uintp(in_band + x)]:
                         continue
                     fx = np.float32(x) - x0
                     s, t = fx * ax + s_row, t_row - fx * ay
@@ -337,3 +345,4 @@ def _paint_strokes(
                 pixels[paint + _2] += a * (blue + shade)
                 pixels[paint + _3] += a * thick * ridge
                 pixels[paint + _4] -= a
+                finished[np.uintp((y - band_top) * width + x)] = pixels[paint + _4] <= _OPAQUE
