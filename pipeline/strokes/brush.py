@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.strokes.random import Ids, Purpose, draws
-from pipeline.strokes.seeds import Seeds, StyleField, nearest, sample
+from pipeline.strokes.seeds import Seeds, StyleField, interpolated, nearest, sample
 
 Canvas: TypeAlias = NDArray[np.float32]
 """A painting in progress, `float32` (height, width, 7): paint colour RGB in 0..255; paint height in px; target colour
@@ -151,7 +151,9 @@ def colours_at(seeds: Seeds, picture: Frame, shape: tuple[int, ...] | None = Non
         picture: uint8 (h, w, 3), usually blurred, so that the noise of a single pixel does not become paint.
         shape: (height, width, ...) of the frame in whose px the seeds are, if `picture` is smaller.
     """
-    x, y = nearest(seeds.xy, picture.shape, shape)
+    if shape is not None and picture.shape[:2] != tuple(shape[:2]):
+        return interpolated(picture, seeds.xy, shape)
+    x, y = nearest(seeds.xy, picture.shape)
     return picture[y, x].astype(np.float32)
 
 

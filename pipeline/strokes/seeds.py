@@ -15,6 +15,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Plane
 from pipeline.jit import kernel
@@ -66,28 +67,59 @@ def as_plane(field: StyleField, shape: tuple[int, ...]) -> Plane:
 
 
 def sample(field: StyleField, xy: Points, shape: tuple[int, ...] | None = None) -> NDArray[np.float32]:
-    """Read the field at the pixel nearest to each point: float32 (n,). For `shape` see `nearest`."""
-    plane = np.asarray(field, np.float32)
-    if plane.ndim == 0:
-        return np.full(len(xy), plane, np.float32)
-    x, y = nearest(xy, plane.shape, shape)
-    return np.ascontiguousarray(plane[y, x])
+    """Read the field at each point: float32 (n,). A plane is read at the nearest pixel, a coarser grid is interpolated.
+
+    Args:
+        shape: (height, width, ...) of the picture in whose px the points are given; None = that of the field.
+    """
+    return sampler(xy, np.shape(field) if shape is None else shape)(field)
 
 
 def sampler(xy: Points, shape: tuple[int, ...]) -> Callable[[StyleField], NDArray[np.float32]]:
-    """`sample` for many fields at the same points: the nearest pixels are found once for each grid."""
-    found: dict[tuple[int, ...], NDArray[np.intp]] = {}
+    """`sample` for many fields at the same points: the nearest pixels are found once."""
+    found: list[NDArray[np.intp]] = []
 
     def at_points(field: StyleField) -> NDArray[np.float32]:
         plane = np.asarray(field, np.float32)
         if plane.ndim == 0:
             return np.full(len(xy), plane, np.float32)
-        if plane.shape not in found:
-            x, y = nearest(xy, plane.shape, shape)
-            found[plane.shape] = y * plane.shape[1] + x
-        return plane.reshape(-1).take(found[plane.shape])
+        if plane.shape != tuple(shape[:2]):
+            return interpolated(plane[..., None], xy, shape)[:, 0]
+        if not found:
+            x, y = nearest(xy, shape)
+            found.append(y * shape[1] + x)
+        return plane.reshape(-1).take(found[0])
 
     return at_points
+
+
+def interpolated(grid: AnyArray, xy: Points, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Values of a coarser grid over a picture of `shape`, interpolated bilinearly at points: float32 (n, channels).
+
+    Args:
+        grid: (rows, columns, channels), uint8 or float32.
+        xy: px of the picture.
+    """
+    out = np.empty((len(xy), grid.shape[2]), np.float32)
+    _interpolate(grid, xy, (np.float32(grid.shape[1] / shape[1]), np.float32(grid.shape[0] / shape[0])), out)
+    return out
+
+
+@kernel
+def _interpolate(grid: AnyArray, xy: Points, scale: tuple[np.float32, np.float32], out: NDArray[np.float32]) -> None:
+    rows, columns, channels = grid.shape
+    half = np.float32(0.5)
+    for k in range(len(xy)):
+        x = min(max((xy[k, 0] + half) * scale[0] - half, np.float32(0)), np.float32(columns - 1))
+        y = min(max((xy[k, 1] + half) * scale[1] - half, np.float32(0)), np.float32(rows - 1))
+        left, top = int(x), int(y)
+        right, bottom = min(left + 1, columns - 1), min(top + 1, rows - 1)
+        a, b = x - np.float32(left), y - np.float32(top)
+        for c in range(channels):
+            above, below = np.float32(grid[top, left, c]), np.float32(grid[bottom, left, c])
+            above += a * (np.float32(grid[top, right, c]) - above)
+            below += a * (np.float32(grid[bottom, right, c]) - below)
+            out[k, c] = above + b * (below - above)
 
 
 def nearest(
