@@ -92,9 +92,9 @@ class StrokeAnalysis:
     technique: Mapping[str, float | Half]
     rims: NDArray[np.uint8] | None = None
 
-    def direction(self, size: tuple[int, int]) -> Direction:
-        """Orientation field for frames of `size` (width, height): float32 (h, w, 2)."""
-        return _resized(self.field, size)
+    def direction(self, size: tuple[int, int], out: Direction | None = None) -> Direction:
+        """Orientation field for frames of `size` (width, height): float32 (h, w, 2), in `out` if it is given."""
+        return _resized(self.field, size, out)
 
     def backward_flow(self) -> Flow | None:
         """Flow to the previous frame at the picture's size, float32, px of the picture; None = a shot begins."""
@@ -155,5 +155,7 @@ def unpack(arrays: Arrays) -> StrokeAnalysis:
     )  # fmt: skip
 
 
-def _resized(plane: Half | NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float32]:
-    return np.asarray(cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_LINEAR), np.float32)
+def _resized(
+    plane: Half | NDArray[np.uint8], size: tuple[int, int], out: NDArray[np.float32] | None = None
+) -> NDArray[np.float32]:
+    return np.asarray(cv2.resize(plane.astype(np.float32), size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)

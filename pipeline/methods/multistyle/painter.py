@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
+from pipeline.buffers import Buffers
 from pipeline.frames import Frame, Plane
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, same, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -67,6 +68,7 @@ class Painter:
         self.accumulated = accumulated_frames(params)
         self.past: list[tuple[StrokeAnalysis, Painting]] = []
         self.scratch: tuple[FrontToBack, Canvas] | None = None  # kept from frame to frame: new memory must be paged in
+        self.buffers = Buffers()
 
     def paint(self, analysis: StrokeAnalysis) -> Frame:
         """Paint a frame: uint8 (h, w, 3)."""
@@ -123,7 +125,9 @@ class Painter:
 
     def _painting(self, analysis: StrokeAnalysis) -> Painting:
         with self.clock("ground"):
-            direction, ground = analysis.direction(self.size), self._ground(analysis)
+            width, height = self.size
+            direction = analysis.direction(self.size, self.buffers.get("direction", (height, width, 2)))
+            ground = self._ground(analysis)
         layers = {"explicit": self._explicit, "implicit": self._implicit, "implicit-literal": self._literal}
         canvas = layers[self.params.renderer](analysis, direction, ground)
         with self.clock("light"):
@@ -209,7 +213,9 @@ class Painter:
                 np.asarray(field(name), np.float32) - colours[..., c]
             )
         veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
-        return np.asarray(_enlarged(colours + veil, self.size), np.float32)
+        colours += veil
+        out = self.buffers.get("ground", (self.size[1], self.size[0], 3))
+        return np.asarray(cv2.resize(colours, self.size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 _PAINT = ("vivid", "contrast")
