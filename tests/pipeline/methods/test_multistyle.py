@@ -21,15 +21,17 @@ from pipeline.methods import method
 from pipeline.methods.base import no_clock
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
-from pipeline.methods.multistyle.analysis import unpack
+from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
+from pipeline.methods.multistyle.painter import Painter
 from pipeline.methods.multistyle.params import STYLE_NAMES
 from pipeline.methods.multistyle.styles import FIELDS, STYLES, pigment, vector
 from pipeline.methods.multistyle.tubes import TubeTracker, merge_results, tubes_of
 from pipeline.scenes import scene
+from pipeline.strokes.accumulation import Painting
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.field import angle_of
 from tests.pipeline.methods.frames import painted
@@ -107,6 +109,33 @@ def test_a_long_shot_has_longer_runs_with_the_same_bytes(monkeypatch: pytest.Mon
         assert [task.emits[0] for task in tasks if task.emits and task.emits[0] < CUT] == starts
         pictures.append(painted(context))
     np.testing.assert_array_equal(*pictures)
+
+
+def test_paintings_that_this_process_has_just_made_are_not_painted_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The frames before a run are recalled from the run before, unless another run was painted in between."""
+    painted_frames: list[int] = []
+    original = Painter._painting
+
+    def counted(self: Painter, analysis: StrokeAnalysis) -> Painting:
+        painted_frames.append(analysis.number)
+        return original(self, analysis)
+
+    monkeypatch.setattr(Painter, "_painting", counted)
+    analyzer = StrokeAnalyzer(MultistyleParams(), SIZE, 0, no_clock)
+    analyses = [analyzer.step(frame) for frame in shots()[:5]]
+    first, second, third = (Painter(MultistyleParams(), SIZE, seed) for seed in (0, 0, 1))
+    for analysis in analyses[:4]:
+        first.paint(analysis)
+    first.keep_run()
+    stored = [unpack(analysis.pack()) for analysis in analyses[2:4]]
+    painted_frames.clear()
+    second.recall_run(stored)
+    assert painted_frames == []
+    assert second.paint(analyses[4]).tobytes() == first.paint(analyses[4]).tobytes()
+    painted_frames.clear()
+    third.recall_run(stored)
+    second.recall_run(stored[1:])
+    assert painted_frames == [3, 4, 4]
 
 
 def test_runs_equal_one_session_with_design_and_masks(monkeypatch: pytest.MonkeyPatch) -> None:
