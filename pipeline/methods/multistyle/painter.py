@@ -94,14 +94,14 @@ class Painter:
 
     def keep_run(self) -> None:
         """Keep the last paintings for the `recall_run` of another painter in this process."""
-        _latest[:] = [(self.params, self.size, self.seed, self.past)]
+        _latest[:] = [(self.params, self.size, self.seed, list(self.past))]
 
     def _is_latest(self, analyses: Sequence[StrokeAnalysis]) -> bool:
         """Take over the kept paintings, if they are those of these analyses; whether they are."""
         for params, size, seed, past in _latest[:]:
             kept = [analysis for analysis, _ in reversed(past)]
             if (params, size, seed) == (self.params, self.size, self.seed) and same(kept, analyses):
-                self.past = past
+                self.past = list(past)
                 return True
         return False
 
