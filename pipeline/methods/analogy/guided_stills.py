@@ -72,16 +72,23 @@ def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
     )
 
 
-def guided_still_schedule(schedule: SearchSchedule, params: AnalogyParams, level: int) -> SearchSchedule:
-    """The effort of the search of a guided still at a level that starts from a coarser one.
+def guided_still_schedule(
+    schedule: SearchSchedule, params: AnalogyParams, level: int, coarsest: bool
+) -> SearchSchedule:
+    """The effort of the search of a guided still at a level.
+
+    At all but the finest level, candidates are compared with the mean of overlapping patches.
 
     Args:
         schedule: effort by the parameters of the guided still.
         params: the parameters that are set.
         level: 0 = full size.
+        coarsest: whether the level starts from random offsets.
     """
     if level > 0:
-        return replace(schedule, settles=True)
+        return replace(schedule, settles=not coarsest, votes=True)
+    if coarsest:
+        return schedule
     rounds = max(1, round(schedule.iterations * FINEST_ITERATIONS))
     search_px = min(schedule.search_px, max(1.0, params.search_radius * FINEST_SEARCH))
     return replace(schedule, iterations=rounds, search_px=search_px, settles=True)

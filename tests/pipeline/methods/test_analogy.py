@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from inspect import signature
 from types import SimpleNamespace
@@ -362,22 +363,24 @@ def test_coherence_and_variety_count_less_where_guides_change_faster_than_in_the
 
 def test_a_guided_still_has_fewer_rounds_and_a_near_search_at_the_finest_level() -> None:
     schedule, params = SearchSchedule(6, 128.0, 3, 4), AnalogyParams()
-    finest, coarser = (guided_still_schedule(schedule, params, level) for level in (0, 1))
+    finest, coarser = (guided_still_schedule(schedule, params, level, False) for level in (0, 1))
     assert finest == SearchSchedule(4, 4.0, 3, 4, settles=True)
-    assert coarser == SearchSchedule(6, 128.0, 3, 4, settles=True)
-    assert guided_still_schedule(schedule, AnalogyParams(search_radius=640), 0).search_px == 20
+    assert coarser == SearchSchedule(6, 128.0, 3, 4, settles=True, votes=True)
+    assert guided_still_schedule(schedule, params, 2, coarsest=True) == replace(schedule, votes=True)
+    assert guided_still_schedule(schedule, params, 0, coarsest=True) == schedule
+    assert guided_still_schedule(schedule, AnalogyParams(search_radius=640), 0, False).search_px == 20
 
 
 def test_the_rounds_of_a_guided_still_are_those_of_its_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[tuple[int, float]] = []
+    made: list[tuple[int, float, bool]] = []
 
-    def recorded(*args: Any) -> Any:
-        made.append((args[5], args[6]))
-        return refine(*args)
+    def recorded(*args: Any, votes: bool) -> Any:
+        made.append((args[5], args[6], votes))
+        return refine(*args, votes=votes)
 
     monkeypatch.setattr(sweeps, "refine", recorded)
     rendered({"style_output": [painting()], "style": [painting()]}, shot()[:1], levels=1, iterations=4)
-    assert [rounds for rounds, _ in made] == [12, 4]  # this picture has two levels
+    assert [(rounds, votes) for rounds, _, votes in made] == [(12, True), (4, False)]  # this picture has two levels
     assert made[-1][1] == 4
 
 
