@@ -64,8 +64,9 @@ def random_motion() -> np.ndarray:
 
 
 def run_operations(
-    ops: Operations[Any], energy: Energy, rotate: bool, masked: bool, rounds: int, settles: bool, votes: bool
-) -> dict[str, np.ndarray]:
+    ops: Operations[Any], energy: Energy, rotate: bool, masked: bool, rounds: int,
+    settles: bool = False, votes: bool = False,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Results of every operation, and of `rounds` iterations, with all data that the energy needs."""
     style = ops.load(random_style(energy, rotate, masked), energy)
     before, now = (
