@@ -2,7 +2,8 @@
    reference.py.
 
    Macros: RADIUS of the patch, CHANNELS per pixel, COLOURS (3, or 4 with opacity), GUIDES (channels), PAD (margin of the
-   style image, px), ROTATE (1 = patches rotate), MASKED (1 = some style pixels must not be used). */
+   style image, px), ROTATE (1 = patches rotate), MASKED (1 = some style pixels must not be used), VOTES (1 = `render`
+   averages the colours of overlapping patches). */
 
 static int usable(const int2 at, global const uchar *usable_mask, const int style_width, const int style_height)
 {
@@ -43,8 +44,20 @@ kernel void random_offsets(
         random_position(x, y, seed, stream, usable_mask, (int2)(first_x, first_y), style_width, style_height);
 }
 
+/* The pixel of the padded style at which a patch of the frame shows the pixel at distance `step` from its centre. */
+static global const uchar *shown(global const float2 *offsets, global const uchar *bins, const int index,
+                                 const int2 step, global const uchar *style, global const uchar *style_bins,
+                                 constant float2 *cosines, const int style_width, const int style_height)
+{
+    const float2 offset = extrapolated_offset(offsets[index], convert_float2(step), ROTATE ? bins[index] : 255,
+                                              style_bins, cosines, style_width, style_height);
+    const int2 at = clamped(rounded(offset), style_width, style_height);
+    return style + ((at.y + PAD) * (style_width + 2 * PAD) + at.x + PAD) * CHANNELS;
+}
+
 /* Writes the style colours at the offsets into the first COLOURS channels of the target, and the rounded offsets into
-   the field. Both have a margin of RADIUS px, which continues the texture of the border pixels. */
+   the field. Both have a margin of RADIUS px, which continues the texture of the border pixels. With VOTES, a colour is
+   the mean of what the patches around the pixel show there, for every second patch along x and y. */
 kernel void render(
     global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,
     global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,
@@ -62,11 +75,27 @@ kernel void render(
     if (here.x != inside.x || here.y != inside.y)
         offset = extrapolated_offset(offset, convert_float2(here - inside), ROTATE ? bins[index] : 255, style_bins,
                                      cosines, style_width, style_height);
-    const int2 at = rounded(offset), nearest = clamped(at, style_width, style_height);
-    global const uchar *from = style + ((nearest.y + PAD) * (style_width + 2 * PAD) + nearest.x + PAD) * CHANNELS;
+    const int2 at = rounded(offset);
     global uchar *to = target + (y * stride + x) * CHANNELS;
+#if VOTES
+    int4 sum = (int4)(0);
+    for (int dy = -RADIUS; dy <= RADIUS; dy += 2)
+        for (int dx = -RADIUS; dx <= RADIUS; dx += 2) {
+            const int2 centre = clamped(here + (int2)(dx, dy), width, height);
+            sum += convert_int4(vload4(0, shown(offsets, bins, centre.y * width + centre.x, here - centre, style,
+                                                style_bins, cosines, style_width, style_height)));
+        }
+    const int count = (RADIUS + 1) * (RADIUS + 1);
+    const int mean[4] = {(sum.x + count / 2) / count, (sum.y + count / 2) / count, (sum.z + count / 2) / count,
+                         (sum.w + count / 2) / count};
+    for (int c = 0; c < COLOURS; c++)
+        to[c] = mean[c];
+#else
+    const int2 nearest = clamped(at, style_width, style_height);
+    global const uchar *from = style + ((nearest.y + PAD) * (style_width + 2 * PAD) + nearest.x + PAD) * CHANNELS;
     for (int c = 0; c < COLOURS; c++)
         to[c] = from[c];
+#endif
     field[y * stride + x] = convert_short2(at);
 }
 

@@ -92,10 +92,11 @@ class OpenCLOperations:
         }
 
     def _at(
-        self, style: LoadedStyle[DeviceArray], name: str, size: Size, *args: Any, over: Size | None = None
-    ) -> Launch:
+        self, style: LoadedStyle[DeviceArray], name: str, size: Size, *args: Any, over: Size | None = None,
+        votes: bool = False,
+    ) -> Launch:  # fmt: skip
         """A launch with one work item per pixel; appends the frame's width and height to the arguments."""
-        kernel = self.device.kernel(_FIELDS, name, self._defines(style), _COMMON)
+        kernel = self.device.kernel(_FIELDS, name, self._defines(style) | {"VOTES": int(votes)}, _COMMON)
         return kernel.at(over or size, *args, *size)
 
     def random_offsets(self, style: LoadedStyle[DeviceArray], size: Size, key: RandomKey) -> DeviceArray:
@@ -105,15 +106,22 @@ class OpenCLOperations:
         self.device.run(self._at(style, "random_offsets", size, *args))
         return out
 
-    def render(self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray) -> None:
-        """Write the style colours at `offsets` into the frame; the margin continues the texture of border pixels."""
+    def render(
+        self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], offsets: DeviceArray, votes: bool = False
+    ) -> None:
+        """Write the style colours at `offsets` into the frame; the margin continues the texture of border pixels.
+
+        Args:
+            votes: whether a colour is the mean of what the patches around the pixel show there, instead of the colour
+                at its own offset.
+        """
         margin = 2 * style.energy.radius
         over = (state.size[0] + margin, state.size[1] + margin)
         args = (
             offsets, state.bins or self._placeholder, style.features, style.bins, self._cosines, state.packed,
             state.field, *style.size,
         )  # fmt: skip
-        self.device.run(self._at(style, "render", state.size, *args, over=over))
+        self.device.run(self._at(style, "render", state.size, *args, over=over, votes=votes))
 
     def add_change(
         self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], advected: DeviceArray, guides: Bytes,

@@ -71,12 +71,14 @@ class ReferenceOperations:
         _merge(out, out, out, np.float32(0), style.usable, words(key), style.style.first_usable, style.size)
         return out
 
-    def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array) -> None:
+    def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, votes: bool = False) -> None:
         energy, bins = style.energy, _or(state.bins, np.zeros((0, 0), np.uint8))
         shape = PatchShape(energy.radius, energy.pad, energy.colours)
         width, height = style.features.shape[1] - 2 * energy.pad, style.features.shape[0] - 2 * energy.pad
         directions = StyleDirections(style.bins, cosines(), width, height)
         _render(offsets, bins, style.features, directions, state.packed, state.field, shape)
+        if votes:
+            _vote(offsets, bins, style.features, directions, state.packed, shape)
 
     def add_change(
         self, style: LoadedStyle[Array], state: FrameState[Array], advected: Array, guides: Array, visible: Array
@@ -248,6 +250,33 @@ def _render(
             for c in range(colours):
                 target[y, x, c] = style[sy + pad, sx + pad, c]
             field[y, x, 0], field[y, x, 1] = ax, ay
+
+
+@kernel
+def _vote(
+    offsets: Offsets, bins: Array, style: Array, directions: StyleDirections, target: Array, shape: PatchShape
+) -> None:
+    height, width = offsets.shape[:2]
+    radius, pad, colours = shape
+    count = (radius + 1) ** 2
+    for y in range(height + 2 * radius):
+        for x in range(width + 2 * radius):
+            hx, hy = x - radius, y - radius
+            total = np.zeros(colours, np.int64)
+            for dy in range(-radius, radius + 1, 2):
+                for dx in range(-radius, radius + 1, 2):
+                    px, py = min(max(hx + dx, 0), width - 1), min(max(hy + dy, 0), height - 1)
+                    direction = bins[py, px] if bins.size else NO_DIRECTION
+                    ox, oy = extrapolated_offset(
+                        offsets[py, px, 0], offsets[py, px, 1], np.float32(hx - px), np.float32(hy - py), direction,
+                        directions,
+                    )  # fmt: skip
+                    sx = min(max(int(np.rint(ox)), 0), directions.width - 1)
+                    sy = min(max(int(np.rint(oy)), 0), directions.height - 1)
+                    for c in range(colours):
+                        total[c] += style[sy + pad, sx + pad, c]
+            for c in range(colours):
+                target[y, x, c] = (total[c] + count // 2) // count
 
 
 @kernel

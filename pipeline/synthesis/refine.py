@@ -24,6 +24,7 @@ def refine(
     settles: bool = False,
     near: bool = False,
     full_rounds: int | None = None,
+    votes: bool = False,
 ) -> T:
     """Run `rounds` iterations of parallel PatchMatch, as in section 3.3 of benard2013stylizing.
 
@@ -38,10 +39,13 @@ def refine(
     around which no offset has changed in the iteration before; all iterations do
     after the first `full_rounds`. If `near`, offsets propagate from direct neighbours only: enough for a frame that
     starts from the offsets of another frame.
+
+    If `votes`, candidates are compared with the mean of the patches that overlap at a pixel, not with the picture of
+    the offsets, as in wexler2007space: patches that disagree give way to those that fit together.
     """
     before: T | None = None
     for index in range(rounds):
-        ops.render(style, state, offsets)
+        ops.render(style, state, offsets, votes)
         penalty = ops.penalty(style, state.size, offsets) if style.energy.w_h > 0 else None
         jump = _JUMPS[index % len(_JUMPS)] if rounds > 1 and not near else 1
         searches = index % 2 == 0 and (index == 0 or index + 1 < rounds)

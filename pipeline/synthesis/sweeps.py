@@ -65,6 +65,7 @@ class SearchSchedule:
 
     Attributes:
         settles: whether iterations leave out pixels around which nothing changes, see `refine`.
+        votes: whether candidates are compared with the mean of overlapping patches, see `refine`.
         first: effort for the first frame of a shot, which continues no other; None = that of every frame. The other
             frames then take offsets from direct neighbours only.
     """
@@ -76,6 +77,7 @@ class SearchSchedule:
     """Random stream of the level and sweep; `key` adds the frame number in the low 20 bits."""
     first: FirstFrame | None = None
     settles: bool = False
+    votes: bool = False
 
     def key(self, index: int) -> RandomKey:
         """Random key of frame `index`."""
@@ -138,14 +140,15 @@ class Sweep(Generic[T]):
             return start
         self._add_temporal_terms(index, state, advected)
         schedule, key = self.schedule, self.schedule.key(index)
-        first, settles = schedule.first, schedule.settles
+        first, settles, votes = schedule.first, schedule.settles, schedule.votes
         if first is None or self.last is not None:
             rounds, search_px, near = schedule.iterations, schedule.search_px, first is not None
-            return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, near)
+            return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, near, votes=votes)
         rounds, search_px = first.iterations, first.search_px
         return refine(
-            self.ops, self.style, state, start, key, rounds, search_px, settles, full_rounds=first.full_rounds
-        )
+            self.ops, self.style, state, start, key, rounds, search_px, settles,
+            full_rounds=first.full_rounds, votes=votes,
+        )  # fmt: skip
 
     def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
         return self.ops.apply_fixed(self.style, state.size, fixed, offsets)

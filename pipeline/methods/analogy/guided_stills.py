@@ -18,7 +18,7 @@ from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.images import Bytes, halved
-from pipeline.synthesis.sweeps import SearchSchedule
+from pipeline.synthesis.sweeps import FirstFrame, SearchSchedule
 
 TEXTURE = 2.0
 """Factor of `texture_weight`: guide weights are then those of EbSynth, relative to the weight of the style."""
@@ -35,11 +35,14 @@ of 8.72 (stylit) and 9.18 instead of 8.88 (texbynum)."""
 FURTHER_LEVELS, MOST_LEVELS = 2, 7
 ITERATIONS = 1.5
 """Factor of `iterations`."""
-FINEST_ITERATIONS = 2 / 3
+FINEST_ITERATIONS = 1 / 2
 """Factor of those iterations at the finest level, which the coarser ones have solved but for details: more rounds take
 time and tear strokes."""
 FINEST_SEARCH = 1 / 32
 """Factor of `search_radius` at the finest level."""
+FULL_ROUNDS = 1
+"""Number of rounds at all but the coarsest level whose random search visits every pixel; settled pixels are left out
+later."""
 NEAR_SEARCH = 1 / 8
 """Factor of `search_radius` for guides that do not change faster in the frame than in the style: positions then follow
 from the coarser level, and a wide search finds similar texture at wrong places."""
@@ -72,19 +75,26 @@ def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
     )
 
 
-def guided_still_schedule(schedule: SearchSchedule, params: AnalogyParams, level: int) -> SearchSchedule:
-    """The effort of the search of a guided still at a level that starts from a coarser one.
+def guided_still_schedule(
+    schedule: SearchSchedule, params: AnalogyParams, level: int, coarsest: bool
+) -> SearchSchedule:
+    """The effort of the search of a guided still at a level.
+
+    At all but the finest level, candidates are compared with the mean of overlapping patches.
 
     Args:
         schedule: effort by the parameters of the guided still.
         params: the parameters that are set.
         level: 0 = full size.
+        coarsest: whether the level starts from random offsets.
     """
-    if level > 0:
-        return replace(schedule, settles=True)
-    rounds = max(1, round(schedule.iterations * FINEST_ITERATIONS))
-    search_px = min(schedule.search_px, max(1.0, params.search_radius * FINEST_SEARCH))
-    return replace(schedule, iterations=rounds, search_px=search_px, settles=True)
+    if coarsest:
+        return replace(schedule, votes=level > 0)
+    rounds, search_px = schedule.iterations, schedule.search_px
+    if level == 0:
+        rounds = max(1, round(rounds * FINEST_ITERATIONS))
+        search_px = min(search_px, max(1.0, params.search_radius * FINEST_SEARCH))
+    return replace(schedule, first=FirstFrame(rounds, search_px, FULL_ROUNDS), settles=True, votes=level > 0)
 
 
 def stretch_of_guides(frame: Bytes, style: Bytes, weights: Sequence[float]) -> float:

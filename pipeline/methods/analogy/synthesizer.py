@@ -159,9 +159,9 @@ class Synthesizer:
         iterations = self._iterations(level) * (COARSEST_ROUNDS if coarsest else 1)
         search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
         schedule = SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
-        if coarsest or not self._guided_still:
+        if not self._guided_still:
             return schedule
-        return guided_still_schedule(schedule, self.inputs.params, level)
+        return guided_still_schedule(schedule, self.inputs.params, level, coarsest)
 
     def _sweep_schedule(self, task: SweepTask) -> SearchSchedule:
         """Effort of the search of a sweep.

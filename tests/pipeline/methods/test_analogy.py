@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from inspect import signature
 from types import SimpleNamespace
@@ -34,7 +35,7 @@ from pipeline.scenes.shot import shot_files
 from pipeline.synthesis import sweeps
 from pipeline.synthesis.device_memory import operations
 from pipeline.synthesis.refine import refine
-from pipeline.synthesis.sweeps import SearchSchedule
+from pipeline.synthesis.sweeps import FirstFrame, SearchSchedule
 from tests.pipeline.methods.frames import painted
 
 pytestmark = pytest.mark.real("opencl")
@@ -362,22 +363,25 @@ def test_coherence_and_variety_count_less_where_guides_change_faster_than_in_the
 
 def test_a_guided_still_has_fewer_rounds_and_a_near_search_at_the_finest_level() -> None:
     schedule, params = SearchSchedule(6, 128.0, 3, 4), AnalogyParams()
-    finest, coarser = (guided_still_schedule(schedule, params, level) for level in (0, 1))
-    assert finest == SearchSchedule(4, 4.0, 3, 4, settles=True)
-    assert coarser == SearchSchedule(6, 128.0, 3, 4, settles=True)
-    assert guided_still_schedule(schedule, AnalogyParams(search_radius=640), 0).search_px == 20
+    finest, coarser = (guided_still_schedule(schedule, params, level, False) for level in (0, 1))
+    assert finest == replace(schedule, first=FirstFrame(3, 4.0, 1), settles=True)
+    assert coarser == replace(schedule, first=FirstFrame(6, 128.0, 1), settles=True, votes=True)
+    assert guided_still_schedule(schedule, params, 2, coarsest=True) == replace(schedule, votes=True)
+    assert guided_still_schedule(schedule, params, 0, coarsest=True) == schedule
+    wide = guided_still_schedule(schedule, AnalogyParams(search_radius=640), 0, False)
+    assert wide.first is not None and wide.first.search_px == 20
 
 
 def test_the_rounds_of_a_guided_still_are_those_of_its_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[tuple[int, float]] = []
+    made: list[tuple[int, float, bool]] = []
 
-    def recorded(*args: Any) -> Any:
-        made.append((args[5], args[6]))
-        return refine(*args)
+    def recorded(*args: Any, **kwargs: Any) -> Any:
+        made.append((args[5], args[6], kwargs["votes"]))
+        return refine(*args, **kwargs)
 
     monkeypatch.setattr(sweeps, "refine", recorded)
     rendered({"style_output": [painting()], "style": [painting()]}, shot()[:1], levels=1, iterations=4)
-    assert [rounds for rounds, _ in made] == [12, 4]  # this picture has two levels
+    assert [(rounds, votes) for rounds, _, votes in made] == [(12, True), (3, False)]  # this picture has two levels
     assert made[-1][1] == 4
 
 

@@ -64,8 +64,9 @@ def random_motion() -> np.ndarray:
 
 
 def run_operations(
-    ops: Operations[Any], energy: Energy, rotate: bool, masked: bool, rounds: int, settles: bool = False
-) -> dict[str, np.ndarray]:
+    ops: Operations[Any], energy: Energy, rotate: bool, masked: bool, rounds: int,
+    settles: bool = False, votes: bool = False,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Results of every operation, and of `rounds` iterations, with all data that the energy needs."""
     style = ops.load(random_style(energy, rotate, masked), energy)
     before, now = (
@@ -89,7 +90,7 @@ def run_operations(
         fixed = np.full((23, 31, 2), NOWHERE, np.float32)
         fixed[3:9, 5:11] = 7.0
         now.fixed = ops.upload(fixed)
-    found["offsets"] = offsets = refine(ops, style, now, offsets, (7, 8), rounds, 24.0, settles)
+    found["offsets"] = offsets = refine(ops, style, now, offsets, (7, 8), rounds, 24.0, settles, votes=votes)
     if energy.w_h:
         found["penalty"] = ops.penalty(style, now.size, offsets)
     fine = ops.load(random_style(energy, rotate, False), energy)
@@ -102,10 +103,12 @@ def run_operations(
 
 
 def check_parity(
-    energy: Energy, rotate: bool, masked: bool, rounds: int, ops: Operations[Any] | None = None, settles: bool = False
-) -> None:
-    kernels = run_operations(ops or OpenCLOperations(device()), energy, rotate, masked, rounds, settles)
-    for name, expected in run_operations(ReferenceOperations(), energy, rotate, masked, rounds, settles).items():
+    energy: Energy, rotate: bool, masked: bool, rounds: int, ops: Operations[Any] | None = None,
+    settles: bool = False, votes: bool = False,
+) -> None:  # fmt: skip
+    kernels = run_operations(ops or OpenCLOperations(device()), energy, rotate, masked, rounds, settles, votes)
+    reference = run_operations(ReferenceOperations(), energy, rotate, masked, rounds, settles, votes)
+    for name, expected in reference.items():
         np.testing.assert_array_equal(kernels[name], expected, err_msg=name)
 
 
@@ -118,6 +121,33 @@ def test_bands_of_rows_give_the_bytes_of_the_whole_frame(pixels: int) -> None:
 def test_kernels_and_bands_equal_the_reference_where_settled_pixels_are_left_out(energy: str) -> None:
     check_parity(ENERGIES[energy], False, False, 6, settles=True)
     check_parity(ENERGIES[energy], False, False, 6, BandedOperations(device(), 31 * 20), settles=True)
+
+
+@pytest.mark.parametrize("rotate", [False, True])
+@pytest.mark.parametrize(
+    "energy", [*(ENERGIES[name] for name in ("plain", "all", "small patch")), replace(PLAIN, radius=3)]
+)
+def test_kernels_and_bands_equal_the_reference_where_overlapping_patches_vote(energy: Energy, rotate: bool) -> None:
+    check_parity(energy, rotate, False, 3, votes=True)
+    check_parity(energy, rotate, False, 3, BandedOperations(device(), 31 * 20), votes=True)
+
+
+def test_overlapping_patches_vote_with_the_mean_of_what_they_show() -> None:
+    """One of the 25 patches that count shows another part of the style."""
+    for ops in (ReferenceOperations(), OpenCLOperations(device())):
+        source = random_style(PLAIN, False, False)
+        style = ops.load(source, PLAIN)
+        state = ops.prepare(style, random_target(PLAIN, False))
+        y, x = np.mgrid[6:29, 8:39].astype(np.float32)
+        offsets = np.stack([x, y], -1)
+        offsets[8, 12] = (30, 20)
+        ops.render(style, state, ops.upload(offsets), votes=True)
+        shape = (23 + 2 * PLAIN.radius, 31 + 2 * PLAIN.radius, PLAIN.channels)
+        found = ops.fetch(state.packed).reshape(-1)[: np.prod(shape)].reshape(shape)[4:-4, 4:-4, :3]
+        colours = source.features[..., :3].astype(int)
+        assert (found[12, 20] == colours[18, 28]).all(), "all patches agree"
+        expected = (24 * colours[16, 18] + colours[22, 28] + 12) // 25
+        assert (found[10, 10] == expected).all(), "the patch at (12, 8) shows (28, 22) here"
 
 
 @pytest.mark.parametrize("rotate", [False, True])
