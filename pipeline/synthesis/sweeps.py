@@ -8,7 +8,7 @@ the motion. It is then refined; the temporal terms keep it coherent with the nei
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ from pipeline.flow.warp import fetch
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
 from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, T
-from pipeline.synthesis.refine import refine
+from pipeline.synthesis.refine import Rounds, refine
 
 
 class Animation(Protocol):
@@ -51,7 +51,7 @@ class FirstFrame:
     Attributes:
         iterations: rounds of PatchMatch.
         search_px: radius of the random search, px.
-        full_rounds: number of rounds whose random search visits every pixel, see `refine`.
+        full_rounds: number of rounds whose random search visits every pixel, see `Rounds`.
     """
 
     iterations: int
@@ -64,8 +64,8 @@ class SearchSchedule:
     """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed.
 
     Attributes:
-        settles: whether iterations leave out pixels around which nothing changes, see `refine`.
-        votes: whether candidates are compared with the mean of overlapping patches, see `refine`.
+        settles: whether iterations leave out pixels around which nothing changes, see `Rounds`.
+        votes: whether candidates are compared with the mean of overlapping patches, see `Rounds`.
         first: effort for the first frame of a shot, which continues no other; None = that of every frame. The other
             frames then take offsets from direct neighbours only.
     """
@@ -78,6 +78,20 @@ class SearchSchedule:
     first: FirstFrame | None = None
     settles: bool = False
     votes: bool = False
+
+    def rounds(self, continued: bool) -> Rounds:
+        """Rounds of a frame.
+
+        Args:
+            continued: whether the frame continues another one of its shot.
+        """
+        rounds = Rounds(self.iterations, self.search_px, self.settles, votes=self.votes)
+        if self.first is None:
+            return rounds
+        if continued:
+            return replace(rounds, near=True)
+        first = self.first
+        return replace(rounds, count=first.iterations, search_px=first.search_px, full_rounds=first.full_rounds)
 
     def key(self, index: int) -> RandomKey:
         """Random key of frame `index`."""
@@ -139,16 +153,8 @@ class Sweep(Generic[T]):
         if painted is not None and (painted[..., 0] > NOWHERE).all():
             return start
         self._add_temporal_terms(index, state, advected)
-        schedule, key = self.schedule, self.schedule.key(index)
-        first, settles, votes = schedule.first, schedule.settles, schedule.votes
-        if first is None or self.last is not None:
-            rounds, search_px, near = schedule.iterations, schedule.search_px, first is not None
-            return refine(self.ops, self.style, state, start, key, rounds, search_px, settles, near, votes=votes)
-        rounds, search_px = first.iterations, first.search_px
-        return refine(
-            self.ops, self.style, state, start, key, rounds, search_px, settles,
-            full_rounds=first.full_rounds, votes=votes,
-        )  # fmt: skip
+        rounds = self.schedule.rounds(continued=self.last is not None)
+        return refine(self.ops, self.style, state, start, self.schedule.key(index), rounds)
 
     def _with_fixed(self, state: FrameState[T], fixed: T, offsets: T) -> T:
         return self.ops.apply_fixed(self.style, state.size, fixed, offsets)

@@ -105,8 +105,9 @@ class AnalogyParams(Params):
         "auto", "Still images with guides",
         "auto = for an image whose style has a registered scene or guides, the method chooses the other weights, and "
         "guide weights are those of EbSynth: the weight of the texture is doubled; coherence and variety are raised, "
-        "less so where the guides change faster in the image than in the style; two more levels, and half more "
-        "iterations at all but the finest level. The set values are scaled. off = they are used as they are.", "Style",
+        "less so where the guides change faster in the image than in the style; two more levels; half more "
+        "iterations at all but the finest level, where overlapping patches are averaged, and a quarter fewer at that. "
+        "The set values are scaled. off = they are used as they are.", "Style",
     )  # fmt: skip
 
     # -- lines

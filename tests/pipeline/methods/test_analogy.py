@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from inspect import signature
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -34,7 +33,7 @@ from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
 from pipeline.synthesis import sweeps
 from pipeline.synthesis.device_memory import operations
-from pipeline.synthesis.refine import refine
+from pipeline.synthesis.refine import Rounds, refine
 from pipeline.synthesis.sweeps import FirstFrame, SearchSchedule
 from tests.pipeline.methods.frames import painted
 
@@ -373,16 +372,16 @@ def test_a_guided_still_has_fewer_rounds_and_a_near_search_at_the_finest_level()
 
 
 def test_the_rounds_of_a_guided_still_are_those_of_its_schedule(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[tuple[int, float, bool]] = []
+    made: list[Rounds] = []
 
-    def recorded(*args: Any, **kwargs: Any) -> Any:
-        made.append((args[5], args[6], kwargs["votes"]))
-        return refine(*args, **kwargs)
+    def recorded(*args: Any) -> Any:
+        made.append(args[-1])
+        return refine(*args)
 
     monkeypatch.setattr(sweeps, "refine", recorded)
     rendered({"style_output": [painting()], "style": [painting()]}, shot()[:1], levels=1, iterations=4)
-    assert [(rounds, votes) for rounds, _, votes in made] == [(12, True), (3, False)]  # this picture has two levels
-    assert made[-1][1] == 4
+    assert [(rounds.count, rounds.votes) for rounds in made] == [(12, True), (3, False)]  # this picture has two levels
+    assert made[-1].search_px == 4
 
 
 def test_a_guide_without_style_counterpart_is_rejected() -> None:
@@ -492,13 +491,12 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
     rounds: list[tuple[tuple[int, int], int]] = []
     fine: list[tuple[float, bool, int | None]] = []
 
-    def counted(*args: Any, **kwargs: Any) -> Any:
-        given = signature(refine).bind(*args, **kwargs)
-        given.apply_defaults()
-        rounds.append((given.arguments["state"].size, given.arguments["rounds"]))
-        if given.arguments["state"].size == SIZE:
-            fine.append((given.arguments["search_px"], given.arguments["near"], given.arguments["full_rounds"]))
-        return refine(*args, **kwargs)
+    def counted(*args: Any) -> Any:
+        size, given = args[2].size, args[-1]
+        rounds.append((size, given.count))
+        if size == SIZE:
+            fine.append((given.search_px, given.near, given.full_rounds))
+        return refine(*args)
 
     monkeypatch.setattr(sweeps, "refine", counted)
     rendered(iterations=4, refinement="fast")

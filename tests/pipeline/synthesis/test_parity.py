@@ -16,7 +16,7 @@ from pipeline.synthesis.images import NOWHERE, StyleImage, Target, packed
 from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import Operations, Search
 from pipeline.synthesis.reference import ReferenceOperations
-from pipeline.synthesis.refine import FARTHEST_PX, refine
+from pipeline.synthesis.refine import FARTHEST_PX, Rounds, refine
 
 pytestmark = pytest.mark.real("opencl")
 
@@ -90,7 +90,7 @@ def run_operations(
         fixed = np.full((23, 31, 2), NOWHERE, np.float32)
         fixed[3:9, 5:11] = 7.0
         now.fixed = ops.upload(fixed)
-    found["offsets"] = offsets = refine(ops, style, now, offsets, (7, 8), rounds, 24.0, settles, votes=votes)
+    found["offsets"] = offsets = refine(ops, style, now, offsets, (7, 8), Rounds(rounds, 24.0, settles, votes=votes))
     if energy.w_h:
         found["penalty"] = ops.penalty(style, now.size, offsets)
     fine = ops.load(random_style(energy, rotate, False), energy)
@@ -166,7 +166,7 @@ def test_advected_offsets_are_preferred_and_their_fraction_continues_below_a_fac
         positions = np.random.default_rng(8).random((23, 31, 2), np.float32) * np.float32(30) + np.float32(2)
         state.advected = ops.upload(positions)
         state.advected_colours = ops.colours_at(style, state.size, state.advected)
-        found = ops.fetch(refine(ops, style, state, ops.upload(np.rint(positions)), (7, 8), 1, 24.0))
+        found = ops.fetch(refine(ops, style, state, ops.upload(np.rint(positions)), (7, 8), Rounds(1, 24.0)))
         kept = (np.rint(found) == np.rint(positions)).all(-1)
         shares.append(kept.mean())
         fractions.append((found[kept] == positions[kept]).mean())
@@ -214,6 +214,6 @@ def test_a_crop_of_the_style_is_found_at_its_position() -> None:
     source = random_style(energy, False, False)
     style = ops.load(source, energy)
     state = ops.prepare(style, Target(np.ascontiguousarray(source.features[6:29, 8:39, 3:6])))
-    offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 1)), (1, 2), 8, 40.0)
+    offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 1)), (1, 2), Rounds(8, 40.0))
     y, x = np.mgrid[6:29, 8:39]
     assert (np.rint(offsets) == np.stack([x, y], -1)).all(-1).mean() > 0.9
