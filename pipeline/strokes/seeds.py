@@ -101,12 +101,15 @@ def interpolated(grid: AnyArray, xy: Points, shape: tuple[int, ...]) -> NDArray[
         xy: px of the picture.
     """
     out = np.empty((len(xy), grid.shape[2]), np.float32)
-    _interpolate(grid, xy, (np.float32(grid.shape[1] / shape[1]), np.float32(grid.shape[0] / shape[0])), out)
+    values = np.asarray(grid, np.float32)  # the kernel is compiled for one type
+    _interpolate(values, xy, (np.float32(grid.shape[1] / shape[1]), np.float32(grid.shape[0] / shape[0])), out)
     return out
 
 
 @kernel
-def _interpolate(grid: AnyArray, xy: Points, scale: tuple[np.float32, np.float32], out: NDArray[np.float32]) -> None:
+def _interpolate(
+    grid: NDArray[np.float32], xy: Points, scale: tuple[np.float32, np.float32], out: NDArray[np.float32]
+) -> None:
     rows, columns, channels = grid.shape
     half = np.float32(0.5)
     for k in range(len(xy)):
@@ -116,9 +119,9 @@ def _interpolate(grid: AnyArray, xy: Points, scale: tuple[np.float32, np.float32
         right, bottom = min(left + 1, columns - 1), min(top + 1, rows - 1)
         a, b = x - np.float32(left), y - np.float32(top)
         for c in range(channels):
-            above, below = np.float32(grid[top, left, c]), np.float32(grid[bottom, left, c])
-            above += a * (np.float32(grid[top, right, c]) - above)
-            below += a * (np.float32(grid[bottom, right, c]) - below)
+            above, below = grid[top, left, c], grid[bottom, left, c]
+            above += a * (grid[top, right, c] - above)
+            below += a * (grid[bottom, right, c] - below)
             out[k, c] = above + b * (below - above)
 
 
