@@ -74,7 +74,7 @@ class Multistyle(Method):
     )
     artefacts: ClassVar[tuple[str, ...]] = (REGIONS, DIRECTIONS)
     regions_artefact: ClassVar[str] = REGIONS
-    cpu_s_per_megapixel: ClassVar[float] = 0.75
+    cpu_s_per_megapixel: ClassVar[float] = 0.5
     cpu_growth: ClassVar[float] = 0.7
     examples: ClassVar[tuple[Example, ...]] = (
         *(Example(name, named.title, {"style": name}) for name, named in STYLES.items() if name != "van-gogh"),
