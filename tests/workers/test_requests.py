@@ -91,7 +91,7 @@ def test_a_missing_input_is_named() -> None:
 
 
 def test_an_input_that_needs_another_is_refused_without_it() -> None:
-    """Of a method, and of a layer of a film, whose inputs have other names."""
+    """Checked for a job of one method, and for a film, where the input of its second layer is named layer1.style."""
     video, image = _asset("video"), _asset("image")
     with pytest.raises(BadParameter, match="'style' needs the input 'style_output'") as refused:
         check_request(JobRequest("analogy", {}), {"video": video, "style": image})

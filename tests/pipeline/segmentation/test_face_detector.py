@@ -101,7 +101,7 @@ def test_the_mirrored_face_is_found_at_its_place_in_the_picture(
 
 @pytest.mark.parametrize("seed", [1, 14, 22])
 def test_texture_that_looks_like_a_face_from_one_side_only_is_not_tracked(seed: int) -> None:
-    """In these pictures of smooth noise, the detector finds and confirms a face, but not in the mirrored picture."""
+    """The detector finds a face in each of these pictures of smooth noise, and none in the mirrored picture."""
     noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(180, 240)).astype(np.float32), (0, 0), 3)
     picture = np.clip(128 + noise / noise.std() * 45, 0, 255).astype(np.uint8)
     finder = FaceDetector()
