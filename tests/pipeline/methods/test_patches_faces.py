@@ -112,7 +112,7 @@ def test_eyes_and_mouth_of_a_large_face_get_finer_strokes_than_its_cheeks() -> N
 
 
 def test_paint_at_the_eyes_is_replaced_sooner_than_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The frames are 12 % darker from the sixth on. Elsewhere, the paint of the first frames still fits within the limit."""
+    """The frames are 12 % darker from the sixth on. Elsewhere, the paint of the first frames is within the limit."""
     frames = [np.rint(frame * (1.0 if k < 5 else 0.88)).astype(np.uint8) for k, frame in enumerate(portrait()[:10])]
     made = paint(frames, cut_sensitivity=0)
     factor = ShotFaces(made, 0).tolerance(7)
