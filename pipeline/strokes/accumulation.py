@@ -76,9 +76,7 @@ def _follow(flow: Flow, step: Flow, out: Flow) -> None:
         for x in range(width):
             left, right, top, bottom, a, b = _between(flow[y, x, 0], flow[y, x, 1], y, x, height, width)
             for c in range(2):
-                above = step[top, left, c] + a * (step[top, right, c] - step[top, left, c])
-                below = step[bottom, left, c] + a * (step[bottom, right, c] - step[bottom, left, c])
-                out[y, x, c] = flow[y, x, c] + (above + b * (below - above))
+                out[y, x, c] = flow[y, x, c] + _mixed(step, left, right, top, bottom, a, b, c)
 
 
 @kernel
@@ -219,9 +217,9 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
 
 @kernel
 def _mixed(
-    image: Frame, left: int, right: int, top: int, bottom: int, a: np.float32, b: np.float32, channel: int
+    image: Frame | Flow, left: int, right: int, top: int, bottom: int, a: np.float32, b: np.float32, channel: int
 ) -> np.float32:
-    """A channel of an image, interpolated bilinearly between four pixels, see `_between`."""
+    """A channel of an image or a flow, interpolated bilinearly between four pixels, see `_between`."""
     above, below = np.float32(image[top, left, channel]), np.float32(image[bottom, left, channel])
     above += a * (np.float32(image[top, right, channel]) - above)
     below += a * (np.float32(image[bottom, right, channel]) - below)
