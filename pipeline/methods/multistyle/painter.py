@@ -88,7 +88,7 @@ class Painter:
     def recall_run(self, analyses: Sequence[StrokeAnalysis]) -> None:
         """`recall` of the last frames of a run, in order. If this process painted the same ones last, their paintings
         are still there, and are not painted again."""
-        if not self._is_latest(analyses):
+        if not self._take_over(analyses):
             for analysis in analyses:
                 self.recall(analysis)
 
@@ -96,8 +96,8 @@ class Painter:
         """Keep the last paintings for the `recall_run` of another painter in this process."""
         _latest[:] = [(self.params, self.size, self.seed, list(self.past))]
 
-    def _is_latest(self, analyses: Sequence[StrokeAnalysis]) -> bool:
-        """Take over the kept paintings, if they are those of these analyses; whether they are."""
+    def _take_over(self, analyses: Sequence[StrokeAnalysis]) -> bool:
+        """Use what `keep_run` kept, if it was painted from the same analyses; False if it was not."""
         for params, size, seed, past in _latest[:]:
             kept = [analysis for analysis, _ in reversed(past)]
             if (params, size, seed) == (self.params, self.size, self.seed) and same(kept, analyses):

@@ -35,7 +35,7 @@ LEAST_BLUR_PX = 0.3
 ERROR_MEMORY = 0.8
 """Weight of the past, along the motion, in the error that calls for finer strokes; 0 on newly visible surfaces."""
 MEDIAN_ROWS = 60
-"""Rows of a plane of which a median is computed, about."""
+"""Approximate number of rows from which the median of a plane is computed."""
 KEEP = 0.6
 """Factor on the error threshold for existing strokes (hysteresis)."""
 
@@ -215,7 +215,7 @@ def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, cha
 
 
 def median(field: StyleField) -> float:
-    """Approximate median of a style parameter: the median of about every `MEDIAN_ROWS`th of its rows and columns."""
+    """Approximate median of a style parameter: that of about `MEDIAN_ROWS` rows and of columns as far apart."""
     plane = np.asarray(field, np.float32)
     step = max(1, plane.shape[0] // MEDIAN_ROWS) if plane.ndim else 1
     return float(np.median(plane[::step, ::step])) if plane.ndim else float(plane)
