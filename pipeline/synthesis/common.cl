@@ -21,7 +21,7 @@ static uint4 philox(uint4 c, uint2 k)
 /* Converts a random word to [0, 1), 24 bits. */
 static float unit(const uint word) { return (float)(word >> 8) * 5.9604645e-8f; }
 
-static int2 rounded(const float2 offset) { return convert_int2_rte(offset); }
+static int2 rounded(const float2 offset) { return convert_int2(rint(offset)); }
 
 static int2 clamped(const int2 at, const int width, const int height)
 {

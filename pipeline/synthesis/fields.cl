@@ -78,18 +78,18 @@ kernel void render(
     const int2 at = rounded(offset);
     global uchar *to = target + (y * stride + x) * CHANNELS;
 #if VOTES
-    int4 sum = (int4)(0);
+    uint even = 0, odd = 0; /* sums of the even and the odd channels, two of 16 bits each */
     for (int dy = -RADIUS; dy <= RADIUS; dy += 2)
         for (int dx = -RADIUS; dx <= RADIUS; dx += 2) {
             const int2 centre = clamped(here + (int2)(dx, dy), width, height);
-            sum += convert_int4(vload4(0, shown(offsets, bins, centre.y * width + centre.x, here - centre, style,
-                                                style_bins, cosines, style_width, style_height)));
+            const uint four = *(global const uint *)shown(offsets, bins, centre.y * width + centre.x, here - centre,
+                                                          style, style_bins, cosines, style_width, style_height);
+            even += four & 0x00FF00FFu;
+            odd += (four >> 8) & 0x00FF00FFu;
         }
-    const int count = (RADIUS + 1) * (RADIUS + 1);
-    const int mean[4] = {(sum.x + count / 2) / count, (sum.y + count / 2) / count, (sum.z + count / 2) / count,
-                         (sum.w + count / 2) / count};
+    const uint count = (RADIUS + 1) * (RADIUS + 1);
     for (int c = 0; c < COLOURS; c++)
-        to[c] = mean[c];
+        to[c] = ((((c & 1 ? odd : even) >> (c & 2 ? 16 : 0)) & 0xFFFFu) + count / 2) / count;
 #else
     const int2 nearest = clamped(at, style_width, style_height);
     global const uchar *from = style + ((nearest.y + PAD) * (style_width + 2 * PAD) + nearest.x + PAD) * CHANNELS;

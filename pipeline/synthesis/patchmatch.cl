@@ -88,6 +88,16 @@ static short16 difference(const Patch *patch, const int2 at, const int rotation,
     return (target - style) * patch->weights[row * VECTORS + v];
 }
 
+/* Squares of the weighted differences of a row of the patch, summed in lanes. */
+static uint8 row_squares(const Patch *patch, const int2 at, const int rotation, const int row)
+{
+    uint8 sum = squares(difference(patch, at, rotation, row, 0));
+#pragma unroll
+    for (int v = 1; v < VECTORS; v++)
+        sum += squares(difference(patch, at, rotation, row, v));
+    return sum;
+}
+
 /* Eq. 5: squared distances of the neighbours' offsets from their positions extrapolated from this offset, limited and
    weighted. */
 static uint incoherence(const Patch *patch, const int2 at, const int rotation)
@@ -137,25 +147,12 @@ static float patch_cost(const Patch *patch, const int2 at, const float limit)
     if (cost >= limit)
         return cost;
     const int rotation = rotation_between(patch->style_bins, at.y * patch->style_width + at.x, patch->bin);
-    uint8 even = (uint8)(0), odd = (uint8)(0);
-    for (int v = 0; v < VECTORS; v++)
-        if (v & 1)
-            odd += squares(difference(patch, at, rotation, RADIUS, v));
-        else
-            even += squares(difference(patch, at, rotation, RADIUS, v));
-    uint8 above = (uint8)(0), below = (uint8)(0);
+    uint8 lanes = row_squares(patch, at, rotation, RADIUS);
     uint sum = 0;
     for (int distance = 1; distance <= RADIUS; distance++) {
-        for (int v = 0; v < VECTORS; v++) {
-            if (v & 1) {
-                even += squares(difference(patch, at, rotation, RADIUS - distance, v));
-                odd += squares(difference(patch, at, rotation, RADIUS + distance, v));
-            } else {
-                above += squares(difference(patch, at, rotation, RADIUS - distance, v));
-                below += squares(difference(patch, at, rotation, RADIUS + distance, v));
-            }
-        }
-        sum = total((even + odd) + (above + below));
+        lanes += row_squares(patch, at, rotation, RADIUS - distance)
+                 + row_squares(patch, at, rotation, RADIUS + distance);
+        sum = total(lanes);
         const float partial = cost + (float)sum;
         if (partial >= limit)
             return partial;
