@@ -36,8 +36,8 @@ def dis(previous: Gray, current: Gray, preset: Preset = "fast") -> Flow:
     Args:
         previous, current: uint8 (height, width), one size, at least 16 px on each side.
         preset: ultrafast and fast stop at a quarter of the resolution, ultrafast without variational refinement;
-            medium stops at half the resolution and compares more patches. half stops there too, with sparser patches
-            and fewer iterations: about a third of medium's time, and warps nearly as accurate.
+            medium stops at half the resolution. half stops there too, with as many patches and fewer iterations: two
+            thirds of medium's time, and warps nearly as accurate.
 
     Returns:
         float32 (height, width, 2): (dx, dy) in px.
@@ -47,9 +47,9 @@ def dis(previous: Gray, current: Gray, preset: Preset = "fast") -> Flow:
     solver: Any = cv2.DISOpticalFlow.create(PRESETS[preset])  # Any: the stubs require an initial flow for `calc`
     if preset == "half":
         solver.setFinestScale(1)
-        solver.setPatchStride(5)
-        solver.setGradientDescentIterations(12)
-        solver.setVariationalRefinementIterations(3)
+        solver.setPatchStride(3)
+        solver.setGradientDescentIterations(8)
+        solver.setVariationalRefinementIterations(2)
     solver.setFinestScale(min(solver.getFinestScale(), _coarsest_scale(previous.shape, solver.getPatchSize())))
     return np.ascontiguousarray(solver.calc(previous, current, None), dtype=np.float32)
 

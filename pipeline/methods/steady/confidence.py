@@ -24,7 +24,7 @@ WINDOW_PX = 5
 of both signs, which cancel; a trail has one sign."""
 SINGLE = 1 / 3
 """Rate of the decay with the difference of a single pixel, relative to that with the mean over the window."""
-ROUND_TRIP = 0.05
+ROUND_TRIP = 0.08
 """Exponent by which the confidence falls where the round trip is as long as its tolerance. It is small, since a fast
 flow is off by a pixel or two in smooth areas, which does no harm."""
 

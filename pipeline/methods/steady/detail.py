@@ -36,17 +36,19 @@ NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
 
 
 def restore_detail(
-    picture: Picture, styled: Picture, share: float, before: Amounts, buffers: Buffers
+    frames: tuple[Picture, Picture], trust: Plane, share: float, before: Amounts, buffers: Buffers
 ) -> tuple[Picture, Amounts]:
-    """The amount to add to `picture` to give its texture the strength of the styled frames' texture around each pixel.
+    """The amount to add to a result to give its texture the strength of the styled frames' texture around each pixel.
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
-    contrast; the texture stays that of the average, which changes slowly. Averaging weakens fine texture more than
+    contrast; the texture stays that of the average, which changes slowly. Where the motion is not trusted, nothing was
+    averaged, and amplification would only add flicker. Averaging weakens fine texture more than
     coarse texture, and warping sharpens some edges; a single gain for both bands would leave too little of the one or
     too much of the other.
 
     Args:
-        picture, styled: float32 (h, w, 3), 0..255.
+        frames: the result and the styled frame, float32 (h, w, 3), 0..255.
+        trust: confidence in the motion to the previous frame, float32 (h, w), 0..1. The gains are multiplied by it.
         share: of the missing texture that is restored, 0..1.
         before: amounts at the last frame.
         buffers: memory to work in. The returned texture lies there until the next call with the same `buffers`.
@@ -54,6 +56,7 @@ def restore_detail(
     Returns:
         The texture, float32 (h, w, 3); and the amounts at this frame.
     """
+    picture, styled = frames
     blurred = [buffers.get(f"blurred {sigma}", picture.shape) for sigma in SIGMAS_PX]
     for sigma, plane in zip(SIGMAS_PX, blurred, strict=True):
         cv2.GaussianBlur(picture, _kernel_size(sigma), sigma, dst=plane)
@@ -66,7 +69,7 @@ def restore_detail(
     size = (picture.shape[1], picture.shape[0])
     gains = [cv2.resize(gain, size, interpolation=cv2.INTER_LINEAR) for gain in _gains(amounts, np.float32(share))]
     texture = buffers.get("texture", picture.shape)
-    _amplify(picture, blurred[0], blurred[1], gains[0], gains[1], texture)
+    _amplify(picture, blurred[0], blurred[1], gains[0], gains[1], trust, texture)
     return texture, amounts
 
 
@@ -118,12 +121,13 @@ def _cells(height: int, width: int) -> tuple[int, int]:
 
 
 @kernel
-def _amplify(picture: Any, soft: Any, softer: Any, fine: Any, middle: Any, texture: Any) -> None:
-    """Fill `texture` with fine (picture - soft) + middle (soft - softer); `fine` and `middle` are planes of gains."""
+def _amplify(picture: Any, soft: Any, softer: Any, fine: Any, middle: Any, trust: Any, texture: Any) -> None:
+    """Fill `texture` with trust (fine (picture - soft) + middle (soft - softer)); `fine` and `middle` are planes of
+    gains."""
     height, width, channels = picture.shape
     for y in range(height):
         for x in range(width):
-            first, second = fine[y, x], middle[y, x]
+            first, second = trust[y, x] * fine[y, x], trust[y, x] * middle[y, x]
             for c in range(channels):
                 between = soft[y, x, c]
                 texture[y, x, c] = first * (picture[y, x, c] - between) + second * (between - softer[y, x, c])

@@ -119,7 +119,8 @@ class SteadyFilter:
         self._solve(analysis.back, target, mask)
         texture, detail = buffers.get("no texture", shape), self.params.detail
         if detail > 0:
-            texture, self._amounts = restore_detail(self._result, target, detail, self._amounts, buffers)
+            frames, trust = (self._result, target), analysis.back.trust
+            texture, self._amounts = restore_detail(frames, trust, detail, self._amounts, buffers)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
         show(self._result, texture, target, mask, shown)
         return shown

@@ -35,7 +35,7 @@ class SteadyParams(Params):
         "frames", "Time",
     )  # fmt: skip
     detail: float = number(
-        0.8, 0, 1, "Restored detail",
+        1, 0, 1, "Restored detail",
         "Share of the fine detail that the styled frames have and the result lacks which is restored by amplification. "
         "0 = off; higher values flicker more.",
         "ratio", "Detail",

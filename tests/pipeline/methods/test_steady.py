@@ -202,7 +202,8 @@ def restored_detail(
     average: NDArray[np.float32], styled: NDArray[np.float32], share: float, before: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The average with restored texture, and the amounts at this frame."""
-    texture, amounts = restore_detail(average, styled, share, before, Buffers())
+    everywhere = np.ones(average.shape[:2], np.float32)
+    texture, amounts = restore_detail((average, styled), everywhere, share, before, Buffers())
     return average + texture, amounts
 
 
@@ -213,6 +214,15 @@ def test_averaged_texture_gets_the_contrast_of_the_styled_frame() -> None:
     assert texture_of(restored) == pytest.approx(texture_of(styled), rel=0.15)
     half, _ = restored_detail(average, styled, 0.5, NO_AMOUNTS)
     assert texture_of(average) < texture_of(half) < texture_of(restored)
+
+
+def test_nothing_is_amplified_where_the_motion_is_not_trusted() -> None:
+    average, styled = averaged_texture()
+    trust = np.ones(average.shape[:2], np.float32)
+    trust[:, :20] = 0
+    texture, _ = restore_detail((average, styled), trust, 1, NO_AMOUNTS, Buffers())
+    assert not texture[:, :20].any()
+    assert np.abs(texture[:, 20:]).mean() > 0.5
 
 
 def test_fine_texture_is_restored_without_more_of_the_coarser_texture() -> None:
