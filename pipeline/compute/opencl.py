@@ -94,7 +94,7 @@ class Device:
     def empty(self, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> DeviceArray:
         """Allocate an array with undefined content. Raises `DeviceError` if it does not fit into device memory."""
         kind = np.dtype(dtype)
-        size = max(1, int(np.prod(shape))) * kind.itemsize
+        size = max(1, int(math.prod(shape))) * kind.itemsize
         with self._lock, _as_device_error(self._cl, f"{size} bytes of device memory cannot be allocated"):
             if self._pool.managed_bytes - self._pool.active_bytes > _IDLE_BYTES:
                 self._pool.free_held()
@@ -102,7 +102,12 @@ class Device:
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> DeviceArray:
         """Allocate an array of zeros."""
-        return self.upload(np.zeros(shape, dtype))
+        target = self.empty(shape, dtype)
+        with self._lock, _as_device_error(self._cl, "Memory cannot be set to zero"):
+            if target.nbytes:
+                zero = np.zeros(1, target.dtype)
+                self._cl.enqueue_fill_buffer(self._queue, target.buffer, zero, 0, target.nbytes)
+        return target
 
     def download(self, array: DeviceArray) -> AnyArray:
         """Copy an array from the device; waits for all work that it depends on."""

@@ -25,6 +25,8 @@ from pipeline.errors import DeviceError
 
 Macro: TypeAlias = int | float | str
 """Value of a macro of the source (`-D name=value`)."""
+SizeOf: TypeAlias = Callable[[Mapping[str, Macro]], int]
+"""Value of a size expression, by the values of its names."""
 
 
 class Sized(Protocol):
@@ -45,17 +47,18 @@ _ELEMENT_BYTES = {
     "long": 8,
     "ulong": 8,
 }
+_NUMBERS = (int, float, np.generic)
 _LANES = {3: 4}
 """Lanes that a vector occupies in memory, where this differs from its length: a vector of three occupies four."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A kernel parameter. `size` is the parsed size expression of a pointer; None for a parameter by value."""
+    """A kernel parameter. `size` gives the size of a pointer, in elements; None for a parameter by value."""
 
     name: str
     element_bytes: int = 0
-    size: ast.expr | None = None
+    size: SizeOf | None = None
     text: str = ""
 
 
@@ -64,7 +67,7 @@ def signature(source: str, name: str) -> tuple[Parameter, ...]:
     """The parameters of the kernel `name`.
 
     Raises:
-        DeviceError: the source has no such kernel, or a pointer has no declared size.
+        DeviceError: the source has no such kernel, or a pointer has no declared size, or none that can be computed.
     """
     found = re.search(rf"kernel\s+void\s+{name}\s*\(", source)
     if found is None:
@@ -102,12 +105,7 @@ def _parameter(text: str, kernel: str) -> Parameter:
             remedy=f"Write the number of elements behind its name: {name} /* height * width */.",
         )  # fmt: skip
     lanes = int(kind[2] or 1)
-    return Parameter(name, _ELEMENT_BYTES[kind[1]] * _LANES.get(lanes, lanes), _parsed(expression), expression)
-
-
-@cache
-def _parsed(expression: str) -> ast.expr:
-    return ast.parse(expression, mode="eval").body
+    return Parameter(name, _ELEMENT_BYTES[kind[1]] * _LANES.get(lanes, lanes), _compiled(expression), expression)
 
 
 _OPERATORS: Mapping[type[ast.operator], Callable[[int, int], int]] = {
@@ -118,16 +116,26 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[int, int], int]] = {
 }
 
 
-def _value(node: ast.expr, names: Mapping[str, Macro]) -> int:
-    """The value of a size expression: integers, names, the operators + - * //, and `or` (1 or 0)."""
+@cache
+def _compiled(expression: str) -> SizeOf:
+    """The function of a size expression."""
+    return _function(ast.parse(expression, mode="eval").body)
+
+
+def _function(node: ast.expr) -> SizeOf:
+    """The function of a node: integers, names, the operators + - * //, and `or` (1 or 0)."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int):
-        return node.value
+        value = node.value
+        return lambda names: value
     if isinstance(node, ast.Name):
-        return int(names[node.id])
+        name = node.id
+        return lambda names: int(names[name])
     if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-        return _OPERATORS[type(node.op)](_value(node.left, names), _value(node.right, names))
+        combined, left, right = _OPERATORS[type(node.op)], _function(node.left), _function(node.right)
+        return lambda names: combined(left(names), right(names))
     if isinstance(node, ast.BoolOp) and isinstance(node.op, ast.Or):
-        return max(_value(part, names) != 0 for part in node.values)
+        parts = [_function(part) for part in node.values]
+        return lambda names: max(part(names) != 0 for part in parts)
     raise DeviceError(
         "The size of a kernel argument is not an arithmetic expression.", field="kernel", value=ast.unparse(node),
         remedy="Use integers, names, the operators + - * // and `or` only.",
@@ -156,7 +164,7 @@ def check(
     for parameter, value in zip(parameters, args, strict=True):
         if isinstance(value, np.void):
             names |= {field: int(value[field]) for field in value.dtype.names or ()}
-        elif isinstance(value, int | float | np.generic):
+        elif isinstance(value, _NUMBERS):
             names[parameter.name] = int(value)
         else:
             names[f"{parameter.name}_length"] = value.nbytes // parameter.element_bytes
@@ -164,7 +172,7 @@ def check(
         if parameter.size is None:
             continue
         size_bytes = 0 if isinstance(value, int | float) else value.nbytes
-        needed = _value(parameter.size, names) * parameter.element_bytes
+        needed = parameter.size(names) * parameter.element_bytes
         if size_bytes < needed:
             raise DeviceError(
                 f"The argument {parameter.name} of the kernel {kernel} has {size_bytes} bytes; its declared size "

@@ -52,11 +52,13 @@ class FirstFrame:
         iterations: rounds of PatchMatch.
         search_px: radius of the random search, px.
         full_rounds: number of rounds whose random search visits every pixel, see `Rounds`.
+        near: whether offsets propagate from direct neighbours only, see `Rounds`.
     """
 
     iterations: int
     search_px: float
     full_rounds: int
+    near: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,9 @@ class SearchSchedule:
         if continued:
             return replace(rounds, near=True)
         first = self.first
-        return replace(rounds, count=first.iterations, search_px=first.search_px, full_rounds=first.full_rounds)
+        return replace(
+            rounds, count=first.iterations, search_px=first.search_px, full_rounds=first.full_rounds, near=first.near
+        )
 
     def key(self, index: int) -> RandomKey:
         """Random key of frame `index`."""

@@ -43,6 +43,9 @@ FINEST_SEARCH = 1 / 32
 FULL_ROUNDS = 1
 """Number of rounds at all but the coarsest level whose random search visits every pixel; settled pixels are left out
 later."""
+NEAR_LEVELS = 2
+"""Number of the finest levels where offsets propagate from direct neighbours only: the coarser levels have brought them
+into the vicinity. The coarsest level is none of them."""
 NEAR_SEARCH = 1 / 8
 """Factor of `search_radius` for guides that do not change faster in the frame than in the style: positions then follow
 from the coarser level, and a wide search finds similar texture at wrong places."""
@@ -80,7 +83,8 @@ def guided_still_schedule(
 ) -> SearchSchedule:
     """The effort of the search of a guided still at a level.
 
-    At all but the finest level, candidates are compared with the mean of overlapping patches.
+    At all but the finest level, candidates are compared with the mean of overlapping patches. At the `NEAR_LEVELS`
+    finest levels, offsets propagate from direct neighbours only.
 
     Args:
         schedule: effort by the parameters of the guided still.
@@ -94,7 +98,8 @@ def guided_still_schedule(
     if level == 0:
         rounds = max(1, round(rounds * FINEST_ITERATIONS))
         search_px = min(search_px, max(1.0, params.search_radius * FINEST_SEARCH))
-    return replace(schedule, first=FirstFrame(rounds, search_px, FULL_ROUNDS), settles=True, votes=level > 0)
+    first = FirstFrame(rounds, search_px, FULL_ROUNDS, near=level < NEAR_LEVELS)
+    return replace(schedule, first=first, settles=True, votes=level > 0)
 
 
 def stretch_of_guides(frame: Bytes, style: Bytes, weights: Sequence[float]) -> float:

@@ -11,6 +11,7 @@ import pytest
 
 from pipeline.compute import Device, choice, device, probe, report
 from pipeline.compute.probe import Found
+from pipeline.compute.signature import signature
 from pipeline.errors import DeviceError
 
 SOURCE = """
@@ -222,6 +223,24 @@ def test_an_array_smaller_than_declared_is_rejected(source: Path, floats: int, w
         return
     with pytest.raises(DeviceError, match="y of the kernel grow has 56 bytes"):
         grow((15,), one.zeros((floats,)), 15)
+
+
+def test_sizes_are_sums_products_and_quotients_of_integers_and_names_only() -> None:
+    size = "2 * (N // 3 - 1) + (A or B) * M"
+    (parameter,) = signature(f"kernel void sized(global float *y /* {size} */)", "sized")
+    assert parameter.size is not None
+    assert parameter.size({"N": 10, "M": 7, "A": 0, "B": 5}) == 11
+    assert parameter.size({"N": 10, "M": "7", "A": 0, "B": 0}) == 4
+    with pytest.raises(DeviceError, match="not an arithmetic expression"):
+        signature("kernel void odd(global float *y /* N ** 2 */)", "odd")
+
+
+def test_zeros_of_every_type_and_of_no_elements() -> None:
+    one = device()
+    for dtype in (np.uint8, np.int16, np.float32):
+        one.upload(np.full((5, 7), 3, dtype))  # its memory is used again
+        assert np.array_equal(one.download(one.zeros((5, 7), dtype)), np.zeros((5, 7), dtype))
+    assert one.download(one.zeros((0, 4))).shape == (0, 4)
 
 
 def test_a_pointer_without_a_declared_size_is_rejected(tmp_path: Path) -> None:

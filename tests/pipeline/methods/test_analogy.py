@@ -362,9 +362,10 @@ def test_coherence_and_variety_count_less_where_guides_change_faster_than_in_the
 
 def test_a_guided_still_has_fewer_rounds_and_a_near_search_at_the_finest_level() -> None:
     schedule, params = SearchSchedule(6, 128.0, 3, 4), AnalogyParams()
-    finest, coarser = (guided_still_schedule(schedule, params, level, False) for level in (0, 1))
-    assert finest == replace(schedule, first=FirstFrame(3, 4.0, 1), settles=True)
-    assert coarser == replace(schedule, first=FirstFrame(6, 128.0, 1), settles=True, votes=True)
+    finest, coarser, third = (guided_still_schedule(schedule, params, level, False) for level in range(3))
+    assert finest == replace(schedule, first=FirstFrame(3, 4.0, 1, near=True), settles=True)
+    assert coarser == replace(schedule, first=FirstFrame(6, 128.0, 1, near=True), settles=True, votes=True)
+    assert third == replace(coarser, first=FirstFrame(6, 128.0, 1))
     assert guided_still_schedule(schedule, params, 2, coarsest=True) == replace(schedule, votes=True)
     assert guided_still_schedule(schedule, params, 0, coarsest=True) == schedule
     wide = guided_still_schedule(schedule, AnalogyParams(search_radius=640), 0, False)
@@ -381,6 +382,7 @@ def test_the_rounds_of_a_guided_still_are_those_of_its_schedule(monkeypatch: pyt
     monkeypatch.setattr(sweeps, "refine", recorded)
     rendered({"style_output": [painting()], "style": [painting()]}, shot()[:1], levels=1, iterations=4)
     assert [(rounds.count, rounds.votes) for rounds in made] == [(12, True), (3, False)]  # this picture has two levels
+    assert [rounds.near for rounds in made] == [False, True]
     assert made[-1].search_px == 4
 
 
