@@ -79,7 +79,7 @@ async def test_a_filter_is_named_in_hello_changed_by_params_and_removed_by_null(
     async with live(url) as client:
         ready = await hello(client, filter={"method": "steady", "params": {"strength": 12}})
         assert (ready["filter"]["method"], ready["filter"]["params"]["strength"]) == ("steady", 12.0)
-        assert ready["filter"]["params"]["detail"] == 0.8, "defaults are filled in"
+        assert ready["filter"]["params"]["detail"] == 1, "defaults are filled in"
         await client.send(FRAME)
         await client.answer()
         await client.send_message({"type": "params", "params": {"add": 1}})

@@ -50,7 +50,7 @@ class Steady(Method):
     cpu_s_per_megapixel: ClassVar[float] = 0.21
     task_cpus = 2.0  # the motion of a frame is estimated while the frame before it is steadied
     examples: ClassVar[tuple[Example, ...]] = (
-        Example("strokes", "For brush strokes", {"detail": 1}),
+        Example("steadiest", "Steadiest", {"look_ahead": 4}),
         Example("gentle", "Gentle", {"strength": 6}),
         Example("firm", "Firm", {"strength": 80, "trail_suppression": 15}),
     )
