@@ -145,9 +145,26 @@ class Device:
         with self._lock, _as_device_error(self._cl, f"{name} cannot be built for {self.name}"):
             key = (source, options)
             if key not in self._programs:
-                program = self._cl.Program(self._context, _PRELUDE + source)
-                self._programs[key] = program.build([*self._options, *options])
+                self._programs[key] = self._build(_PRELUDE + source, [*self._options, *options])
             return self._programs[key]
+
+    def _build(self, source: str, options: list[str]) -> pyopencl.Program:
+        """Compile, or load the binary that pyopencl keeps on disk.
+
+        `Program.build` adds the path of pyopencl's headers, which our kernels do not include, to the options. They are
+        part of the key of a binary, so another environment would compile every kernel again. Drivers that keep binaries
+        themselves have no such key.
+        """
+        from pyopencl.cache import create_built_program_from_source_cached
+        from pyopencl.characterize import has_src_build_cache
+
+        program: pyopencl.Program
+        if has_src_build_cache(self._context.devices[0]):
+            program = self._cl.Program(self._context, source).build(options)
+        else:
+            built, _ = create_built_program_from_source_cached(self._context, source, " ".join(options).encode())
+            program = self._cl.Program(built)
+        return program
 
     def run(self, *launches: Launch, times: int = 1) -> None:
         """Submit the launches in order, repeat the whole sequence `times` times, and return without waiting.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
 from pathlib import Path
 
@@ -188,6 +189,21 @@ def test_a_build_error_contains_the_build_log(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match="nonsense") as caught:
         device().kernel(file, "wrong")
     assert "wrong.cl" in caught.value.message
+
+
+@pytest.mark.real("opencl")
+def test_another_environment_loads_the_same_binaries(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyopencl finds a binary by its source and options, so these must not have the path of an environment."""
+    one = device()
+    from pyopencl import cache  # after the device: the first import fixes the list of runtimes
+    from pyopencl.characterize import has_src_build_cache
+
+    keys: list[tuple[bytes, str]] = []
+    real = cache.get_cache_key
+    monkeypatch.setattr(cache, "get_cache_key", lambda where, *key: (keys.append(key), real(where, *key))[1])
+    one.kernel(source, "grow", {"SHIFT": "0.125f"})
+    assert all(sys.prefix not in str(key) for key in keys)
+    assert keys or has_src_build_cache(one._context.devices[0])
 
 
 @pytest.mark.real("opencl")
