@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,3 +25,20 @@ def _postgres(request: pytest.FixtureRequest, migrated: bool) -> str:
 
 DATABASES: dict[str, Callable[[pytest.FixtureRequest, bool], str]] = {"sqlite": _sqlite, "postgres": _postgres}
 """Name -> the URL of a new database; one that is to be migrated may be so already, where that saves time."""
+
+
+def _copied_sqlite(request: pytest.FixtureRequest, url: str) -> str:
+    path: Path = request.getfixturevalue("tmp_path") / "copy.db"
+    shutil.copyfile(url.removeprefix("sqlite:///"), path)
+    return f"sqlite:///{path}"
+
+
+def _copied_postgres(request: pytest.FixtureRequest, url: str) -> str:
+    return str(request.getfixturevalue("postgres").copy(url))
+
+
+COPIES: dict[str, Callable[[pytest.FixtureRequest, str], str]] = {
+    "sqlite": _copied_sqlite,
+    "postgres": _copied_postgres,
+}
+"""Name -> the URL of a copy of the database at a URL, to which nothing is connected."""

@@ -10,6 +10,7 @@ import subprocess
 from pathlib import Path
 
 import psycopg
+from sqlalchemy import make_url
 
 from tests.real.processes import as_user, delete_later, end, folder_of, nobody_special, start, until
 from workers.store import Store
@@ -97,8 +98,13 @@ class Postgres:
         if not self.execute(f"SELECT 1 FROM pg_database WHERE datname = '{_TEMPLATE}'"):
             self.execute(f"CREATE DATABASE {_TEMPLATE}")
             Store(self.url(_TEMPLATE)).close()
+        return self.copy(self.url(_TEMPLATE))
+
+    def copy(self, url: str) -> str:
+        """The URL of a new database, equal to the one at `url`, to which nothing may be connected."""
         name = f"t{next(self._numbers)}"
-        self.execute(f"CREATE DATABASE {name} TEMPLATE {_TEMPLATE} STRATEGY FILE_COPY")
+        source = make_url(url).database
+        self.execute(f"CREATE DATABASE {name} TEMPLATE {source} STRATEGY FILE_COPY")
         return self.url(name)
 
     def stop(self, how: signal.Signals = signal.SIGINT) -> None:
