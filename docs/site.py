@@ -6,6 +6,7 @@ the OpenAPI document. Its output is not committed.
 
 from __future__ import annotations
 
+import gc
 import re
 import shutil
 import sys
@@ -69,7 +70,11 @@ def build(out: Path) -> int:
         app = Sphinx(
             str(source), None, str(out), str(Path(folder) / "trees"), "html", confoverrides=SETTINGS, status=None
         )
-        app.build()
+        gc.disable()  # a quarter of the time would be a search for garbage among the trees of pages
+        try:
+            app.build()
+        finally:
+            gc.enable()
         _copy_files_of_html(source, out)
         return int(app._warncount)
 

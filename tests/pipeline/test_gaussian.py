@@ -6,23 +6,27 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.frames import Frame
 from pipeline.gaussian import sigma_in_cells, wide_gaussian
 from pipeline.scenes import scene
 
-PICTURE = scene("harbour", (331, 187), frames=1).image(0)
+
+@pytest.fixture(scope="module")
+def picture() -> Frame:
+    return scene("harbour", (331, 187), frames=1).image(0)
 
 
 @pytest.mark.parametrize("sigma_px", [0.8, 3.9, 4.0, 7.3, 16.0])
-def test_a_wide_blur_is_nearly_the_exact_one(sigma_px: float) -> None:
-    exact = np.asarray(cv2.GaussianBlur(PICTURE, (0, 0), sigma_px), np.int16)
-    off = np.abs(wide_gaussian(PICTURE, sigma_px) - exact)
+def test_a_wide_blur_is_nearly_the_exact_one(picture: Frame, sigma_px: float) -> None:
+    exact = np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.int16)
+    off = np.abs(wide_gaussian(picture, sigma_px) - exact)
     assert off.mean() < 0.7 and off.max() < 16
     if sigma_px < 4:
         assert not off.any()
 
 
-def test_pictures_smaller_than_two_cells_are_blurred_exactly() -> None:
-    small = PICTURE[:9, :14]
+def test_pictures_smaller_than_two_cells_are_blurred_exactly(picture: Frame) -> None:
+    small = picture[:9, :14]
     np.testing.assert_array_equal(wide_gaussian(small, 16.0), cv2.GaussianBlur(small, (0, 0), 16.0))
 
 

@@ -9,6 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from service.app import create_app
+from service.scenes import routes
 from service.settings import Settings
 from workers.farm import open_farm
 
@@ -22,10 +23,15 @@ def client(home: Path) -> Iterator[TestClient]:
     farm.stop()
 
 
-def test_a_scene_becomes_the_same_asset_each_time(client: TestClient) -> None:
+def test_a_scene_becomes_an_asset(client: TestClient) -> None:
     made = client.post("/v1/scenes/harbour/assets").json()
     assert (made["filename"], made["kind"], made["info"]["frames"]) == ("harbour.mp4", "video", 30)
     assert (made["info"]["width"], made["info"]["height"]) == (480, 270)
+
+
+def test_a_scene_becomes_the_same_asset_each_time(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "FRAMES", 4)
+    made = client.post("/v1/scenes/harbour/assets").json()
     assert client.post("/v1/scenes/harbour/assets").json()["id"] == made["id"]
     assert len(client.get("/v1/assets").json()["items"]) == 1
 

@@ -2,7 +2,6 @@
 
 import cv2
 import numpy as np
-from skimage.color import rgb2lab
 
 from pipeline.colour.spaces import hsv_to_srgb, lab_to_srgb, srgb_to_hsv, srgb_to_lab, to_8bit
 
@@ -16,6 +15,8 @@ def test_lab_of_known_colours() -> None:
 
 
 def test_lab_agrees_with_scikit_image_and_opencv() -> None:
+    from skimage.color import rgb2lab
+
     np.testing.assert_allclose(srgb_to_lab(CUBE), rgb2lab(CUBE), atol=0.01)
     fast = cv2.cvtColor(CUBE[None].astype(np.float32), cv2.COLOR_RGB2LAB)[0]
     np.testing.assert_allclose(srgb_to_lab(CUBE), fast, atol=0.35)

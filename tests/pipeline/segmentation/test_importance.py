@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from skimage import data
 
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Plane
@@ -49,6 +48,8 @@ FACE_AT = (220, 105)
 
 
 def portrait(shift: tuple[int, int] = (0, 0)) -> Frame:
+    from skimage import data
+
     picture = np.asarray(data.astronaut(), np.uint8)  # type: ignore[no-untyped-call]
     return np.ascontiguousarray(np.roll(picture[:240, :320], shift, axis=(1, 0)))
 

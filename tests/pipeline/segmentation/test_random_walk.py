@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from skimage.segmentation import random_walker
 
 from pipeline.errors import BadParameter
 from pipeline.segmentation.random_walk import motion_edges, probabilities, vote
@@ -12,6 +11,8 @@ from pipeline.segmentation.random_walk import motion_edges, probabilities, vote
 
 @pytest.mark.parametrize("count", [2, 4])
 def test_probabilities_equal_scikit_image(count: int) -> None:
+    from skimage.segmentation import random_walker
+
     draw = np.random.default_rng(count)
     picture = draw.random((23, 31))
     seeds = np.zeros(picture.shape, np.int32)

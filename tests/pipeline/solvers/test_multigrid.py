@@ -7,10 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
-import scipy.sparse  # type: ignore[import-untyped]
-import scipy.sparse.linalg  # type: ignore[import-untyped]
 from numpy.typing import NDArray
-from skimage.segmentation import random_walker
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask, Plane
@@ -55,6 +52,8 @@ def edges(shape: tuple[int, int], seed: int) -> tuple[Numbers, Numbers]:
 
 def direct(values: Plane, fixed: Mask, right: Numbers, down: Numbers, absorb: Numbers, source: Numbers) -> Numbers:
     """Solution of the same system by sparse elimination."""
+    import scipy.sparse.linalg  # type: ignore[import-untyped]
+
     place = np.arange(fixed.size).reshape(fixed.shape)
     a = np.concatenate([place[:, :-1].ravel(), place[:-1].ravel()])
     b = np.concatenate([place[:, 1:].ravel(), place[1:].ravel()])
@@ -157,6 +156,8 @@ def test_the_reported_residual_is_correct() -> None:
 
 
 def test_probabilities_equal_scikit_image_random_walker() -> None:
+    from skimage.segmentation import random_walker
+
     shape, beta = (21, 27), 90.0
     blocks, _ = blobs(shape, 6, seed=12)
     picture = blocks.astype(np.float64) + np.random.default_rng(3).normal(0, 0.05, shape)
