@@ -34,6 +34,9 @@ _THREADS = 2
 """Number of threads that convert frames and estimate motion."""
 _BOIL_BLOCK_PX = 32
 """Side of the blocks that boil, px at full size."""
+_CHECKS: dict[FlowName, FlowName] = {"dis-medium": "dis-fast"}
+"""Faster method for the flow V+ of a sweep that visits its frames in one direction only: V+ then serves to find hidden
+pixels, and strokes follow V-."""
 _MAX_BOIL_BLOCKS = 256
 """Number of blocks along a side; suffices for frames of up to 8192 px."""
 
@@ -174,9 +177,13 @@ def estimated_velocities(full_size: LevelFrames, clock: Clock) -> dict[int, tupl
         return dict(zip(firsts, threads.map(estimated, firsts), strict=True))
 
 
-def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:
-    """(V+ of the first frame, V- of the second), px."""
-    plus = suppress_small_motion(estimate(first, second, flow), first, second)
+def _estimated(first: Gray, second: Gray, flow: FlowName, check: FlowName | None = None) -> tuple[Flow, Flow]:
+    """(V+ of the first frame, V- of the second), px.
+
+    Args:
+        check: method for V+ if it only serves to find hidden pixels; None = the same.
+    """
+    plus = suppress_small_motion(estimate(first, second, check or flow), first, second)
     return plus, suppress_small_motion(-estimate(second, first, flow), second, first)
 
 
@@ -266,19 +273,26 @@ class LevelAnimation:
         level, given = level_frames.level, level_frames.inputs.velocities(first)
         self._estimates = given is None
         full_size = given or self._velocities.get(first)
+        gray = None if given is not None else self._gray(first)
         if full_size is None:
-            gray = [to_gray(level_frames.frames[k]) for k in (first, first + 1)]
-            plus, minus = _estimated(gray[0], gray[1], params.flow)
+            assert gray is not None
+            check = _CHECKS.get(params.flow) if self._continues else None
+            plus, minus = _estimated(*gray, params.flow, check)
         else:
             plus, minus = (downscaled_velocity(velocity, level) for velocity in full_size)
             epsilon *= 0.25**level
         if given is None:
             plus, minus = self._extrapolated(plus, first), self._extrapolated(minus, first + 1)
-        forth, back = motions_between(plus, minus, epsilon)
+        forth, back = motions_between(plus, minus, epsilon, gray)
         return (
             self._with_boil(self._within_paintable(forth, first + 1), first),
             self._with_boil(self._within_paintable(back, first), first),
         )
+
+    def _gray(self, first: int) -> tuple[Gray, Gray]:
+        """Frames `first` and `first` + 1 in gray."""
+        frames = self._frames.frames
+        return to_gray(frames[first]), to_gray(frames[first + 1])
 
     def _with_boil(self, motion: Motion, first: int) -> Motion:
         """Mark the blocks that boil as not visible in the neighbouring frame."""
