@@ -34,9 +34,6 @@ _THREADS = 2
 """Number of threads that convert frames and estimate motion."""
 _BOIL_BLOCK_PX = 32
 """Side of the blocks that boil, px at full size."""
-_CHECKS: dict[FlowName, FlowName] = {"dis-medium": "dis-fast"}
-"""Faster method for the flow V+ of a sweep that visits its frames in one direction only: V+ then serves to find hidden
-pixels, and strokes follow V-."""
 _MAX_BOIL_BLOCKS = 256
 """Number of blocks along a side; suffices for frames of up to 8192 px."""
 
@@ -177,13 +174,9 @@ def estimated_velocities(full_size: LevelFrames, clock: Clock) -> dict[int, tupl
         return dict(zip(firsts, threads.map(estimated, firsts), strict=True))
 
 
-def _estimated(first: Gray, second: Gray, flow: FlowName, check: FlowName | None = None) -> tuple[Flow, Flow]:
-    """(V+ of the first frame, V- of the second), px.
-
-    Args:
-        check: method for V+ if it only serves to find hidden pixels; None = the same.
-    """
-    plus = suppress_small_motion(estimate(first, second, check or flow), first, second)
+def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:
+    """(V+ of the first frame, V- of the second), px."""
+    plus = suppress_small_motion(estimate(first, second, flow), first, second)
     return plus, suppress_small_motion(-estimate(second, first, flow), second, first)
 
 
@@ -276,8 +269,7 @@ class LevelAnimation:
         gray = None if given is not None else self._gray(first)
         if full_size is None:
             assert gray is not None
-            check = _CHECKS.get(params.flow) if self._continues else None
-            plus, minus = _estimated(*gray, params.flow, check)
+            plus, minus = _estimated(*gray, params.flow)
         else:
             plus, minus = (downscaled_velocity(velocity, level) for velocity in full_size)
             epsilon *= 0.25**level
