@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from pipeline.flow.gray import Gray
 from pipeline.flow.warp import fetch, positions
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.jit import kernel
@@ -31,6 +32,20 @@ def inside(flow: Flow) -> Mask:
     x, y = positions(flow)
     within: Mask = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     return within
+
+
+def looks_alike(here: Gray, there: Gray, flow: Flow, difference: float) -> Mask:
+    """True where a pixel of this frame looks like the place in the other frame to which the flow leads.
+
+    Args:
+        here, there: both frames, uint8 (height, width).
+        flow: from this frame to the other one, px.
+        difference: largest mean absolute difference over 5x5 px, gray levels.
+    """
+    apart = cv2.absdiff(here, np.asarray(fetch(there, flow), np.uint8))
+    mean = np.asarray(cv2.boxFilter(apart, cv2.CV_32F, (5, 5)), np.float32)
+    alike: Mask = mean <= difference
+    return alike & inside(flow)
 
 
 def motion_boundary(flow: Flow) -> Mask:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.flow.reliability import chi_minus, chi_plus
+from pipeline.flow.gray import Gray
+from pipeline.flow.reliability import chi_minus, chi_plus, looks_alike
 from pipeline.frames import Flow, Plane
 from pipeline.jit import kernel
 from pipeline.synthesis.images import Bytes, halved
@@ -26,16 +27,33 @@ class Motion:
     visible: Bytes
 
 
-def motions_between(velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float) -> tuple[Motion, Motion]:
+MAX_VISIBLE_DIFFERENCE = 10.0
+"""Mean difference over 5x5 px up to which a pixel counts as visible in the frame to which the flow leads, gray levels.
+On synthetic scenes, 0.2 instead of 1.1 % of the visible pixels then count as hidden, and 23 instead of 43 % of the
+hidden ones."""
+
+
+def motions_between(
+    velocity_plus: Flow, velocity_minus: Flow, epsilon_px2: float, pictures: tuple[Gray, Gray] | None = None
+) -> tuple[Motion, Motion]:
     """The motions between two frames: from the first to the second, and back.
+
+    Departure from the paper: where velocities were estimated, a pixel is also visible if it looks alike in the other
+    frame. Optical flow is arbitrary where a picture has no texture, so that both directions disagree there: by chi
+    alone, a fifth of a panned street was hidden, and its strokes were chosen anew in each frame.
 
     Args:
         velocity_plus: V+ of the first frame: a point at p goes to p + V+(p).
         velocity_minus: V- of the second frame: a point at p came from p - V-(p).
         epsilon_px2: tolerance of chi, px^2; math.inf = every pixel counts as visible.
+        pictures: both frames, uint8 (h, w), if the velocities are estimated; None = they are exact.
     """
     forth = chi_plus(velocity_plus, velocity_minus, epsilon_px2)
     back = chi_minus(velocity_minus, velocity_plus, epsilon_px2)
+    if pictures is not None:
+        first, second = pictures
+        forth |= looks_alike(first, second, velocity_plus, MAX_VISIBLE_DIFFERENCE)
+        back |= looks_alike(second, first, -velocity_minus, MAX_VISIBLE_DIFFERENCE)
     return Motion(velocity_plus, forth.astype(np.uint8)), Motion(-velocity_minus, back.astype(np.uint8))
 
 

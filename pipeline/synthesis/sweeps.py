@@ -135,12 +135,21 @@ class Sweep(Generic[T]):
     last: SolvedFrame[T] | None = None
 
     def run(self, frames: Iterable[int]) -> Iterator[SolvedFrame[T]]:
-        """Solve frames in the given order; yields each as soon as it is solved."""
-        for index in frames:
-            state = self.ops.prepare(self.style, self.animation.target(index))
-            offsets = self._solve(index, state)
-            self.last = SolvedFrame(index, state, offsets)
-            yield self.last
+        """Solve frames in the given order; yields each as soon as all its work is submitted.
+
+        The next frame is prepared meanwhile, while the device works.
+        """
+        rest = iter(frames)
+        index = next(rest, None)
+        state = None if index is None else self._prepared(index)
+        while index is not None and state is not None:
+            self.last = SolvedFrame(index, state, self._solve(index, state))
+            solved, index = self.last, next(rest, None)
+            state = None if index is None else self._prepared(index)
+            yield solved
+
+    def _prepared(self, index: int) -> FrameState[T]:
+        return self.ops.prepare(self.style, self.animation.target(index))
 
     def _solve(self, index: int, state: FrameState[T]) -> T:
         """Offsets of frame `index`."""

@@ -47,13 +47,19 @@ def decode_rgb(data: bytes, limits: Limits, name: str = "image") -> Frame:
     if data.startswith(EXR_MAGIC):
         straight = _exr(data, limits, name)
         return over_white(straight) if straight.shape[2] == 4 else straight
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is not None and image.ndim == 3 and image.shape[2] == 4:
-        return over_white(_to_8_bit(cv2.cvtColor(image, cv2.COLOR_BGRA2RGBA)))
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if stored is not None and stored.ndim == 3 and stored.shape[2] == 4:
+        return over_white(_to_8_bit(cv2.cvtColor(stored, cv2.COLOR_BGRA2RGBA)))
+    as_stored = stored is not None and stored.ndim == 3 and stored.dtype == np.uint8 and not _may_be_rotated(data)
+    image = stored if as_stored else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         unreadable("The image cannot be decoded.", name, "Export it again as PNG or JPEG.")
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _may_be_rotated(data: bytes) -> bool:
+    """Whether an image may have an EXIF orientation, which OpenCV applies to all but unchanged images."""
+    return sniff(io.BytesIO(data)) != "image/png" or b"eXIf" in data
 
 
 def decode_raw(data: bytes, limits: Limits, name: str = "image") -> AnyArray:

@@ -266,19 +266,25 @@ class LevelAnimation:
         level, given = level_frames.level, level_frames.inputs.velocities(first)
         self._estimates = given is None
         full_size = given or self._velocities.get(first)
+        gray = None if given is not None else self._gray(first)
         if full_size is None:
-            gray = [to_gray(level_frames.frames[k]) for k in (first, first + 1)]
-            plus, minus = _estimated(gray[0], gray[1], params.flow)
+            assert gray is not None
+            plus, minus = _estimated(*gray, params.flow)
         else:
             plus, minus = (downscaled_velocity(velocity, level) for velocity in full_size)
             epsilon *= 0.25**level
         if given is None:
             plus, minus = self._extrapolated(plus, first), self._extrapolated(minus, first + 1)
-        forth, back = motions_between(plus, minus, epsilon)
+        forth, back = motions_between(plus, minus, epsilon, gray)
         return (
             self._with_boil(self._within_paintable(forth, first + 1), first),
             self._with_boil(self._within_paintable(back, first), first),
         )
+
+    def _gray(self, first: int) -> tuple[Gray, Gray]:
+        """Frames `first` and `first` + 1 in gray."""
+        frames = self._frames.frames
+        return to_gray(frames[first]), to_gray(frames[first + 1])
 
     def _with_boil(self, motion: Motion, first: int) -> Motion:
         """Mark the blocks that boil as not visible in the neighbouring frame."""

@@ -252,7 +252,7 @@ class AnalogyParams(Params):
     )  # fmt: skip
     refinement: Literal["auto", "fast", "full"] = choice(
         "auto", "Refinement of fine levels",
-        "fast = at the two finest levels, each frame continues the frame before it with at most three rounds in one "
+        "fast = at the three finest levels, each frame continues the frame before it with at most two rounds in one "
         "forward sweep; the first frame of a shot has more. full = every level has all sweeps and iterations, as in "
         "the paper; flickers up to 4.3 % less and takes about twice as long. auto = fast for frames of at least 720 "
         "rows. Several sweeps, and the sweep order of the paper, are always full.",

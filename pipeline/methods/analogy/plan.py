@@ -29,7 +29,7 @@ MAX_RUN_BYTES = 160 << 20
 """Maximum memory of the offsets of a run at the finest level; it determines the number of frames of a run."""
 _OFFSET_BYTES = 11
 """Memory of the offsets of a frame, bytes per pixel."""
-FINE_LEVELS = 2
+FINE_LEVELS = 3
 """Number of finest levels that one forward sweep refines if `refinement` is fast."""
 FAST_FROM_ROWS = 720
 """Rows of the frame from which `refinement=auto` is fast."""

@@ -170,7 +170,7 @@ class Propagator:
             a, b = (to_gray(self._frames[k]) for k in (first, first + 1))
             plus = suppress_small_motion(estimate(a, b, self.params.flow), a, b)
             minus = suppress_small_motion(-estimate(b, a, self.params.flow), b, a)
-            self._motions[first] = motions_between(plus, minus, self.params.occlusion_epsilon)
+            self._motions[first] = motions_between(plus, minus, self.params.occlusion_epsilon, (a, b))
         return _touch(self._motions, first)[0 if index < other else 1]
 
     def upload(self, offsets: Offsets) -> Any:

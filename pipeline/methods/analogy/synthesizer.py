@@ -38,7 +38,7 @@ from pipeline.synthesis.tone_matching import ToneMatch
 
 COARSEST_ROUNDS = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
-FINE_ROUNDS = 3
+FINE_ROUNDS = 2
 """Maximum number of rounds of a frame that continues the frame before it."""
 FINE_SEARCH_PX = 2.0
 """Maximum radius of its random search, px: it has only details to improve."""

@@ -454,7 +454,7 @@ def test_the_sweeps_can_run_in_the_order_of_the_paper() -> None:
     assert last == {"backward-first": True, "forward-first": False}
 
 
-@pytest.mark.parametrize(("rows", "fine"), [(719, 0), (720, 2)])
+@pytest.mark.parametrize(("rows", "fine"), [(719, 0), (720, 3)])
 def test_large_frames_are_refined_fast(rows: int, fine: int) -> None:
     params = parse_params(method("analogy"), {})
     assert fine_levels(params, (1280, rows)) == fine
@@ -502,7 +502,7 @@ def test_frames_that_continue_the_frame_before_have_fewer_rounds_than_the_first(
 
     monkeypatch.setattr(sweeps, "refine", counted)
     rendered(iterations=4, refinement="fast")
-    assert [count for size, count in rounds if size == SIZE] == [8, 3, 3, 3, 3, 3]
+    assert [count for size, count in rounds if size == SIZE] == [8, 2, 2, 2, 2, 2]
     assert [count for size, count in rounds if size != SIZE] == [8] * 6 + [2] * 5
     assert fine == [(16, False, 4)] + [(2, True, None)] * 5, "search radius, direct neighbours only, rounds everywhere"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.synthesis.motion import suppress_small_motion
+from pipeline.synthesis.motion import motions_between, suppress_small_motion
 
 
 def pictures(shift: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -28,3 +28,30 @@ def test_a_uniform_part_of_a_fast_object_keeps_its_velocity() -> None:
     flat = np.full((40, 60), 128, np.uint8)
     velocity = np.full((40, 60, 2), (3.0, 1.0), np.float32)
     np.testing.assert_array_equal(suppress_small_motion(velocity, flat, flat), velocity)
+
+
+def test_pixels_that_look_alike_are_visible_even_if_the_flows_disagree() -> None:
+    first, second = pictures(noise=0)
+    second[:, 40:] = 255 - second[:, 40:]
+    plus, minus = np.zeros((*first.shape, 2), np.float32), np.full((*first.shape, 2), (3.0, 0.0), np.float32)
+    minus[:, 20:] = 0
+    by_flow = motions_between(plus, minus, 2.0)[0].visible
+    by_both = motions_between(plus, minus, 2.0, (first, second))[0].visible
+    assert not by_flow[:, :18].any()
+    assert by_both[:, :18].all()
+    assert by_both[:, 44:].all(), "the flows agree there"
+
+
+def test_pixels_that_look_different_are_hidden_where_the_flows_disagree() -> None:
+    first, _ = pictures(noise=0)
+    plus, minus = np.zeros((*first.shape, 2), np.float32), np.full((*first.shape, 2), (3.0, 0.0), np.float32)
+    forth, _ = motions_between(plus, minus, 2.0, (first, 255 - first))
+    assert forth.visible.mean() < 0.1
+
+
+def test_a_pixel_that_leaves_the_picture_is_hidden_whatever_it_looks_like() -> None:
+    flat = np.full((40, 60), 128, np.uint8)
+    right = np.full((40, 60, 2), (30.0, 0.0), np.float32)
+    forth, _ = motions_between(right, right, 2.0, (flat, flat))
+    assert forth.visible[:, :29].all()
+    assert not forth.visible[:, 31:].any()

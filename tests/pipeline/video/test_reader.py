@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from fractions import Fraction
 from pathlib import Path
 
@@ -209,13 +210,26 @@ def test_json_is_not_a_video(tmp_path: Path) -> None:
         VideoReader(tmp_path / "a.json")
 
 
-def test_exif_rotation_is_applied(tmp_path: Path) -> None:
+_TURNED = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
+"""EXIF data with the orientation 6: the picture is to be turned by 90 degrees."""
+
+
+def test_exif_rotation_of_a_jpeg_is_applied(tmp_path: Path) -> None:
     encoded = cv2.imencode(".jpg", picture(0))[1].tobytes()
-    exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
+    exif = b"Exif\0\0" + _TURNED
     (tmp_path / "p.jpg").write_bytes(
         encoded[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + encoded[2:]
     )
     with VideoReader(tmp_path / "p.jpg") as reader:
+        assert reader.size == (64, 96)
+
+
+def test_exif_rotation_of_a_png_is_applied(tmp_path: Path) -> None:
+    encoded, after_header = encode_png(picture(0)), 8 + 25
+    chunk = b"eXIf" + _TURNED
+    exif = len(_TURNED).to_bytes(4, "big") + chunk + zlib.crc32(chunk).to_bytes(4, "big")
+    (tmp_path / "p.png").write_bytes(encoded[:after_header] + exif + encoded[after_header:])
+    with VideoReader(tmp_path / "p.png") as reader:
         assert reader.size == (64, 96)
 
 
