@@ -148,7 +148,7 @@ def update(
     """Update advected tracks to the current frame: colours, presence, removal of crowded strokes, new strokes.
 
     Args:
-        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where there is room.
+        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where it fits between the strokes.
         reference: uint8 (h, w, 3), what the layer paints.
         wanted: bool (n,), for the existing tracks; False = the picture no longer needs the stroke.
         revealed: bool (h, w), pixels that have just become visible: new strokes are fully visible there at once, old
@@ -172,13 +172,13 @@ def update(
         at_once = revealed[y, x]
         share[at_once] = 1
     targets = np.where(leaving[:, None], tracks.targets, tracks.targets + share * (now - tracks.targets))
-    crowded, room = _crowding(tracks.seeds, leaving, candidates, spacing_px, params, shape)
+    crowded, fits = _crowding(tracks.seeds, leaving, candidates, spacing_px, params, shape)
     leaving = leaving | crowded
     step = np.where(leaving, np.float32(-params.fade), np.float32(params.fade))
     presence = np.clip(tracks.presence + step, 0, 1).astype(np.float32)
     presence[at_once & leaving] = 0
     kept = StrokeTracks(tracks.seeds, targets.astype(np.float32), presence, leaving, tracks.initial)[presence > 0]
-    new = candidates[room]
+    new = candidates[fits]
     presence = np.full(len(new), params.fade, np.float32)
     if revealed is not None:
         x, y = nearest(new.xy, revealed.shape, shape)
@@ -211,7 +211,7 @@ def _crowding(
     seeds: Seeds, leaving: Flags, candidates: Seeds, spacing_px: StyleField, params: LifecycleParams,
     shape: tuple[int, ...],
 ) -> tuple[Flags, Flags]:  # fmt: skip
-    """Flags of the seeds that crowd an older one, and of the candidates that have room beside those that stay."""
+    """Flags of the seeds that crowd an older one, and of the candidates that fit between those that stay."""
     xy = np.concatenate([seeds.xy, candidates.xy])
     apart = sample(spacing_px, xy, shape)
     apart[: len(seeds)] *= np.float32(params.crowd)

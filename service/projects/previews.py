@@ -29,7 +29,7 @@ from service.schemas import JobId, Responses
 from service.streaming import StreamedResponse, in_threads
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
-from workers.previews.service import TURN_S, PreviewRun
+from workers.previews.service import SLOT_POLL_S, PreviewRun
 from workers.projects.document import FrameNumber, FrameRange, Id
 from workers.projects.patching import merged, patched
 
@@ -247,7 +247,7 @@ async def _pieces(run: PreviewRun, path: str, threads: CapacityLimiter) -> Async
     """The answer, record by record. Only previews that are made have a thread, not those that wait for a slot."""
     try:
         while not run.ready():
-            await anyio.sleep(TURN_S)
+            await anyio.sleep(SLOT_POLL_S)
         async with aclosing(in_threads(_encoded(run, path), threads)) as pieces:
             async for piece in pieces:
                 yield piece

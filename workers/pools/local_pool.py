@@ -182,10 +182,10 @@ class LocalPool:
 
     def _wait_for_memory(self, attempt_id: str, name: str, stop: threading.Event) -> None:
         """Wait until the machine has room for the attempt, or it is stopped; tell the dispatcher that it is alive."""
-        told_s = time.monotonic()
+        reported_s = time.monotonic()
         while self._machine is not None and not stop.is_set() and not self._machine.wait(attempt_id, _STOP_CHECK_S):
-            if time.monotonic() - told_s > _REPORT_S:
-                told_s = time.monotonic()
+            if time.monotonic() - reported_s > _REPORT_S:
+                reported_s = time.monotonic()
                 self._listen(Report(attempt_id, worker=f"{name} (waits for memory)"))
 
     def _release(self, attempt_id: str) -> None:

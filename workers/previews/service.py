@@ -16,8 +16,8 @@ from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 
 _FORGET = 10_000
 """Clients and channels that are remembered: beyond that, the longest silent are forgotten."""
-TURN_S = 0.02
-"""Interval at which those that wait look for a free slot, seconds."""
+SLOT_POLL_S = 0.02
+"""Interval at which waiting previews check for a free slot, seconds."""
 
 
 class PreviewRunner(Protocol):
@@ -128,7 +128,7 @@ class PreviewService:
     def answer(self, ticket: _Ticket) -> Iterator[Record]:
         """The records of a query. Raises what is wrong with it."""
         while not self.take_slot(ticket):
-            time.sleep(TURN_S)
+            time.sleep(SLOT_POLL_S)
         try:
             if ticket.by is not None:
                 yield Record({"type": "begin", "seq": ticket.query.seq})

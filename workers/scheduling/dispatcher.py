@@ -157,8 +157,8 @@ class Dispatcher:
             self._last_tick = time.monotonic()
             try:
                 parts: list[Callable[[], None]] = [*self._running_parts]
-                rest_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
-                if woken or back_off or self._last_tick - searched >= rest_s:
+                interval_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
+                if woken or back_off or self._last_tick - searched >= interval_s:
                     parts += [self._plan, self._fill]
                     searched = self._last_tick
                 run_each(parts)

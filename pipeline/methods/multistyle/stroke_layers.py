@@ -96,7 +96,7 @@ class StrokeLayers:
         revealed = None if motion is None else self._revealed(motion)
         tracks, layers, below = [], [], picture
         for index in range(layer_count(style)):
-            brush = _layer_brush(style, index)
+            brush = layer_brush(style.brush, style.technique["layer_ratio"], index)
             width = median(brush.size_px) * scale
             sigma = scheme.blur * width / 2
             reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
@@ -234,10 +234,6 @@ def layer_count(style: LayerStyle) -> int:
     ratio = float(np.max(style.technique["layer_ratio"]))
     fit = int(math.log(max(style.widest_px / SMALLEST_PX, 1)) / -math.log(ratio))
     return max(1, min(most, 4, 1 + fit))
-
-
-def _layer_brush(style: LayerStyle, index: int) -> Brush:
-    return layer_brush(style.brush, style.technique["layer_ratio"], index)
 
 
 def blurred(image: AnyArray, sigma_px: float) -> AnyArray:

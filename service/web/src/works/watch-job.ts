@@ -22,10 +22,10 @@ const mayPass = ({ status }: api.Problem): boolean => status === 0 || status ===
 export async function watchJob(id: string, { onchange, onmissing }: JobListener, signal: AbortSignal): Promise<void> {
   let job: Job | null = null;
   let queue: Queue | null = null;
-  let looking = 0;
+  let timer = 0;
   const stop = new AbortController();
   const end = () => {
-    clearTimeout(looking);
+    clearTimeout(timer);
     stop.abort();
   };
   signal.addEventListener("abort", end, { once: true });
@@ -42,19 +42,19 @@ export async function watchJob(id: string, { onchange, onmissing }: JobListener,
     }
     if (signal.aborted) return;
     onchange(job, queue);
-    if (job.state === "queued" && !looking) looking = window.setTimeout(look, 0);
+    if (job.state === "queued" && !timer) timer = window.setTimeout(readQueue, 0);
     if (isFinal(job)) end();
   }
 
   /** Read the position now and every few seconds while the job is queued. */
-  async function look(): Promise<void> {
+  async function readQueue(): Promise<void> {
     if (stop.signal.aborted || job?.state !== "queued") {
-      looking = 0;
+      timer = 0;
       return;
     }
     queue = await api.get<Queue>(api.url`/v1/jobs/${id}/queue`, stop.signal).catch(() => queue);
     if (job?.state === "queued" && !stop.signal.aborted) onchange(job, queue);
-    looking = window.setTimeout(look, QUEUE_MS);
+    timer = window.setTimeout(readQueue, QUEUE_MS);
   }
 
   await refresh();
