@@ -148,7 +148,7 @@ def update(
     """Update advected tracks to the current frame: colours, presence, removal of crowded strokes, new strokes.
 
     Args:
-        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where it fits between the strokes.
+        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where it fits.
         reference: uint8 (h, w, 3), what the layer paints.
         wanted: bool (n,), for the existing tracks; False = the picture no longer needs the stroke.
         revealed: bool (h, w), pixels that have just become visible: new strokes are fully visible there at once, old

@@ -68,7 +68,9 @@ def machines_with(wanted: Capacity, machines: Machines) -> set[str]:
 def has_capacity(wanted: Capacity, machines: Machines, taken: Iterable[tuple[str, Capacity]]) -> bool:
     """Whether a machine has this capacity beside what is taken of it: `taken` has names of machines, too."""
     parts = list(taken)
-    return any(_remaining(machine, [part for at, part in parts if at == name]).covers(wanted) for name, machine in machines)
+    return any(
+        _remaining(machine, [part for at, part in parts if at == name]).covers(wanted) for name, machine in machines
+    )
 
 
 def _remaining(machine: Capacity, taken: Iterable[Capacity]) -> Capacity:
