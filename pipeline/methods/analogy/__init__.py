@@ -18,7 +18,7 @@ from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
 from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
-from pipeline.methods.analogy.synthesizer import run_sweeps
+from pipeline.methods.analogy.sweep_synthesizer import run_sweeps
 from pipeline.methods.base import (
     Example,
     InputSpec,

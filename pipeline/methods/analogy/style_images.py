@@ -225,7 +225,7 @@ def keyframe_style(
 
 def _keyframe_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInputs, key: Keyframe) -> StylePair:
     """A keyframe as a style pair with the frame that it was painted over."""
-    frames = LevelFrames(inputs, context.clock, key.index, key.index + 1, 0, lambda guide: guide)
+    frames = LevelFrames(inputs, context.clock, key.index, key.index + 1, 0)
     guides = frames.guides[key.index]
     extra_guides = np.ascontiguousarray(guides[..., 3:]) if guides.shape[2] > 3 else None
     lines = frames.line_distances.get(key.index)
