@@ -90,7 +90,7 @@ class InputSpec:
         part: the part of a project's layer from which the input is made: "keys.image" = the images of its painted keys
             by frame, "label_styles" = that member as JSON. Empty: a file that the layer names in its own `inputs`.
         preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
-        needs: another input, without which this one means nothing; empty: none.
+        needs: name of another input that is required if this one is given; empty: none.
     """
 
     name: str
@@ -104,11 +104,11 @@ class InputSpec:
 
 
 def missing_inputs(specs: Iterable[InputSpec], given: Collection[str]) -> Iterator[tuple[InputSpec, str]]:
-    """Inputs that a job must have and does not have, each with a sentence that says why it must.
+    """Required inputs that a job lacks, each with a sentence that says why it is required.
 
     Args:
-        specs: of all inputs that the job may have.
-        given: names of those that it has.
+        specs: all inputs that the job may have.
+        given: names of the inputs that it has.
     """
     known = {spec.name: spec for spec in specs}
     for spec in known.values():
@@ -182,7 +182,7 @@ class Method:
         return None
 
     def load(self) -> None:
-        """Load into this process what a task needs besides the method's modules: called beside the start of a job.
+        """Load what a task needs besides the method's modules, such as a device. Called in a thread while a job starts.
 
         Raises: DeviceError.
         """

@@ -39,8 +39,8 @@ _SMALLEST_SHARE = 1 / 48
 _RECHECK_FRAMES = 8
 """Frames between two searches around a known face, if no other face has waited for longer."""
 _MIRRORED_PX = 36.0
-"""Width from which on a frontal face must be found in the mirrored picture, too, px: what looks like a face in grass or
-folds of clothes is not symmetric. Smaller faces have too few pixels for this test."""
+"""Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
+clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
 _MOST_CANDIDATES = 3
 """Candidates of a frame that are looked at closely."""
 _LEAST_MISSES, _MOST_MISSES = 2, 6

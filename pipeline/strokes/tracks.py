@@ -124,7 +124,7 @@ def advect(
 
 @kernel
 def _moved(xy: Points, flow: Flow, scale: tuple[np.float32, np.float32], out: Points) -> None:
-    """Fill `out` with the points moved along the flow, interpolated bilinearly; `scale`: cells of the flow a px."""
+    """Fill `out` with the points moved along the flow, interpolated bilinearly; `scale`: cells of the flow per px."""
     height, width = flow.shape[:2]
     one, half = np.float32(1), np.float32(0.5)
     shift_x, shift_y = half * scale[0] - half, half * scale[1] - half

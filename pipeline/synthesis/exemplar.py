@@ -62,12 +62,12 @@ def natural_sigma(picture: Bytes) -> float:
 
 
 class Palette:
-    """The colours of a painting. Searches that have been made are remembered, in at most 64 MiB.
+    """The colours of a painting. Results of searches are cached, in at most 64 MiB.
 
-    Thread-safe: two threads may search the same colour, and find the same one.
+    Thread-safe: two threads that search for the same colour find the same result.
 
     Args:
-        painting: uint8 (h, w, 3), or (h, w, 4), of which only colours of visible pixels count if there are any.
+        painting: uint8 (h, w, 3 or 4). With alpha, only the colours of visible pixels count, if any pixel is visible.
     """
 
     def __init__(self, painting: Bytes) -> None:
@@ -79,7 +79,7 @@ class Palette:
         self._colours = colours[by_cell]
         self._starts = np.searchsorted(cells[by_cell], np.arange(_CELLS**3 + 1)).astype(np.int64)
         self._found = np.zeros(_COLOURS, np.int32)
-        """Nearest colour of each colour, as its number + 1; 0 = not searched yet. Memory is used where written."""
+        """Number of the nearest palette colour of each colour, plus 1; 0 = not searched yet."""
 
     def nearest(self, picture: Bytes) -> Bytes:
         """Replace each colour of a picture by the nearest one of the painting (Euclidean in RGB); alpha stays.

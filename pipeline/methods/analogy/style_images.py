@@ -26,8 +26,8 @@ from pipeline.video.contact import fit
 
 MAX_CHANNELS = 16
 KEPT_COST = 0.9
-"""Factor of the cost of the advected offset at the finest level. It approaches 1 at coarser levels as the weight of the
-temporal term approaches 0."""
+"""Factor on the cost of the advected offset at the finest level. At coarser levels it approaches 1, and the weight of
+the temporal term approaches 0."""
 
 
 def energy_of(
@@ -45,8 +45,8 @@ def energy_of(
         guides: extra guides.
         colours: number of channels of the output, 3 or 4.
         keyframe_style: whether the keyframes are the style.
-        subpixel: whether strokes move by fractions of a pixel. Advected offsets are then preferred; where pixels are
-            copied, that would raise flicker.
+        subpixel: whether strokes move by fractions of a pixel. If so, advected offsets are preferred. With copied
+            pixels, this preference would raise flicker.
 
     Raises:
         BadInput: colours and guides together have more than 16 channels.

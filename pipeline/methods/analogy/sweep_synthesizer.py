@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.arrays import AnyArray, Arrays
 from pipeline.methods.analogy.guided_stills import (
-    STRETCH_HUES,
+    STRETCH_HUE_FACTOR,
     guided_still_params,
     guided_still_schedule,
     is_guided_still,
@@ -262,5 +262,5 @@ def _matched_tones(
 
 def _stretch(guides: Bytes, pair: StylePair, params: AnalogyParams, inputs: SynthesisInputs) -> float:
     """How much faster guides change in the first frame, uint8 (h, w, channels), than in the style."""
-    params = params.model_copy(update={"colour_weight": params.colour_weight * STRETCH_HUES})
+    params = params.model_copy(update={"colour_weight": params.colour_weight * STRETCH_HUE_FACTOR})
     return stretch_of_guides(guides, pair.guides, energy_of(params, inputs.guides, 0).guides)

@@ -93,7 +93,7 @@ class StrokeAnalysis:
     rims: NDArray[np.uint8] | None = None
 
     def direction(self, size: tuple[int, int], out: Direction | None = None) -> Direction:
-        """Orientation field for frames of `size` (width, height): float32 (h, w, 2), in `out` if it is given."""
+        """Orientation field for frames of `size` (width, height), float32 (h, w, 2); written to `out` if given."""
         return _resized(self.field, size, out)
 
     def backward_flow(self) -> Flow | None:

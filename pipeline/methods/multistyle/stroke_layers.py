@@ -203,7 +203,7 @@ class StrokeLayers:
 
 @kernel
 def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, changed: Mask, out: Plane) -> None:
-    """RGB distance of two pictures; of the past, the share `memory` is kept where nothing has changed."""
+    """Fill `out` with the RGB distance of two pictures; where nothing has changed, averaged with `past` by `memory`."""
     height, width = out.shape
     for y in range(height):
         for x in range(width):
@@ -215,7 +215,7 @@ def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, cha
 
 
 def median(field: StyleField) -> float:
-    """Approximate median of a style parameter: that of about `MEDIAN_ROWS` rows and of columns as far apart."""
+    """Approximate median of a style parameter, from about `MEDIAN_ROWS` rows and from columns as far apart."""
     plane = np.asarray(field, np.float32)
     step = max(1, plane.shape[0] // MEDIAN_ROWS) if plane.ndim else 1
     return float(np.median(plane[::step, ::step])) if plane.ndim else float(plane)

@@ -295,7 +295,7 @@ def _sampled(picture: Frame, positions: Positions, *, bicubic: bool) -> Frame:
 
 @kernel
 def _kept(off: Plane, known: Mask, visible: Mask, out: Plane) -> None:
-    """Weight of old paint by its misfit; without paint, 1 outside `visible` and 0 inside."""
+    """Fill `out` with the weight of old paint by its misfit; without paint, 1 outside `visible` and 0 inside."""
     height, width = out.shape
     zero, one = np.float32(0), np.float32(1)
     slope, offset = np.float32(1 / (REPLACE_MISFIT - KEEP_MISFIT)), np.float32(REPLACE_MISFIT)

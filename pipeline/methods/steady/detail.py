@@ -1,4 +1,4 @@
-"""Restoration of the texture that averaging along the motion has blurred, in two bands of frequencies."""
+"""Restoration of the texture that averaging along the motion has blurred, in two frequency bands."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ MEMORY = np.float32(0.9)
 """Share of the last frame's amounts in those of a frame. The amount in a single frame flickers as its texture does, and
 the amplified texture would flicker with it."""
 LARGEST = 3.0
-"""Largest gain of a band: faint texture does not become noise."""
+"""Largest gain of a band, so that faint texture does not become noise."""
 _LEAST_DETERMINANT = np.float32(1e-3)
-"""Squared grey levels; without texture, there is no gain."""
+"""Added to the determinant, squared gray levels: without texture, the gain is 0."""
 _LUMA = np.array([[0.299, 0.587, 0.114]], np.float32)
 
 Amounts = NDArray[np.float32]
-"""Mean absolute lightness of bands around each cell, grey levels, float32 (8, rows, columns): fine and middle band of
+"""Mean absolute lightness of bands around each cell, gray levels, float32 (8, rows, columns): fine and middle band of
 the result, those of the styled frame, and those of each band of the result when it is divided into bands again (fine of
 fine, middle of fine, fine of middle, middle of middle). Without rows before the second frame of a shot."""
 NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
@@ -42,9 +42,9 @@ def restore_detail(
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
     contrast; the texture stays that of the average, which changes slowly. Where the motion is not trusted, nothing was
-    averaged, and amplification would only add flicker. Averaging weakens fine texture more than
-    coarse texture, and warping sharpens some edges; a single gain for both bands would leave too little of the one or
-    too much of the other.
+    averaged, and amplification would only add flicker. Averaging weakens fine texture more than coarse texture, and
+    warping sharpens some edges. With one gain for both bands, the fine band would be too weak or the middle band too
+    strong.
 
     Args:
         frames: the result and the styled frame, float32 (h, w, 3), 0..255.
@@ -82,8 +82,10 @@ def resized_amounts(amounts: Amounts, size: tuple[int, int]) -> Amounts:
 
 
 def _gains(amounts: Amounts, share: np.float32) -> tuple[Plane, Plane]:
-    """Gains of the fine and of the middle band, -1..LARGEST: the solution of two linear equations for each cell, which
-    state that both bands then have the amounts of the styled frame."""
+    """Gains of the fine and of the middle band, -1..LARGEST.
+
+    They solve two linear equations for each cell: after amplification, both bands have the amounts of the styled frame.
+    """
     have, want = amounts[:2], amounts[2:4]
     (fine_of_fine, middle_of_fine), (fine_of_middle, middle_of_middle) = amounts[4:6], amounts[6:8]
     fine, middle = share * (want - have)
