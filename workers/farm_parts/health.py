@@ -15,7 +15,7 @@ Check = Callable[[], None]
 
 
 class HealthChecks:
-    """Asks every part at the same time. A part that does not answer is not asked again before it has."""
+    """Checks all parts at the same time. A part whose check has not ended is not checked again."""
 
     def __init__(self, parts: Mapping[str, Check]) -> None:
         self._parts = dict(parts)
