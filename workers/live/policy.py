@@ -5,9 +5,10 @@
                   ▼
                dropped
 
-A frame may begin if no finished answer is still unsent and at most one other frame is in work, past its `analyze`. The
-analysis of a frame may overlap the painting of the frame before; there is no queue. While frames are painted faster
-than they arrive, a frame begins only after the one before is painted, because two at once would slow each other down.
+A frame may begin if no finished answer is still unsent and at most one other frame is in progress, whose `analyze` is
+done. The analysis of a frame may overlap the painting of the frame before; there is no queue. While frames are painted
+faster than they arrive, a frame begins only after the previous one is painted, because two at once would slow each
+other down.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from dataclasses import dataclass, field
 from workers.live.model import Packet
 
 MAX_BUILT_ON = 60
-"""Dropped frames kept because a later one is built on them."""
+"""Maximum number of dropped frames that are kept because a later one depends on them."""
 MAX_BUILT_ON_BYTES = 8 << 20
 
 
 @dataclass(frozen=True)
 class Start:
-    """Begin with `packets[-1]`; the others are decoded only."""
+    """Begin `packets[-1]`; the other packets are only decoded."""
 
     packets: tuple[Packet, ...]
 
@@ -37,7 +38,7 @@ class Start:
 class FramePolicy:
     """
     Args:
-        built_on: frames are built on earlier ones (a video codec), so that none can be left out in decoding.
+        built_on: whether frames depend on earlier ones (a video codec), so that every frame must be decoded.
     """
 
     built_on: bool = False
@@ -67,7 +68,7 @@ class FramePolicy:
 
     @property
     def idle(self) -> bool:
-        """Whether every frame that came is answered or dropped."""
+        """Whether every received frame is answered or dropped."""
         return not self.pending and not self.unsent
 
     def arrive(self, packet: Packet) -> bool:
@@ -97,12 +98,12 @@ class FramePolicy:
         self._waiting = []
 
     def _ask(self) -> bool:
-        """Ask for a key frame; once, until one arrives."""
+        """Whether to ask for a key frame: once, until one arrives."""
         asked, self._asked = self._asked, True
         return not asked
 
     def start(self) -> Start | None:
-        """The frame to begin now, which is then being analyzed; None: none yet."""
+        """Begin the analysis of a frame and return it; None: no frame may begin now."""
         if (
             self.suspended
             or not self._waiting
@@ -126,7 +127,7 @@ class FramePolicy:
         """The oldest frame in work is finished; its answer waits to be sent."""
         if self._painting:
             self._painting.popleft()
-        else:  # the message that it was analyzed comes later
+        else:  # the message about its analysis arrives later
             self._looking = None
         self.unsent += 1
 
@@ -135,7 +136,7 @@ class FramePolicy:
         self.unsent = max(0, self.unsent - 1)
 
     def lost(self) -> bool:
-        """The worker died with all that it had in work. True: ask the client for a key frame."""
+        """The worker died, and its frames are lost. True: ask the client for a key frame."""
         self.dropped += self.working
         self._looking = None
         self._painting.clear()

@@ -1,12 +1,12 @@
-"""Attempts on a Ray cluster: one actor per worker. Ray only runs code: it retries nothing and stores nothing for us.
+"""Runs attempts on a Ray cluster, with one actor per worker. Ray only runs code; its retries and storage are not used.
 
 An actor counts as capacity after it has started, so that a cluster with fewer processors than workers runs fewer tasks
 at once. When an actor dies its attempt is reported as lost, and another actor replaces it.
 
 Ray reserves an actor's capacity (processors, part of a GPU, memory), so that no machine is overcommitted. A task that
-fits into no idle actor gets an actor of its own in the place of an idle one. That actor waits for a machine that is
-large enough, because an autoscaler may add one. If no machine of the cluster could hold it, the task's status says so,
-and after `capacity_wait_s` the task fails.
+fits into no idle actor gets a new actor that replaces an idle one. The new actor waits for a machine that is large
+enough, because an autoscaler may add one. If no machine of the cluster is large enough, the task's status shows this,
+and the task fails after `capacity_wait_s`.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ log = logging.getLogger(__name__)
 _TICK_S = 0.25
 """Interval of progress requests while something runs, seconds."""
 _PATIENCE_S = 3.0
-"""Seconds that a starting actor waits before an idle actor is ended for it, if ours leave no capacity for it."""
+"""Seconds that a starting actor waits before an idle actor is ended for it, if our actors leave no capacity for it."""
 _START_S = 60.0
-"""The same if they leave enough: then it is either still starting, or others use the cluster."""
+"""The same if they leave enough capacity: then the actor is still starting, or other programs use the cluster."""
 _HANDED_BYTES = 64 << 20
-"""Bytes of artefacts in Ray's shared memory, over all nodes: together with those just made, far below the amount at
-which Ray begins to spill to disk. Spilling took a seventh of two processors."""
+"""Maximum bytes of artefacts in Ray's shared memory, over all nodes: far below the amount at which Ray begins to spill
+to disk, even with new artefacts. Spilling took a seventh of the time of two processors."""
 
 
 @dataclass
@@ -65,7 +65,7 @@ class _Worker:
 
     actor: Actor
     hello: ObjectRef
-    """Reference to its greeting, until that has come."""
+    """Reference to the answer of `hello`; None once it has arrived."""
     capacity: Capacity
     """Resources that Ray has reserved for the actor."""
     avoids: frozenset[str] = frozenset()
@@ -76,9 +76,9 @@ class _Worker:
     made_at: float = field(default_factory=time.monotonic)
     """Time of its request, monotonic s."""
     patient_since: float = field(default_factory=time.monotonic)
-    """Since when it has waited for a machine without having been helped."""
+    """Time since which it has waited for a machine and no idle actor was ended for it."""
     hopeless_since: float | None = None
-    """Since when no machine of the cluster could hold it, even if idle; monotonic s."""
+    """Time since which no machine of the cluster is large enough for it, even if idle; monotonic s."""
     answer: ObjectRef = None
     """Reference to the outcome of the attempt."""
 
@@ -154,7 +154,8 @@ class RayPool:
                     self._exchange(worker, self._usual)
 
     def start(self, listen: Listen) -> None:
-        """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
+        """Connect to a cluster or start one. Call it on the main thread; otherwise Ray aborts the process at its
+        end."""
         if threading.current_thread() is not threading.main_thread():
             raise StorageError("A Ray farm starts on the main thread.", remedy="Call start() there.")
         self._listen = listen
@@ -177,7 +178,7 @@ class RayPool:
     def _place_for(self, capacity: Capacity) -> _Worker | None:
         idle = self._idle()
         fitting = [worker for worker in idle if worker.capacity.covers(capacity)]
-        if fitting or not idle:  # the least that will do: the others may be wanted for more
+        if fitting or not idle:  # the smallest that suffices: larger ones may be needed for other tasks
             return min(fitting, key=lambda worker: (worker.capacity.gpus, worker.capacity.memory_bytes), default=None)
         suitable = machines_with(capacity, _machines())
         return self._exchange(next((worker for worker in idle if worker.node in suitable), idle[0]), capacity)
@@ -241,7 +242,7 @@ class RayPool:
     def _take(self, ref: ObjectRef, worker: _Worker) -> None:
         try:
             value = RAY.get(ref)
-        except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
+        except ray.exceptions.RayTaskError as error:  # the actor is alive; our own code has raised the error
             value = failed_outcome(worker.attempt_id, error.cause or error), {}
         except RayError as error:
             log.warning("the worker %s has died: %s", worker.name or "(starting)", type(error).__name__)
@@ -284,7 +285,7 @@ class RayPool:
         try:
             attempt_id, done, preview = ray.get(ref)
         except RayError:
-            return  # its outcome reports it
+            return  # the outcome will report the error
         if attempt_id == worker.attempt_id:
             self._listen(Report(attempt_id, done, worker=worker.name, preview=preview))
 
@@ -322,7 +323,7 @@ class RayPool:
             self._give_up(worker, machines)
 
     def _give_up(self, worker: _Worker, machines: Machines) -> None:
-        """Fail the attempt of an actor that has waited long enough for a machine that there is not."""
+        """Fail the attempt of an actor that has waited too long for a machine that does not exist."""
         remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
         error = NoCapacity(
             f"{shortage(worker.capacity, machines)}.", field="needs", value=str(worker.capacity), remedy=remedy
@@ -342,7 +343,7 @@ class RayPool:
         self._shortage = message
 
     def _end_idle(self, nodes: Collection[str]) -> None:
-        """One of these nodes, if there is one."""
+        """One of these nodes, or None."""
         with self._lock:
             found = next((worker for worker in self._idle() if worker.node in nodes), None)
             if found is not None:
@@ -361,7 +362,7 @@ class RayPool:
         return _Worker(actor, actor.hello.remote(), capacity, self._avoided)
 
     def _exchange(self, worker: _Worker, capacity: Capacity) -> _Worker:
-        """End an actor that has nothing to do; another takes its place."""
+        """End an idle actor; another one replaces it."""
         ray.kill(worker.actor)
         new = self._new_worker(capacity)
         self._workers[self._workers.index(worker)] = new
