@@ -35,7 +35,7 @@ SMALL_BYTES = 8 << 20
 PLAIN_FILES = frozenset({"result", "poster", "sheet", "preview"})
 POLL_INTERVAL_S = 0.2
 """Seconds between requests for the state of a job."""
-PATIENCE_S = 60.0
+RETRY_S = 60.0
 """Time for which `watch` and `wait` retry while the service does not answer, seconds."""
 
 
@@ -203,7 +203,7 @@ class Client:
             event = next(events)
             urgent = event is None or event.type == "job.state"
             if urgent or time.monotonic() - last > POLL_INTERVAL_S:
-                job, last = self._job_patiently(job_id), time.monotonic()
+                job, last = self._job_with_retries(job_id), time.monotonic()
                 yield job
 
     def download(
@@ -250,8 +250,8 @@ class Client:
             raise error_of(response)
         return response
 
-    def _job_patiently(self, job_id: str) -> Json:
-        deadline = time.monotonic() + PATIENCE_S
+    def _job_with_retries(self, job_id: str) -> Json:
+        deadline = time.monotonic() + RETRY_S
         while True:
             try:
                 return self.job(job_id)

@@ -43,7 +43,7 @@ MAX_MESSAGE_BYTES = 128 << 20
 MAX_SIDE_PX = 16384
 ANSWERS_KEPT = 120
 """Most answers that wait for the caller. Beyond it, reading stops and the service drops frames."""
-PATIENCE_S = 10.0
+RECONNECT_S = 10.0
 """Time for which a lost connection is retried, seconds: equal to the time for which the service keeps the session."""
 CLOSE_S = 2.0
 FRUITLESS = 3
@@ -311,13 +311,13 @@ class LiveClient:
 
     def _again(self) -> None:
         """Reconnect and resume the session. Raises the last error once the time-out has passed."""
-        deadline, wait_s = time.monotonic() + PATIENCE_S, 0.1
+        deadline, wait_s = time.monotonic() + RECONNECT_S, 0.1
         while True:
             try:
                 return self._connect()
             except ImpastoError as error:
-                hopeless = not isinstance(error, ServiceUnreachable | NoLiveWorker)
-                if hopeless or self._leaving or time.monotonic() + wait_s > deadline:
+                permanent = not isinstance(error, ServiceUnreachable | NoLiveWorker)
+                if permanent or self._leaving or time.monotonic() + wait_s > deadline:
                     raise
             time.sleep(wait_s)
             wait_s = min(2 * wait_s, 1.0)

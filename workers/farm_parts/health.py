@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 
 from pipeline.errors import ImpastoError
 
-PATIENCE_S = 4.0
+TIMEOUT_S = 4.0
 
 Check = Callable[[], None]
 """Raises ImpastoError or OSError if the part does not work."""
@@ -29,7 +29,7 @@ class HealthChecks:
                 if name not in self._asking or self._asking[name].answered.is_set():
                     self._asking[name] = _PendingCheck(check)
             asked = dict(self._asking)
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         return {name: question.verdict(deadline) for name, question in asked.items()}
 
 

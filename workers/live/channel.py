@@ -142,7 +142,8 @@ class LiveWorkerClient:
         return cls(reader, writer)
 
     def analyze(self, work: FrameRequest) -> Future[None]:
-        """Send a frame, and wait until it has been analyzed. Raises LiveWorkerLost if the connection is lost."""
+        """Send a frame. The future is done when the frame has been analyzed; it raises LiveWorkerLost if the connection
+        is lost."""
         loop = asyncio.get_running_loop()
         self._analyses.append(analyzed := loop.create_future())
         self._paints.append(painted := loop.create_future())
@@ -154,7 +155,8 @@ class LiveWorkerClient:
         return analyzed
 
     def paint(self) -> Future[RenderedFrame]:
-        """Painting of the oldest frame that has not been requested yet. Raises its error, or LiveWorkerLost."""
+        """Future of the painting of the oldest frame that has not been requested yet. It raises the frame's error, or
+        LiveWorkerLost."""
         return self._asked.popleft()
 
     def close(self) -> None:

@@ -49,7 +49,7 @@ class FramePolicy:
     alone: bool = True
     """Whether frames are processed one at a time."""
     _waiting: list[Packet] = field(default_factory=list)
-    _looking: Packet | None = None
+    _analyzing: Packet | None = None
     _painting: deque[Packet] = field(default_factory=deque)
     unsent: int = 0
     """Number of finished answers that have not been sent yet."""
@@ -59,7 +59,7 @@ class FramePolicy:
     @property
     def working(self) -> int:
         """Number of frames being analyzed or painted."""
-        return len(self._painting) + (self._looking is not None)
+        return len(self._painting) + (self._analyzing is not None)
 
     @property
     def pending(self) -> int:
@@ -108,27 +108,27 @@ class FramePolicy:
             self.suspended
             or not self._waiting
             or self.unsent
-            or self._looking
+            or self._analyzing
             or len(self._painting) > (not self.alone)
         ):
             return None
         begun = Start(tuple(self._waiting))
         self._waiting.clear()
-        self._looking = begun.frame
+        self._analyzing = begun.frame
         return begun
 
     def analyzed(self, begun: Start) -> None:
         """The analysis of a frame is done. No effect if the frame has been lost or finished since."""
-        if self._looking is begun.frame:
+        if self._analyzing is begun.frame:
             self._painting.append(begun.frame)
-            self._looking = None
+            self._analyzing = None
 
     def painted(self) -> None:
         """The oldest frame in work is finished; its answer waits to be sent."""
         if self._painting:
             self._painting.popleft()
         else:  # the message about its analysis arrives later
-            self._looking = None
+            self._analyzing = None
         self.unsent += 1
 
     def sent(self) -> None:
@@ -138,7 +138,7 @@ class FramePolicy:
     def lost(self) -> bool:
         """The worker died, and its frames are lost. True: ask the client for a key frame."""
         self.dropped += self.working
-        self._looking = None
+        self._analyzing = None
         self._painting.clear()
         return self.restart()
 

@@ -55,7 +55,9 @@ TAIL = 0.95
 AIM = 0.9
 """Frames that took longer than this share of the deadline count as late, because sending and attempts at a larger size
 need time as well."""
-PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
+FITTING_S, MOST_FITTING_S = 3.0, 120.0
+"""Time for which the next larger size must be expected to fit before a step up, seconds, and its maximum after
+failures."""
 STABLE_S = 60.0
 """Seconds. A step up that is reversed before this time has failed; one that lasts longer clears earlier failures."""
 ENOUGH = 4
@@ -231,8 +233,8 @@ class ResolutionLadder:
     def _has_spare_time(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None:
             return False
-        patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
-        if now_s - self._since_s < patience_s:
+        fitting_s = min(FITTING_S * 2 ** self._fails[self.rung - 1], MOST_FITTING_S)
+        if now_s - self._since_s < fitting_s:
             return False
         growth = SCALES[self.rung - 1] / self.scale
         usual = self._usual(0.75, now_s)
@@ -240,12 +242,12 @@ class ResolutionLadder:
 
     def _tail_s(self, now_s: float) -> float:
         """95th percentile of the latency of recent frames, from arrival to answer."""
-        latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - PATIENCE_S)
+        latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - FITTING_S)
         return latest[int(TAIL * (len(latest) - 1))]
 
     def _usual(self, part: float, now_s: float) -> FrameCost:
         """The quantile `part` of the latest frame times."""
-        latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - PATIENCE_S]
+        latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - FITTING_S]
         costs = sorted(latest, key=lambda cost: cost.whole_s)
         return costs[int(part * (len(costs) - 1))]
 

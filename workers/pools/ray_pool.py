@@ -50,11 +50,11 @@ log = logging.getLogger(__name__)
 
 _TICK_S = 0.25
 """Interval of progress requests while something runs, seconds."""
-_PATIENCE_S = 3.0
+_WAIT_S = 3.0
 """Seconds that a starting actor waits before an idle actor is ended for it, if our actors leave no capacity for it."""
 _START_S = 60.0
 """The same if they leave enough capacity: then the actor is still starting, or other programs use the cluster."""
-_HANDED_BYTES = 64 << 20
+_SHARED_BYTES = 64 << 20
 """Maximum bytes of artefacts in Ray's shared memory, over all nodes: far below the amount at which Ray begins to spill
 to disk, even with new artefacts. Spilling took a seventh of the time of two processors."""
 
@@ -75,9 +75,9 @@ class _Worker:
     attempt_id: str = ""
     made_at: float = field(default_factory=time.monotonic)
     """Time of its request, monotonic s."""
-    patient_since: float = field(default_factory=time.monotonic)
+    waiting_since: float = field(default_factory=time.monotonic)
     """Time since which it has waited for a machine and no idle actor was ended for it."""
-    hopeless_since: float | None = None
+    too_large_since: float | None = None
     """Time since which no machine of the cluster is large enough for it, even if idle; monotonic s."""
     answer: ObjectRef = None
     """Reference to the outcome of the attempt."""
@@ -106,7 +106,7 @@ class RayPool:
         )
         # A file just written on this machine is read as quickly as shared memory.
         self.shares_memory = not (here and isinstance(blobs, DiskBlobs))
-        self._handed = SharedArtefacts(_HANDED_BYTES)
+        self._shared = SharedArtefacts(_SHARED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
@@ -169,7 +169,7 @@ class RayPool:
             worker = self._place_for(capacity_for(order.resources, self._settings))
             if worker is not None:
                 worker.attempt_id = order.attempt_id
-                given = self._handed.of(order.artefacts.values()) if order.after else {}
+                given = self._shared.of(order.artefacts.values()) if order.after else {}
                 worker.answer = worker.actor.run.remote(order, given)
         if worker is None:  # an actor died between the claim and now
             self._listen(Report(order.attempt_id, lost=True))
@@ -256,11 +256,11 @@ class RayPool:
     def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
         node = _node_names().get(node_id, node_id[:12])
         with self._lock:
-            worker.name, worker.node, worker.hello, worker.hopeless_since = name, node, None, None
+            worker.name, worker.node, worker.hello, worker.too_large_since = name, node, None, None
         self._listen(Report("", worker=name))
 
     def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
-        self._handed.add(made)
+        self._shared.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
             if worker.node in self._drained:
@@ -273,7 +273,7 @@ class RayPool:
             asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
         for worker in busy:
             if not worker.name:  # its actor waits for capacity, which does not count as silence
-                none = "" if worker.hopeless_since is None else ": no machine has that"
+                none = "" if worker.too_large_since is None else ": no machine has that"
                 self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.capacity}{none}"))
         if not asked:
             return
@@ -295,31 +295,31 @@ class RayPool:
         """End idle actors for actors that have waited for capacity; start them again once none waits."""
         now = time.monotonic()
         with self._lock:
-            unborn = [worker for worker in self._workers if not worker.name]
-            if not any(worker.attempt_id for worker in unborn):
+            starting = [worker for worker in self._workers if not worker.name]
+            if not any(worker.attempt_id for worker in starting):
                 self._workers += [self._new_worker(self._usual) for _ in range(self._owed)]
                 self._owed = 0
-            late = [worker for worker in unborn if now - worker.patient_since > _PATIENCE_S]
+            late = [worker for worker in starting if now - worker.waiting_since > _WAIT_S]
         machines = _machines() if late else []
         for worker in late:
-            worker.patient_since = now
+            worker.waiting_since = now
             self._check_waiting(worker, machines, now)
-        if not unborn or late:
+        if not starting or late:
             self._update_shortage(machines)
 
     def _check_waiting(self, worker: _Worker, machines: Machines, now: float) -> None:
         """Free capacity for a waiting actor, or fail its attempt if no machine is large enough."""
         suitable = machines_with(worker.capacity, machines)
         if suitable:
-            worker.hopeless_since = None
+            worker.too_large_since = None
             with self._lock:
                 named = [(other.node, other.capacity) for other in self._workers if other.name]
             starts = now - worker.made_at < _START_S and has_capacity(worker.capacity, machines, named)
             if worker.attempt_id and not starts:
                 self._end_idle(suitable)
             return
-        worker.hopeless_since = worker.hopeless_since or now
-        if worker.attempt_id and now - worker.hopeless_since > self._settings.capacity_wait_s:
+        worker.too_large_since = worker.too_large_since or now
+        if worker.attempt_id and now - worker.too_large_since > self._settings.capacity_wait_s:
             self._give_up(worker, machines)
 
     def _give_up(self, worker: _Worker, machines: Machines) -> None:
@@ -336,8 +336,8 @@ class RayPool:
     def _update_shortage(self, machines: Machines) -> None:
         """Log once for operators when no worker can start on any machine."""
         with self._lock:
-            hopeless = bool(self._workers) and all(worker.hopeless_since is not None for worker in self._workers)
-        message = f"{shortage(self._usual, machines)}: no worker can start." if hopeless else ""
+            none_fits = bool(self._workers) and all(worker.too_large_since is not None for worker in self._workers)
+        message = f"{shortage(self._usual, machines)}: no worker can start." if none_fits else ""
         if message and not self._shortage:
             log.warning("%s", message)
         self._shortage = message
