@@ -65,7 +65,7 @@ class LiveRenderer:
         self._decoders = Decoders(blobs)
         self._helper = ThreadPoolExecutor(1, thread_name_prefix="impasto-aside")
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="impasto-filter")
-        self._handed: Queue[_Analysis | Exception] = Queue(_AHEAD)
+        self._analyses: Queue[_Analysis | Exception] = Queue(_AHEAD)
         self._news = threading.Condition()
         self._ahead = 0
         """Number of frames analyzed and not yet painted."""
@@ -123,14 +123,14 @@ class LiveRenderer:
             result = error
         with self._news:
             self._ahead += 1
-        self._handed.put(result)
+        self._analyses.put(result)
 
     def paint(self) -> RenderedFrame:
         """Second stage of the oldest analyzed frame; waits for its analysis.
 
         Raises: BadFrame (a payload is not a frame), and the errors of the method.
         """
-        result = self._handed.get()
+        result = self._analyses.get()
         try:
             if isinstance(result, Exception):
                 raise result

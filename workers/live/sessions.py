@@ -148,7 +148,7 @@ class LiveSessions:
             fits = _FITS[specs[given].kind]
             if asset.kind not in fits:
                 raise BadParameter(
-                    f"The input {given!r} is to be {specs[given].kind}, and this asset is {asset.kind}.",
+                    f"The input {given!r} needs an asset of kind {specs[given].kind}; this one has kind {asset.kind}.",
                     field=f"inputs.{given}", value=asset.id, remedy=f"Use an asset of kind: {', '.join(fits)}.",
                 )  # fmt: skip
         return {given: asset_key(asset.id) for given, asset in assets.items()}

@@ -30,11 +30,11 @@ class Removed:
     unfinished: int = 0
     """Unfinished files and uploads of crashed processes."""
     jobs: int = 0
-    """Blobs of jobs that are over or forgotten."""
+    """Blobs of jobs that have ended or were deleted."""
     assets: int = 0
-    """Bytes that no asset has."""
+    """Bytes that belong to no asset."""
     projects: int = 0
-    """Projects that were deleted long ago."""
+    """Projects whose time for undoing the deletion is over."""
     versions: int = 0
     """Old versions of projects that are not kept."""
 
@@ -43,7 +43,7 @@ class GarbageCollector:
     """Removes what no job needs. Thread-safe.
 
     Args:
-        every_s: between two sweeps through everything; the first is soon after the start.
+        every_s: interval of full sweeps, seconds; the first is soon after the start.
         may_sweep: whether this process, of all that share the store, is the one that sweeps now.
         undo_s: how long a deleted project can be restored.
         retention: which versions of projects stay.
@@ -93,8 +93,8 @@ class GarbageCollector:
         return self._store.reuse.kept_keys(self._reuse_s)
 
     def sweep(self) -> Removed:
-        """Remove everything that is not needed. Blobs in the making are safe: their job is not final, or their asset
-        is stored again."""
+        """Remove everything that is not needed. Blobs that are being written are safe, because their job is not final,
+        or their asset is stored again."""
         unfinished = self._blobs.sweep()
         reusable = self._reusable()
         jobs = sum(self._job(job_id, reusable) for job_id in self._job_ids() if self._is_over(job_id))
