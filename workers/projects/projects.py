@@ -102,11 +102,11 @@ class Projects:
         return self._store.restore(project_id)
 
     def share_epoch(self, project_id: str) -> int:
-        """Links signed with an earlier epoch are void."""
+        """The share epoch; links signed with an earlier epoch are invalid."""
         return self._store.share_epoch(project_id)
 
     def end_shares(self, project_id: str) -> None:
-        """Void every link of the project."""
+        """Invalidate every link of the project."""
         self._store.end_shares(project_id)
 
     # -- jobs
