@@ -89,7 +89,7 @@ class Client:
     def upload(self, path: str | Path, progress: transfer.Progress = _quiet) -> Json:
         """Send a file unless the service has these bytes already; return the asset. Large files are resumable.
 
-        Raises: BadInput (no such file), BadMedia (what is wrong with it), QuotaExceeded.
+        Raises: BadInput (no such file), BadMedia (the file is invalid), QuotaExceeded.
         """
         file = Path(path)
         if not file.is_file():
@@ -126,7 +126,7 @@ class Client:
         """Submit a job. `inputs`: input name -> asset id. `more`: seed, frames, output, priority, name, labels,
         webhook, on_damage.
 
-        Without `idempotency_key` each call is a job of its own; with one, the same request is the same job.
+        Without `idempotency_key` each call creates a job; with one, the same request returns the same job.
         Raises: BadParameter, NotFound (an asset), IdempotencyMismatch, QuotaExceeded.
         """
         body = {"method": method, "inputs": dict(inputs), "params": dict(params or {}), **more}
@@ -141,7 +141,7 @@ class Client:
         return self._items("/jobs", **filters)
 
     def newest_jobs(self, most: int) -> Iterator[Json]:
-        """The newest jobs, at most `most`, read page by page."""
+        """At most `most` of the newest jobs, read page by page."""
         cursor, left = None, most
         while left > 0:
             page = self._json("GET", "/jobs", params={"limit": min(left, 200)} | ({"cursor": cursor} if cursor else {}))

@@ -84,7 +84,7 @@ class LiveSessions:
         return tuple(name for name, found in methods().items() if _causal(found))
 
     def filters(self) -> tuple[str, ...]:
-        """Names of the methods that can filter what a live method paints."""
+        """Names of the methods that can filter the frames that a live method paints."""
         return tuple(name for name, found in methods().items() if _filters(found))
 
     def place(self) -> SessionSlot:
