@@ -134,7 +134,7 @@ class Method:
 
     Attributes:
         paper: key in references.bib.
-        artefacts: optional artefacts that a job may ask for.
+        artefacts: optional artefacts that a job may request.
         regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
@@ -142,7 +142,7 @@ class Method:
             `python -m benchmarks.estimates`; estimates use it until the farm has finished jobs of its own.
         cpu_growth: exponent with which CPU seconds a frame grow with its pixels, measured there too; below 1 where
             parts work at a fixed size.
-        input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
+        input_schemas: JSON Schema of the inputs of kind "json", by input name, made on access.
         input_examples: documents to begin with, by input name: frame count of the video -> name -> document.
         input_checks: checks of those documents, by input name.
     """
@@ -221,7 +221,7 @@ class Method:
         implementation for these parameters: the platform then runs the plan for those frames.
 
         Args:
-            frames: of the shot at preview size, uint8 (height, width, 3); each is decoded when it is asked for.
+            frames: frames of the shot at preview size, uint8 (height, width, 3), each decoded on access.
         """
         return None
 
@@ -231,7 +231,7 @@ class Method:
         return params
 
     def resources(self, step: str, context: PlanContext[AnyParams]) -> Resources | None:
-        """Resources of a task of `step` that declares none; None: those of the farm's settings.
+        """Resources of the tasks of `step` that declare none; None: those of the farm's settings.
 
         Memory depends on the size of the frames and of the window, never on the length of the video.
         """

@@ -201,7 +201,7 @@ class ImportanceTracker:
         return np.asarray(1 - plain * (1 - face * self._faces.head_mask(self._cues.shape)), np.float32)
 
     def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
-        """Move the cue of hands with the flow, and let it follow what is found in this frame."""
+        """Move the cue of hands with the flow, then towards the hands that are found in this frame."""
         if colours is None or self._age == 0 or not len(self._faces.faces):
             self._hands = np.zeros_like(self._hands)
             return

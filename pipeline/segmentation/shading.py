@@ -18,7 +18,7 @@ from pipeline.frames import Plane
 from pipeline.jit import kernel
 
 CELL_PX = 8
-"""Side of a cell: that of the smallest block of a codec."""
+"""Side of a cell, px, equal to that of the smallest block of a codec."""
 MEASURED_ROWS = (0, 2, 5, 7)
 """Rows of a cell that are measured, symmetric about its middle. They suffice, because the frame has been blurred."""
 FLAT_BELOW, UNEVEN_FROM = np.float32(6), np.float32(10)

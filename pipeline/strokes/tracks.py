@@ -70,8 +70,8 @@ class LifecycleParams:
         gap: smallest distance of a new stroke from any other, in spacings.
         crowd: distance below which the younger of two strokes is removed, in spacings; less than `gap`.
         fade: change of presence a frame, 0..1.
-        follow: fraction of the colour difference to the picture that a stroke makes up a frame, 0..1. It rises to 1 at
-            a difference of `break_off`, because a stroke of a wrong colour covers nothing and blocks new strokes.
+        follow: fraction of the colour difference to the picture by which a stroke changes per frame, 0..1. It rises to
+            1 at a difference of `break_off`, because a stroke of a wrong colour covers nothing and blocks new strokes.
         break_off: colour difference (RGB distance) above which a stroke is removed: it is on another surface.
     """
 

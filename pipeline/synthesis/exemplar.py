@@ -20,7 +20,7 @@ _COLOURS = 1 << 24
 VIDEO_SHARPNESS = 0.6
 """Contrast of neighbouring pixels in videos, relative to the contrast at half resolution: measured 0.56 to 0.84."""
 _SIGMA_STEPS_PX = tuple(step / 8 for step in range(17))
-"""Standard deviations of the Gaussian that are tried, px."""
+"""Tried standard deviations of the Gaussian, px."""
 
 
 def natural_size(painting: tuple[int, int], frame: tuple[int, int]) -> float:
@@ -44,7 +44,7 @@ def contrast(gray: NDArray[np.float32]) -> float:
 
 
 def natural_sigma(picture: Bytes) -> float:
-    """Standard deviation of the Gaussian that gives a painting the sharpness of a video, px; 0 = it has it.
+    """Standard deviation of the Gaussian that gives a painting the sharpness of a video, px; 0 = no blur is needed.
 
     In natural scenes every octave has the same contrast, so that the contrast of neighbouring pixels does not depend on
     the resolution; lens and codec lower it at full resolution. In a sharpened scan it is higher: noise instead of

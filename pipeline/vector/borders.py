@@ -87,7 +87,7 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
 def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
     """Borders near a line, moved just under its outline.
 
-    A line beside a border would leave a sliver of one region between the two, which widens the edge; and a border
+    A line beside a border leaves a sliver of one region between the two, which widens the edge; and a border
     under a line cannot be seen to move. Where the region between the two continues on the other side of the line, it
     is such a sliver up to twice the reach: the line stands at the edge, and the border lags behind it.
 

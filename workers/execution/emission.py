@@ -60,7 +60,7 @@ class Emission:
         """
         if index != self.next or index >= self._stop:
             raise EmitError(
-                f"Frame {self.next} of [{self._start}, {self._stop}) is to be emitted next.", field="emit", value=index
+                f"Frame {self.next} of [{self._start}, {self._stop}) must be emitted next.", field="emit", value=index
             )
         kept = same_size(check_frame(frame), self._spec.size).copy()
         if self._thread is None:

@@ -116,7 +116,7 @@ class _StillDecoder:
         except ImpastoError:
             header, codec = None, "not a picture"
         if header is None:
-            raise BadFrame(f"A frame is to be one {self._codec} picture.", field="payload", value=codec)
+            raise BadFrame(f"A frame must be one {self._codec} picture.", field="payload", value=codec)
         _same_size((header.width, header.height), size)
         if self._codec == "jpeg" and payload.rfind(b"\xff\xd9", max(0, len(payload) - 1024)) < 0:
             raise _undecodable(self._codec)

@@ -131,7 +131,8 @@ class Analogy(Method):
         device()
 
     def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:
-        """Parameters of a single frame of a video: without temporal coherence, and not those of a still."""
+        """Parameters for a single frame of a video: without temporal coherence, and without the adjustments for
+        stills."""
         return params.model_copy(update={"temporal": "off", "guided_stills": "off"})
 
     def propagator(self, params: AnalogyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:

@@ -27,7 +27,8 @@ from pipeline.synthesis.orientation import DirectionSources
 from pipeline.synthesis.tone_matching import ToneMatch, ToneStatistics, lab_guide, tone_statistics
 
 MIN_LEVEL_PX = 24
-"""Minimum shorter side of the coarsest level, px: smaller pictures have nothing to match and no reliable flow."""
+"""Minimum shorter side of the coarsest level, px: smaller pictures have too little detail to match and no reliable
+flow."""
 _EXTRAPOLATED_VELOCITY_PX = 600
 """Maximum distance from a silhouette to which velocities are extrapolated, px."""
 _THREADS = 2

@@ -1,4 +1,4 @@
-"""Scaling of a painting that is given alone, so that its strokes suit the size of the frame.
+"""Scaling of a painting that is the only style input, so that its strokes suit the size of the frame.
 
 The step `scan` saves the scaled painting, and the tasks of the step `synthesise` load it.
 """

@@ -9,7 +9,7 @@ from pipeline.synthesis.tone_matching import ToneMatch
 
 
 class SweepFrames:
-    """Decodes frames, and reduces them to the levels of the sweeps. Successive sweeps share what they have in common.
+    """Decodes frames, and reduces them to the levels of the sweeps. Successive sweeps of the same frames share them.
 
     Attributes:
         finest: finest level that any sweep needs; frames are decoded to it.

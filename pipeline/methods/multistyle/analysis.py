@@ -71,7 +71,7 @@ class StrokeLayer:
 
 @dataclass(frozen=True)
 class StrokeAnalysis:
-    """Everything that the painter needs to know about one frame.
+    """All data that the painter needs for one frame.
 
     Attributes:
         number: counter of the analyzer; consecutive frames of a shot have consecutive numbers.

@@ -79,7 +79,7 @@ def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
 
     Args:
         alpha: rate of the decay, per squared RGB distance, RGB in 0..1.
-        buffers: memory to work in.
+        buffers: working memory.
 
     Returns:
         float32 (h, w), 0..1.

@@ -20,8 +20,8 @@ CELL_PX = 4
 WINDOW_CELLS = 5
 """Side of the window, in cells, over which the amounts are averaged."""
 MEMORY = np.float32(0.9)
-"""Share of the last frame's amounts in those of a frame. The amount in a single frame flickers as its texture does, and
-the amplified texture would flicker with it."""
+"""Share of the previous frame's amounts in those of a frame. The amount in a single frame flickers as its texture does,
+and the amplified texture would flicker with it."""
 LARGEST = 3.0
 """Largest gain of a band, so that faint texture does not become noise."""
 _LEAST_DETERMINANT = np.float32(1e-3)
@@ -38,7 +38,7 @@ NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
 def restore_detail(
     frames: tuple[Picture, Picture], trust: Plane, share: float, before: Amounts, buffers: Buffers
 ) -> tuple[Picture, Amounts]:
-    """The amount to add to a result to give its texture the strength of the styled frames' texture around each pixel.
+    """The texture to add to a result, so that its texture is as strong as that of the styled frames around each pixel.
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
     contrast; the texture stays that of the average, which changes slowly. Where the motion is not trusted, nothing was
@@ -51,7 +51,7 @@ def restore_detail(
         trust: confidence in the motion to the previous frame, float32 (h, w), 0..1. The gains are multiplied by it.
         share: of the missing texture that is restored, 0..1.
         before: amounts at the last frame.
-        buffers: memory to work in. The returned texture lies there until the next call with the same `buffers`.
+        buffers: working memory. It contains the returned texture until the next call with the same `buffers`.
 
     Returns:
         The texture, float32 (h, w, 3); and the amounts at this frame.
