@@ -22,7 +22,8 @@ class Damage:
 
     Attributes:
         frames: number of frames that the file should have.
-        unreadable: runs of frames that are incomplete or cannot be decoded, ascending. Such a frame is shown incomplete, or replaced by the previous frame.
+        unreadable: runs of frames that are incomplete or cannot be decoded, ascending. Such a frame is shown
+            incomplete, or replaced by the previous frame.
         missing: runs of frames that are not in the file, ascending.
     """
 
