@@ -229,22 +229,23 @@ def _apply(
         samples: rows and columns of the model at each row and column of `frame`.
     """
     one, zero = np.float32(1.0), np.float32(0.0)
-    (rows, down), (columns, across) = samples
+    (rows, row_distances), (columns, column_distances) = samples
     height, width = near.shape
     for y in range(out.shape[0]):
-        r, b = rows[y], down[y]
-        s = min(r + 1, height - 1)
+        top, down = rows[y], row_distances[y]
+        bottom = min(top + 1, height - 1)
         for x in range(out.shape[1]):
-            c, a = columns[x], across[x]
-            d = min(c + 1, width - 1)
-            if not (near[r, c] or near[r, d] or near[s, c] or near[s, d]):
-                out[y, x] = coefficients[r, c, 3]
+            left, across = columns[x], column_distances[x]
+            right = min(left + 1, width - 1)
+            if not (near[top, left] or near[top, right] or near[bottom, left] or near[bottom, right]):
+                out[y, x] = coefficients[top, left, 3]
                 continue
             value = zero
             for k in range(4):
-                upper = coefficients[r, c, k] + a * (coefficients[r, d, k] - coefficients[r, c, k])
-                lower = coefficients[s, c, k] + a * (coefficients[s, d, k] - coefficients[s, c, k])
-                factor = upper + b * (lower - upper)
+                above, below = coefficients[top, left, k], coefficients[bottom, left, k]
+                above += across * (coefficients[top, right, k] - above)
+                below += across * (coefficients[bottom, right, k] - below)
+                factor = above + down * (below - above)
                 value += factor * np.float32(frame[y, x, k]) if k < 3 else factor
             value = min(max(value, zero), one)
             complement = one - value

@@ -116,6 +116,7 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
     changed = np.empty(change.shape[1], np.float32)
     shares, parts, there = np.empty(width, np.float32), np.empty(3 * width, np.float32), np.empty(3 * width, np.float32)
     for y in range(height):
+        # Flow and change at this row, on the columns of their own grids.
         above, below, down = _cells(y, height, flow.shape[0])
         for x in range(flow.shape[1]):
             flow_x[x] = (flow[above, x, 0] + down * (flow[below, x, 0] - flow[above, x, 0])) * grow_x
@@ -123,10 +124,12 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
         above, below, down = _cells(y, height, change.shape[0])
         for x in range(change.shape[1]):
             changed[x] = change[above, x] + down * (change[below, x] - change[above, x])
+        # Weight of the earlier painting: 1 for the same surface, 0 for another one.
         for x in range(width):
             first, second = changed[change_columns[0, x]], changed[change_columns[1, x]]
-            most = first + change_across[x] * (second - first)
-            shares[x] = min(max((np.float32(OTHER) - most) * np.float32(1 / (OTHER - SAME)), zero), one)
+            change_here = first + change_across[x] * (second - first)
+            shares[x] = min(max((np.float32(OTHER) - change_here) * np.float32(1 / (OTHER - SAME)), zero), one)
+        # Colours of the earlier painting: those of this row, replaced where the flow is not 0.
         row, own = paint[y].reshape(-1), mean[y].reshape(-1)
         for i in range(3 * width):
             there[i] = np.float32(row[i])
@@ -143,6 +146,7 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
                 left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
                 for c in range(3):
                     there[3 * x + c] = _interpolated(paint, left, right, top, bottom, a, b, c)
+        # Weighted mean. These loops vectorise.
         sums = weight[y]
         for x in range(width):
             sums[x] += shares[x]

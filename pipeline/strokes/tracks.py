@@ -164,13 +164,8 @@ def update(
     leaving = tracks.leaving | (change > params.break_off)
     if wanted is not None:
         leaving = leaving | ~wanted
-    far = np.minimum(change / np.float32(params.break_off), 1)
-    share = (np.float32(params.follow) + np.float32(1 - params.follow) * far * far)[:, None]
-    at_once = np.zeros(len(tracks), np.bool_)
-    if revealed is not None:
-        x, y = nearest(tracks.seeds.xy, revealed.shape, shape)
-        at_once = revealed[y, x]
-        share[at_once] = 1
+    at_once = _flags_at(revealed, tracks.seeds, shape)
+    share = _colour_share(change, at_once, params)
     targets = np.where(leaving[:, None], tracks.targets, tracks.targets + share * (now - tracks.targets))
     crowded, fits = _crowding(tracks.seeds, leaving, candidates, spacing_px, params, shape)
     leaving = leaving | crowded
@@ -180,10 +175,29 @@ def update(
     kept = StrokeTracks(tracks.seeds, targets.astype(np.float32), presence, leaving, tracks.initial)[presence > 0]
     new = candidates[fits]
     presence = np.full(len(new), params.fade, np.float32)
-    if revealed is not None:
-        x, y = nearest(new.xy, revealed.shape, shape)
-        presence[revealed[y, x]] = 1
+    presence[_flags_at(revealed, new, shape)] = 1
     return _concatenate(kept, _new_tracks(new, colours_at(new, reference, shape), presence))
+
+
+def _flags_at(mask: Mask | None, seeds: Seeds, shape: tuple[int, ...]) -> Flags:
+    """Values of a mask at seeds, in px of a frame of `shape`: bool (n,); False without a mask."""
+    if mask is None:
+        return np.zeros(len(seeds), np.bool_)
+    x, y = nearest(seeds.xy, mask.shape, shape)
+    return np.asarray(mask[y, x], np.bool_)
+
+
+def _colour_share(change: NDArray[np.float32], at_once: Flags, params: LifecycleParams) -> NDArray[np.float32]:
+    """Share of the colour difference to the picture by which strokes change, 0..1: float32 (n, 1).
+
+    Args:
+        change: RGB distance to the picture, (n,).
+        at_once: strokes that change completely.
+    """
+    far = np.minimum(change / np.float32(params.break_off), 1)
+    share = (np.float32(params.follow) + np.float32(1 - params.follow) * far * far)[:, None]
+    share[at_once] = 1
+    return np.asarray(share, np.float32)
 
 
 def _concatenate(old: StrokeTracks, new: StrokeTracks) -> StrokeTracks:
