@@ -93,20 +93,20 @@ def render(
 
         >>> import numpy as np
         >>> import impasto
-        >>> grey = [np.full((48, 64, 3), value, np.uint8) for value in (90, 120, 150)]
-        >>> frames = impasto.render("abstraction", grey, lines="off")
+        >>> gray = [np.full((48, 64, 3), value, np.uint8) for value in (90, 120, 150)]
+        >>> frames = impasto.render("abstraction", gray, lines="off")
         >>> next(frames).shape
         (48, 64, 3)
 
         A file, with the sound of the source:
 
-        >>> path = impasto.render("abstraction", grey, "grey.mp4", lines="off", fps=12)
+        >>> path = impasto.render("abstraction", gray, "gray.mp4", lines="off", fps=12)
         >>> path.name
-        'grey.mp4'
+        'gray.mp4'
 
         Mistakes are explained:
 
-        >>> impasto.render("abstraction", grey, line="off")
+        >>> impasto.render("abstraction", gray, line="off")
         Traceback (most recent call last):
         ...
         pipeline.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
