@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
+from pipeline.flow.gray import Gray
 from pipeline.frames import Flow, Plane
-from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Gray, Pose, pieces, pose_pieces
+from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.segmentation.motion import median_motion
 
 FACE = np.dtype([

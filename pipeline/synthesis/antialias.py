@@ -4,7 +4,7 @@ Departure from benard2013stylizing, where every output pixel is a copy of a styl
 between pieces of the style, then moves by whole pixels, which flickers where the scene moves. Here a pixel is the mean
 of the colours that nine pieces show there: its own, and those of its eight neighbours, weighted 1 2 1 along x and y.
 Inside a piece, all nine are equal. Pieces are sampled at fractional offsets by cubic convolution (a = -1/2). The mean
-has colours that the style lacks; `exemplar.Palette` replaces each by the nearest colour of the style.
+has colours that the style lacks; `exemplar.PaintingColours` replaces each by the nearest colour of the style.
 
 This is the specification of `antialias.cl`, which gives the same bytes.
 """

@@ -61,7 +61,7 @@ def natural_sigma(picture: Bytes) -> float:
     return sigma
 
 
-class Palette:
+class PaintingColours:
     """The colours of a painting. Results of searches are cached, in at most 64 MiB.
 
     Thread-safe: two threads that search for the same colour find the same result.
@@ -121,7 +121,7 @@ def _axis_distance(value: int, cell: int) -> int:
 
 @kernel
 def _replace(pixels: Bytes, palette: NDArray[np.int64], starts: NDArray[np.int64], found: NDArray[np.int32]) -> None:
-    """Replace the colours of pixels, (pixels, 3 or 4), in place; `found`: see `Palette`."""
+    """Replace the colours of pixels, (pixels, 3 or 4), in place; `found`: see `PaintingColours`."""
     for i in range(len(pixels)):
         wanted = int(pixels[i, 0]) << 16 | int(pixels[i, 1]) << 8 | int(pixels[i, 2])
         if found[wanted] == 0:

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.methods.analogy.inputs import WHOLE, StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
-from pipeline.synthesis.exemplar import Palette, natural_sigma, natural_size, resized
+from pipeline.synthesis.exemplar import PaintingColours, natural_sigma, natural_size, resized
 from pipeline.synthesis.images import Bytes
 from pipeline.synthesis.tone_matching import derived_guide
 
@@ -57,7 +57,7 @@ def _scaled(painting: Bytes, scale: float) -> Bytes:
     sigma = natural_sigma(output)
     if sigma > 0:
         output = np.asarray(cv2.GaussianBlur(output, (0, 0), sigma), np.uint8)
-    return output if output is painting else Palette(painting).nearest(output)
+    return output if output is painting else PaintingColours(painting).nearest(output)
 
 
 def _smoothed(picture: Bytes, smoothing_px: float) -> Bytes:

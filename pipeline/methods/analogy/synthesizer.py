@@ -17,7 +17,7 @@ from pipeline.methods.analogy.shot_layers import paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
 from pipeline.methods.base import TaskContext, TaskResult
 from pipeline.synthesis.device_memory import operations
-from pipeline.synthesis.exemplar import Palette
+from pipeline.synthesis.exemplar import PaintingColours
 from pipeline.synthesis.images import Bytes, Offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
@@ -49,7 +49,7 @@ class Synthesizer:
     ) -> None:  # fmt: skip
         self.context, self.inputs, self.pair, self.params = context, inputs, pair, params
         with context.clock("style"):
-            self._palette = Palette(pair.output) if scaled else None
+            self._colours = PaintingColours(pair.output) if scaled else None
             self.pyramid = StylePyramid(pair, params, inputs.rotates)
         self.levels = levels_of(params, context.size, min(pair.output.shape[:2]))
         self.ops, self.message = operations(device(), context.size, pair.output, self._frames_on_device())
@@ -74,7 +74,7 @@ class Synthesizer:
                     level,
                     colours=channels,
                     keyframe_style=self.keyframe_style,
-                    subpixel=self._palette is not None,
+                    subpixel=self._colours is not None,
                 )
                 self._loaded[level] = self.ops.load(self.pyramid.at(level, energy), energy)
         return self._loaded[level]
@@ -124,7 +124,7 @@ class Synthesizer:
 
     def _rendered(self, solved: SolvedFrame[Any], level_frames: LevelFrames) -> AnyArray:
         """Data from which `painting` makes the picture of a solved frame: its offsets, or its colours, see there."""
-        if self._palette is None:
+        if self._colours is None:
             return self.ops.fetch(solved.offsets)
         paintable = level_frames.paintable.get(solved.index)
         on_device = None if paintable is None else self.ops.upload(paintable)
@@ -136,9 +136,9 @@ class Synthesizer:
         Departure: a painting that is scaled has no pixels of its own that could be copied. Its strokes move by
         fractions of a pixel, see `antialias`, and every pixel then gets the nearest colour of the painting.
         """
-        if self._palette is None:
+        if self._colours is None:
             return colours(self.style(0).style, rendered)
-        return self._palette.nearest(rendered)
+        return self._colours.nearest(rendered)
 
     def emit_frame(self, index: int, painting: Bytes, level_frames: LevelFrames) -> None:
         """Emit a finished frame, or save it for the step `composite` if it is a layer."""

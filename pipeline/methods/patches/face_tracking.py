@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import State
+from pipeline.flow.gray import Gray
 from pipeline.frames import Plane
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.face_detector import Gray
 from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker, faces_of_state, head_mask
 
 HALF_LIFE_FRAMES = 6.0
