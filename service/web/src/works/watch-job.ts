@@ -11,14 +11,14 @@ const QUEUE_MS = 4000;
 export interface JobListener {
   /** The job as it is now; `queue`: its position, if it is known. */
   onchange(job: Job, queue: Queue | null): void;
-  /** The job cannot be read, and has not been read before. `again`: it is tried again, since the service may recover. */
+  /** Called if the job cannot be read and has not been read before. `again`: the read is repeated, because the service may recover. */
   onmissing?(problem: api.Problem, again: boolean): void;
 }
 
-/** Whether the same request may succeed later: there was no answer, or the service was too busy for one. */
+/** Whether the same request may succeed later, because the service did not answer or was too busy. */
 const mayPass = ({ status }: api.Problem): boolean => status === 0 || status === 429 || status >= 500;
 
-/** Follow a job until it is final or `signal` aborts. It is read not more often than the eye can follow. */
+/** Follow a job until it is final or `signal` aborts. Readings are limited to a rate that a user can follow. */
 export async function watchJob(id: string, { onchange, onmissing }: JobListener, signal: AbortSignal): Promise<void> {
   let job: Job | null = null;
   let queue: Queue | null = null;
