@@ -58,7 +58,7 @@ class EchoSession:
         frame, number = analysis
         time.sleep(self.params.paint_s + self.params.per_pixel_s * frame.shape[0] * frame.shape[1])
         if self.params.fault == "paint":
-            raise RuntimeError("a frame without pixels")
+            raise RuntimeError("injected fault in paint")
         made = np.asarray(cv2.add(frame, np.full_like(frame, self.params.add)), np.uint8)
         made[0, 0] = (self.params.add, self.green, number % 256)
         return made

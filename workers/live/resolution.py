@@ -56,8 +56,8 @@ AIM = 0.9
 """Frames that took longer than this share of the deadline count as late, because sending and attempts at a larger size
 need time as well."""
 FITTING_S, MOST_FITTING_S = 3.0, 120.0
-"""Time for which the next larger size must be expected to fit before a step up, seconds, and its maximum after
-failures."""
+"""Time for which the next larger size must be expected to fit before a step up, judged by the frames of that time, and
+its maximum after failures, seconds."""
 STABLE_S = 60.0
 """Seconds. A step up that is reversed before this time has failed; one that lasts longer clears earlier failures."""
 ENOUGH = 4
