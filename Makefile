@@ -14,10 +14,10 @@ PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-c
 
 .PHONY: install web demo test check audit bench chaos fuzz soak docs gallery clean help
 
-help: ## this list
+help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
-install: $(STAMP) web ## make .venv with everything in it, and build the pages
+install: $(STAMP) web ## create .venv with all dependencies, and build the pages
 
 # What runs Impasto and builds its pages; the tools of developers are installed by the first target that needs them.
 $(RUN_STAMP): pyproject.toml constraints.txt
@@ -35,42 +35,42 @@ web: $(RUN_STAMP) ## build the pages (service/web) if a source has changed
 demo: web ## start the embedded service, render a sample through the real API
 	$(BIN)/python examples/demo.py
 
-test: install ## every test, in TEST_JOBS processes; those whose real part is missing are skipped, with the reason
+test: install ## run every test in TEST_JOBS processes; tests whose external program is missing are skipped, with the reason
 	$(BIN)/python -m service.bundle npm test
 	$(BIN)/python -m tests.prepare
 	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder
 	$(BIN)/python -m pytest -m serial $$(grep -rlF mark.serial tests --include='test_*.py')
 
-check: install ## ruff, types, import contracts; types and lint of the pages
+check: install ## check format, types and import contracts; types and lint of the pages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python -m service.bundle npm run check
 
-audit: install ## whether a dependency is known to be vulnerable (needs the network)
+audit: install ## check dependencies for known vulnerabilities (needs the network)
 	$(BIN)/python .ci/audit.py
 
-bench: install ## speed, as ratios measured in one run
+bench: install ## measure speed, as ratios within one run
 	$(BIN)/python -m benchmarks
 
-chaos: install ## faults of every part of a farm on real PostgreSQL and S3, ten seeded runs; three on a Ray cluster; random work on the store
+chaos: install ## inject faults into every part of a farm on real PostgreSQL and S3, ten seeded runs; three on a Ray cluster; random work on the store
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.chaos --cluster --seeds 3
 	$(BIN)/python -m tests.chaos --tiny --rounds 10 --disk --seeds 3 --faults 20 --away 0.1 0.5
 	IMPASTO_FARM_STEPS=20000 $(BIN)/python -m pytest -q --timeout 1800 tests/contracts/test_random_work.py
 
-soak: install ## a service under mixed load, and what grows: make soak MINUTES=60
+soak: install ## measure the growth of resources of a service under mixed load: make soak MINUTES=60
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
-fuzz: install ## malformed media, requests, uploads and live messages for some minutes: make fuzz MINUTES=10 SEED=1
+fuzz: install ## send malformed media, requests, uploads and live messages for some minutes: make fuzz MINUTES=10 SEED=1
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)
 
-docs: install ## the documentation as a searchable site in build/site
+docs: install ## build the documentation as a searchable site in build/site
 	$(BIN)/python -m docs.site build/site
 
-gallery: install ## docs/gallery from real renders of the media folder: make gallery MEDIA=...
+gallery: install ## make docs/gallery from real renders of the media folder: make gallery MEDIA=...
 	$(BIN)/python -m docs.make_gallery $(MEDIA)
 
-clean: ## forget the environment and every cache
+clean: ## remove the environment and all caches
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

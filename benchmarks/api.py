@@ -27,13 +27,13 @@ from benchmarks.dispatch import _plan, _queue, _submit
 from workers.store import Store
 
 CONNECTIONS = (1, 2, 4, 8, 16)
-SECONDS, TURNS = 1.5, 3
+SECONDS, RUNS = 1.5, 3
 """Length of a measurement, and measurements per number of connections. The best one counts, since the load of the
 machine varies."""
 P99_MS = 100.0
 SIZES = ((10, 100), (10_000, 100_000))
 """(queued jobs of 50 owners, tasks of one more job)"""
-LOOKS = 30
+READS = 30
 ADMIN = "a key for this benchmark only"
 
 
@@ -145,7 +145,7 @@ async def _all(port: int, service: psutil.Process, big: str) -> None:
     print("    request                connections  a second    p50 ms    p99 ms    CPU ms of the service")
     for name, ask in {
         "submit a job": lambda c, n: c.ask("POST", "/v1/jobs", _job(asset, n)),
-        "look at a job": lambda c, n: c.ask("GET", f"/v1/jobs/{job}"),
+        "read a job": lambda c, n: c.ask("GET", f"/v1/jobs/{job}"),
         "healthz": lambda c, n: c.ask("GET", "/healthz"),
     }.items():
         best = await _best(port, service, ask)
@@ -170,11 +170,11 @@ async def _looks(port: int, big: str) -> None:
         "metrics": "/metrics",
     }.items():
         connection = await _open(port)
-        took = [await _time(connection.ask("GET", path)) for _ in range(LOOKS)]
+        took = [await _time(connection.ask("GET", path)) for _ in range(READS)]
         print(f"    {name:<24}{statistics.median(took):12.1f}{max(took):12.1f}")
         connection.close()
     took = []
-    for _ in range(LOOKS):
+    for _ in range(READS):
         connection = await _open(port)
         took.append(await _time(connection.first_event(f"/v1/jobs/{big}/events")))
         connection.close()
@@ -187,7 +187,7 @@ async def _looks(port: int, big: str) -> None:
 
 async def _best(port: int, service: psutil.Process, ask: Ask) -> Load:
     """The load with the highest rate whose 99th percentile is within `P99_MS`; if none is, the one with the lowest."""
-    loads = [await _load(port, service, ask, connections) for _ in range(TURNS) for connections in CONNECTIONS]
+    loads = [await _load(port, service, ask, connections) for _ in range(RUNS) for connections in CONNECTIONS]
     in_time = [load for load in loads if load.percentile(99) <= P99_MS]
     if not in_time:
         return min(loads, key=lambda load: load.percentile(99))

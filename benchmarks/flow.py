@@ -20,7 +20,7 @@ from pipeline.frames import Frame
 from pipeline.scenes import SceneFrame, scene
 
 SIZES = ((352, 288), (1280, 720))
-TURNS = 3
+RUNS = 3
 Solver = Callable[[Any, Any], Any]
 """Computes the flow between two gray images."""
 
@@ -38,13 +38,13 @@ def main() -> None:
 
 
 def measure(first: SceneFrame, second: Frame) -> Iterator[tuple[str, float, float]]:
-    """(solver, shortest time of `TURNS` runs in ms, mean end-point error in px) for each solver."""
+    """(solver, shortest time of `RUNS` runs in ms, mean end-point error in px) for each solver."""
     gray = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (first.image, second)]
     visible = ~first.occluded_next
     for name, solve in solvers().items():
         flow = solve(*gray)
         error = np.linalg.norm(flow - first.velocity_next, axis=-1)[visible].mean()
-        yield name, min(_ms(solve, *gray) for _ in range(TURNS)), float(error)
+        yield name, min(_ms(solve, *gray) for _ in range(RUNS)), float(error)
 
 
 def solvers() -> dict[str, Solver]:

@@ -29,11 +29,11 @@ def _packets(given: InputContainer) -> Iterator[Packet[VideoStream]]:
     """The video's packets in an endless loop; timestamps rise by the clip's duration with each repetition."""
     video = given.streams.video[0]
     assert video.average_rate and video.time_base
-    turn = round(video.frames / (video.average_rate * video.time_base))
+    length = round(video.frames / (video.average_rate * video.time_base))
     for number in count():
         for packet in given.demux(video):
             if packet.pts is not None and packet.dts is not None:
-                packet.pts, packet.dts = packet.pts + number * turn, packet.dts + number * turn
+                packet.pts, packet.dts = packet.pts + number * length, packet.dts + number * length
                 yield packet
         given.seek(0)
 

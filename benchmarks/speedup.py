@@ -307,8 +307,8 @@ def _row(job: Recorded) -> str:
     alone = simulate(job, 1)
     runs = [explain(job, workers) for workers in WORKERS]
     speeds = " | ".join(f"{alone / run.seconds:.1f}" for run in runs)
-    about = f"{job.frames:,} frames | {len(job.tasks):,} | {alone / 3600:.2f} h"
-    return f"| {job.method} | {about} | {speeds} | {runs[-1].limit} |"
+    size = f"{job.frames:,} frames | {len(job.tasks):,} | {alone / 3600:.2f} h"
+    return f"| {job.method} | {size} | {speeds} | {runs[-1].limit} |"
 
 
 if __name__ == "__main__":

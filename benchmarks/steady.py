@@ -81,7 +81,7 @@ def compare(source: Sequence[Frame], styled: Sequence[Frame], result: Sequence[F
 
 
 def laplacian(frame: Frame) -> NDArray[np.float32]:
-    """Laplacian of the lightness, grey levels."""
+    """Laplacian of the lightness, gray levels."""
     gray = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY).astype(np.float32)
     return np.asarray(cv2.Laplacian(gray, cv2.CV_32F), np.float32)
 

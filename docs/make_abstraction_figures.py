@@ -158,9 +158,9 @@ def strip(name: str, media: Path) -> Frame:
     tiles, names = [], []
     for value in _values(name):
         params = () if value in (default, round_(default)) else ((name, value),)
-        tile, note = _tile(shown, media, params)
+        tile, suffix = _tile(shown, media, params)
         tiles.append(tile)
-        names.append(f"{value}{note}")
+        names.append(f"{value}{suffix}")
     return grid(tiles, 3, names)
 
 
@@ -239,7 +239,7 @@ def pipeline(media: Path) -> Frame:
         raise RuntimeError("The figure needs a frame with previous frames.")
     limit = session.regions.params.flow_error_limit
     remainder = session.regions.segmenter.remainder
-    carried = smooth_labels(propagate(known.labels, analysis.flow, remainder, analysis.residual, limit)[0])
+    propagated = smooth_labels(propagate(known.labels, analysis.flow, remainder, analysis.residual, limit)[0])
     session.compositor.prepare(analysis)
     session.compositor.prepare(analysis)
     sketch = session.regions.step(analysis)
@@ -250,7 +250,7 @@ def pipeline(media: Path) -> Frame:
         "3 settled with its past": cv2.cvtColor(analysis.lab, cv2.COLOR_LAB2RGB),
         "4 importance": show_plane(analysis.importance.result()),
         "5 edges, by importance": 255 - np.dstack([analysis.edges.result()] * 3),
-        "6 labels carried (red: none)": show_labels(carried, known.ids),
+        "6 labels carried (red: none)": show_labels(propagated, known.ids),
         "7 labels completed": show_labels(sketch.regions.labels, sketch.regions.ids),
         "8 region colours": sketch.colours[sketch.regions.labels],
         "9 boundaries rounded": sketch.colours[painting.labels],

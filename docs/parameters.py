@@ -40,21 +40,21 @@ def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """Parameters as rows: description, unit, range, default, the paper's symbol."""
     yield "| parameter | what it does | unit | range | default | in the paper |"
     yield "|---|---|---|---|---|---|"
-    for name, about in properties.items():
-        symbol = SYMBOLS.get(about.get("symbol", ""), about.get("symbol", ""))
+    for name, field in properties.items():
+        symbol = SYMBOLS.get(field.get("symbol", ""), field.get("symbol", ""))
         cells = [
-            f"**{about['title']}**<br>`{name}`",
-            about["description"].replace("|", "\\|"),
-            about.get("unit", ""),
-            _range(about),
+            f"**{field['title']}**<br>`{name}`",
+            field["description"].replace("|", "\\|"),
+            field.get("unit", ""),
+            _range(field),
         ]
-        yield "| " + " | ".join([*cells, f"{_value(about['default'])}", symbol]) + " |"
+        yield "| " + " | ".join([*cells, f"{_value(field['default'])}", symbol]) + " |"
 
 
-def _range(about: Mapping[str, Any]) -> str:
-    if "enum" in about:
-        return ", ".join(f"`{value}`" for value in about["enum"])
-    return f"{_value(about['minimum'])} to {_value(about['maximum'])}"
+def _range(field: Mapping[str, Any]) -> str:
+    if "enum" in field:
+        return ", ".join(f"`{value}`" for value in field["enum"])
+    return f"{_value(field['minimum'])} to {_value(field['maximum'])}"
 
 
 def _value(value: object) -> str:
@@ -62,10 +62,10 @@ def _value(value: object) -> str:
 
 
 def _pictures(properties: Mapping[str, Mapping[str, Any]], captions: Mapping[str, str]) -> Iterator[str]:
-    for name, about in properties.items():
-        yield f"**{about['title']}**, `{name}`: {captions[name]}"
+    for name, field in properties.items():
+        yield f"**{field['title']}**, `{name}`: {captions[name]}"
         yield ""
-        yield f"![What {about['title'].lower()} does](abstraction/{name}.jpg)"
+        yield f"![What {field['title'].lower()} does](abstraction/{name}.jpg)"
         yield ""
 
 

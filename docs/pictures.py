@@ -26,7 +26,7 @@ MEDIA = DOCS.parent.parent / "shared" / "media"
 WIDTH_PX, GAP_PX = 900, 4
 """Width of a figure, and the gap between its tiles, px."""
 LIMIT_BYTES = 120_000
-PAPER, LETTERS = 255, (70, 70, 70)
+PAPER, TEXT = 255, (70, 70, 70)
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def _named(tile: Frame, name: str) -> Frame:
     if not name:
         return tile
     strip = np.full((22, tile.shape[1], 3), PAPER, np.uint8)
-    cv2.putText(strip, name, (3, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.44, LETTERS, 1, cv2.LINE_AA)
+    cv2.putText(strip, name, (3, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.44, TEXT, 1, cv2.LINE_AA)
     return np.vstack([tile, strip])
 
 

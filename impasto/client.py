@@ -35,7 +35,7 @@ SMALL_BYTES = 8 << 20
 PLAIN_FILES = frozenset({"result", "poster", "sheet", "preview"})
 POLL_INTERVAL_S = 0.2
 """Seconds between requests for the state of a job."""
-PATIENCE_S = 60.0
+RETRY_S = 60.0
 """Time for which `watch` and `wait` retry while the service does not answer, seconds."""
 
 
@@ -89,7 +89,7 @@ class Client:
     def upload(self, path: str | Path, progress: transfer.Progress = _quiet) -> Json:
         """Send a file unless the service has these bytes already; return the asset. Large files are resumable.
 
-        Raises: BadInput (no such file), BadMedia (what is wrong with it), QuotaExceeded.
+        Raises: BadInput (no such file), BadMedia (the file is invalid), QuotaExceeded.
         """
         file = Path(path)
         if not file.is_file():
@@ -126,7 +126,7 @@ class Client:
         """Submit a job. `inputs`: input name -> asset id. `more`: seed, frames, output, priority, name, labels,
         webhook, on_damage.
 
-        Without `idempotency_key` each call is a job of its own; with one, the same request is the same job.
+        Without `idempotency_key` each call creates a job; with one, the same request returns the same job.
         Raises: BadParameter, NotFound (an asset), IdempotencyMismatch, QuotaExceeded.
         """
         body = {"method": method, "inputs": dict(inputs), "params": dict(params or {}), **more}
@@ -141,7 +141,7 @@ class Client:
         return self._items("/jobs", **filters)
 
     def newest_jobs(self, most: int) -> Iterator[Json]:
-        """The newest jobs, at most `most`, read page by page."""
+        """At most `most` of the newest jobs, read page by page."""
         cursor, left = None, most
         while left > 0:
             page = self._json("GET", "/jobs", params={"limit": min(left, 200)} | ({"cursor": cursor} if cursor else {}))
@@ -203,7 +203,7 @@ class Client:
             event = next(events)
             urgent = event is None or event.type == "job.state"
             if urgent or time.monotonic() - last > POLL_INTERVAL_S:
-                job, last = self._job_patiently(job_id), time.monotonic()
+                job, last = self._job_with_retries(job_id), time.monotonic()
                 yield job
 
     def download(
@@ -250,8 +250,8 @@ class Client:
             raise error_of(response)
         return response
 
-    def _job_patiently(self, job_id: str) -> Json:
-        deadline = time.monotonic() + PATIENCE_S
+    def _job_with_retries(self, job_id: str) -> Json:
+        deadline = time.monotonic() + RETRY_S
         while True:
             try:
                 return self.job(job_id)

@@ -106,7 +106,7 @@ def check_space(where: Target, info: MediaInfo) -> None:
 
 @contextmanager
 def output_faults(field: str, path: Path) -> Iterator[None]:
-    """Turn what the operating system refuses while `path` is written into an error that names it."""
+    """Convert errors of the operating system while `path` is written to an error that names the path."""
     try:
         yield
     except OSError as error:

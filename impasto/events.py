@@ -1,4 +1,4 @@
-"""Server-Sent Events: resumed after a broken connection, replaced by polling where streams do not pass."""
+"""Server-Sent Events: resumed after a broken connection, and replaced by polling if streams are not available."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import JsonValue
 from impasto.problems import error_of
 
 SILENCE_S = 45.0
-"""A stream sends at least a comment this often, seconds; a longer silence means a broken connection."""
+"""Maximum interval of comments or events in a stream, seconds; a longer silence means a broken connection."""
 LONGEST_PAUSE_S = 10.0
 
 
@@ -57,10 +57,10 @@ def _event(fields: dict[str, list[str]]) -> ServerEvent:
 
 
 def follow(http: httpx.Client, path: str, *, after: int = 0, poll_s: float = 1.0) -> Iterator[ServerEvent | None]:
-    """Events of `path` with seq > `after`, for as long as the caller asks: it never ends by itself.
+    """Yield the events of `path` with seq > `after`, without end.
 
-    None means "look for yourself": a sign of life without news, or the connection broke and is made anew from the last
-    event seen, or there is no stream to be had and this is the tick of a poll, every `poll_s` seconds.
+    Yields None when the caller should read the state itself: after a heartbeat, after a broken connection, which is
+    resumed after the last event, and every `poll_s` seconds if no stream is available.
     """
     last, pause = after, 0.0
     while True:

@@ -1,8 +1,8 @@
 """`impasto.render`: a method from Python, in this process, without a service, a database or child processes.
 
-Frames of a causal method (`abstraction`, `multistyle` without a design) come one for one, as a live session makes them:
-frame i is returned before frame i + 1 of the source is read. Any other method runs its plan, which reads the source
-several times; then a source that is an iterator is first written to a temporary file, uncompressed.
+A causal method (`abstraction`, `multistyle` without a design) returns one frame for each source frame, as in a live
+session: frame i is returned before frame i + 1 of the source is read. Any other method runs its plan, which reads the
+source several times; then a source that is an iterator is first written to a temporary file, uncompressed.
 """
 
 from __future__ import annotations
@@ -93,20 +93,20 @@ def render(
 
         >>> import numpy as np
         >>> import impasto
-        >>> grey = [np.full((48, 64, 3), value, np.uint8) for value in (90, 120, 150)]
-        >>> frames = impasto.render("abstraction", grey, lines="off")
+        >>> gray = [np.full((48, 64, 3), value, np.uint8) for value in (90, 120, 150)]
+        >>> frames = impasto.render("abstraction", gray, lines="off")
         >>> next(frames).shape
         (48, 64, 3)
 
         A file, with the sound of the source:
 
-        >>> path = impasto.render("abstraction", grey, "grey.mp4", lines="off", fps=12)
+        >>> path = impasto.render("abstraction", gray, "gray.mp4", lines="off", fps=12)
         >>> path.name
-        'grey.mp4'
+        'gray.mp4'
 
         Mistakes are explained:
 
-        >>> impasto.render("abstraction", grey, line="off")
+        >>> impasto.render("abstraction", gray, line="off")
         Traceback (most recent call last):
         ...
         pipeline.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
@@ -211,7 +211,7 @@ class _Rendering:
         return SpooledFrames(_checked(iter(source)), self._fps, folder / f"frames-{number}")
 
     def _input(self, spec: InputSpec, value: Any, folder: Path) -> dict[str, Any]:
-        """An input as `LocalContext` takes it."""
+        """An input in the form that `LocalContext` accepts."""
         is_path = isinstance(value, str | Path)
         if spec.kind in PICTURES:
             return {spec.name: self._source(spec.name, _many(value), folder)}
@@ -255,7 +255,7 @@ def _warn(damage: InputDamage) -> None:
 
 
 def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """The frames, each refused unless it is a frame of the first one's size. Raises BadFrame."""
+    """Yield the frames; raises BadFrame unless each has the size of the first one."""
     size: tuple[int, int] | None = None
     for index, array in enumerate(frames):
         frame = check_frame(array, f"source[{index}]")
@@ -285,7 +285,8 @@ class FileFrames:
 
 
 class SpooledFrames:
-    """Frames of an iterator as a `FrameSource`: written once to the file `path`, uncompressed, then read at random."""
+    """Frames of an iterator as a `FrameSource`: written once to the file `path`, uncompressed, then read in any
+    order."""
 
     def __init__(self, frames: Iterator[Frame], fps: float, path: Path) -> None:
         count, height, width = 0, 0, 0

@@ -29,7 +29,7 @@ class Ops:
         return found
 
     def queue(self) -> Json:
-        """Whether tasks are handed out."""
+        """Whether new tasks start."""
         return self._ask("GET", "/ops/queue")
 
     def workers(self) -> list[Json]:
@@ -52,16 +52,16 @@ class Ops:
         return self._all(f"/ops/jobs/{quote(job_id, safe='')}/timeline", limit=2000)
 
     def log(self, attempt_id: str) -> Json:
-        """An attempt with what it said."""
+        """An attempt with its log."""
         return self._ask("GET", f"/ops/attempts/{quote(attempt_id, safe='')}/log")
 
     def drain(self, place: str, reason: str = "") -> None:
-        """Start nothing new there; what runs is finished. Raises NotFound."""
+        """Start no new attempts there; running ones finish. Raises NotFound."""
         verb = "pause" if place == "queue" else "drain"
         self._tell("POST", f"{_path(place)}/{verb}", json={"reason": reason})
 
     def resume(self, place: str) -> None:
-        """Start work there again. Raises NotFound."""
+        """Resume the place. Raises NotFound."""
         self._tell("POST", f"{_path(place)}/resume")
 
     def end_live(self, session_id: str) -> None:

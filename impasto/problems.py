@@ -1,7 +1,7 @@
 """Errors of the client, on the tree of `pipeline.errors`.
 
 ImpastoError
-├── ServiceUnreachable          nothing answers at that address
+├── ServiceUnreachable          no service answers at that address
 ├── NotAllowed                  no key, a wrong key, or one without that right   401, 403
 └── JobFailed                   the job ended without a result; `job` is its last state
 

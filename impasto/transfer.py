@@ -1,4 +1,4 @@
-"""Bytes up and down that survive a broken connection: tus 1.0.0 uploads, ranged downloads under a temporary name."""
+"""Uploads (tus 1.0.0) and downloads (ranges, to a temporary file) that are resumed after a broken connection."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from impasto.problems import ServiceUnreachable, error_of
 CHUNK_BYTES = 8 << 20
 TRIES = 6
 AWAY = frozenset({502, 503, 504})
-"""Answers that mean "not now": as good as a broken connection."""
+"""Statuses of answers that are handled like a broken connection."""
 TUS = {"Tus-Resumable": "1.0.0"}
 Progress = Callable[[int, int], None]
-"""Called with bytes done and bytes in all."""
+"""Called with the number of bytes done and the total."""
 
 
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file in hex: with `ast_` before it, the id of the asset it becomes."""
+    """SHA-256 of a file in hex; with the prefix `ast_`, the id of its asset."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def upload(http: httpx.Client, uploads: str, path: Path, progress: Progress) -> httpx.Response:
-    """Send a file by tus in pieces of 8 MiB; after a broken connection go on from what the service has.
+    """Send a file by tus in pieces of 8 MiB; after a broken connection, continue with the missing bytes.
 
-    Returns the answer to the last piece. Raises: what the service found wrong with the file, ServiceUnreachable.
+    Returns the answer to the last piece. Raises: the service's error about the file, ServiceUnreachable.
     """
     total = path.stat().st_size
     name = base64.b64encode(path.name.encode()).decode()
@@ -55,7 +55,7 @@ def upload(http: httpx.Client, uploads: str, path: Path, progress: Progress) -> 
 def _send_piece(http: httpx.Client, url: str, offset: int, piece: bytes) -> httpx.Response:
     headers = {**TUS, "Upload-Offset": str(offset), "Content-Type": "application/offset+octet-stream"}
     response = http.patch(url, headers=headers, content=piece)
-    if response.status_code in AWAY | {409}:  # away, or out of step: ask where it stands
+    if response.status_code in AWAY | {409}:  # the service is away, or has another offset: request the offset
         raise httpx.ReadError(f"the service answered {response.status_code}")
     _refuse(response)
     return response
@@ -70,9 +70,9 @@ def _offset(http: httpx.Client, url: str, last: int) -> int:
 
 
 def download(http: httpx.Client, url: str, target: Path, progress: Progress) -> None:
-    """Fetch `url` into `target`, which appears whole or not at all; a broken connection goes on by Range.
+    """Fetch `url` into `target`, which appears whole or not at all; resumed with Range after a broken connection.
 
-    Raises: the service's problem, ServiceUnreachable, OSError.
+    Raises: the service's error, ServiceUnreachable, OSError.
     """
     part = _Part(target.with_name(f".{target.name}.part"))
     failures = 0
@@ -99,8 +99,8 @@ class _Part:
     whole: bool = False
 
     def receive(self, http: httpx.Client, url: str) -> Iterator[tuple[int, int]]:
-        """Append what is missing, or begin anew if the file has changed; yields bytes had and bytes in all."""
-        headers = {"Accept-Encoding": "identity"}  # bytes as they are: a Range counts those
+        """Append the missing bytes, or start again if the file has changed; yields (received bytes, total bytes)."""
+        headers = {"Accept-Encoding": "identity"}  # unencoded bytes, which a Range counts
         if self.have and self.etag:
             headers |= {"Range": f"bytes={self.have}-", "If-Range": self.etag}
         with http.stream("GET", url, headers=headers) as response:

@@ -51,7 +51,7 @@ class StreamFormat:
 
 
 class Y4mReader:
-    """Frames of a YUV4MPEG2 stream, each read when it is asked for. Iterate once.
+    """Frames of a YUV4MPEG2 stream, read on demand. Iterate once.
 
     Raises: UnreadableMedia, MediaTooLarge.
     """
@@ -110,7 +110,8 @@ class Y4mWriter:
 
 
 def raw_frames(stream: BinaryIO, size: tuple[int, int]) -> Iterator[Frame]:
-    """Frames of raw RGB: height x width x 3 bytes each, no header. Raises UnreadableMedia (half a frame at the end)."""
+    """Frames of raw RGB: height x width x 3 bytes each, no header. Raises UnreadableMedia (an incomplete frame at the
+    end)."""
     width, height = size
     index = 0
     while first := stream.read(1):

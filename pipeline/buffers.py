@@ -13,7 +13,7 @@ class Buffers:
         self._arrays: dict[str, NDArray[np.float32]] = {}
 
     def get(self, name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-        """The array of this name and shape, with what the last user left in it; zeros at first."""
+        """The array of this name and shape, with its previous contents; zeros at first."""
         found = self._arrays.get(name)
         if found is None or found.shape != shape:
             found = self._arrays[name] = np.zeros(shape, np.float32)

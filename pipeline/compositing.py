@@ -1,4 +1,4 @@
-"""Pictures laid over each other: opacity, mattes and blend modes, on sRGB values as they are stored."""
+"""Compositing of pictures with opacity, mattes and blend modes, on stored sRGB values."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ def _blended(a: NDArray[np.float32], b: NDArray[np.float32], full: np.float32, b
 
 
 def covers(opacity: float, blend: Blend, matted: bool) -> bool:
-    """Whether nothing below a layer can be seen."""
+    """Whether a layer hides everything below it."""
     return opacity >= 1 and blend == "over" and not matted

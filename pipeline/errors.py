@@ -5,7 +5,7 @@
     │   ├── BadParameter            a parameter is out of range, of the wrong type, or unknown
     │   ├── BadMedia                the bytes of a media file are invalid
     │   │   ├── UnreadableMedia     truncated, empty, wrong file extension, or unknown codec
-    │   │   ├── DamagedMedia        some frames are missing or unreadable, and the job asked to fail then
+    │   │   ├── DamagedMedia        frames are missing or unreadable, and the job demands a failure then
     │   │   ├── NoVideoStream       a valid container without a video stream
     │   │   └── MediaTooLarge       more bytes, pixels or seconds than the limits allow
     │   └── BadFrame                an array is not a frame (wrong type, dtype, shape or size)

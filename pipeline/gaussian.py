@@ -1,4 +1,4 @@
-"""Gaussian blurs with a large sigma, computed at a fraction of the size: a blurred picture has no finer detail."""
+"""Gaussian blurs with a large sigma, computed on coarse cells: a blurred picture has no detail that they would lose."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-CELLS_A_SIGMA = 0.5
-"""Side of the cells that are averaged before the blur, as a multiple of sigma. At 0.5, the blur of a frame of 1280x720
-differs from the exact one by 0.25 to 0.4 gray levels on average, by 10 at most (sigma 4 to 16 px)."""
+CELL_SIGMAS = 0.5
+"""Side of the cells that are averaged before the blur, in sigmas. At 0.5, the blur of a 1280x720 frame differs from the
+exact one by 0.25 to 0.4 gray levels on average and by at most 10 (sigma 4 to 16 px)."""
 
 
 def wide_gaussian(picture: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uint8]:
@@ -19,7 +19,7 @@ def wide_gaussian(picture: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uin
     Args:
         sigma_px: standard deviation, px, > 0.
     """
-    cell = int(CELLS_A_SIGMA * sigma_px)
+    cell = int(CELL_SIGMAS * sigma_px)
     height, width = picture.shape[:2]
     if cell <= 1 or min(height, width) < 2 * cell:
         return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma_px), np.uint8)
@@ -29,7 +29,10 @@ def wide_gaussian(picture: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uin
 
 
 def sigma_in_cells(sigma_px: float, cell: int) -> float:
-    """Sigma, in cells, of a Gaussian whose variance, with that of the mean over a cell, is `sigma_px` squared."""
+    """Sigma, in cells, of the blur to apply after averaging over cells, so that both together have `sigma_px`.
+
+    The variances add up; the mean over a cell has (cell^2 - 1) / 12 px^2.
+    """
     return math.sqrt(sigma_px**2 - (cell**2 - 1) / 12) / cell
 
 

@@ -26,10 +26,10 @@ LOCK = "kernels.lock"
 
 def kernel(function: F) -> F:
     """Compile `function` at its first call in a process; equal inputs give equal bytes on every machine."""
-    return cast(F, Kernel(function))
+    return cast(F, JitKernel(function))
 
 
-class Kernel:
+class JitKernel:
     """A function that is compiled or loaded at its first call.
 
     Numba itself is imported then, too: that takes 0.4 s of CPU time, and many of our processes call no kernel.

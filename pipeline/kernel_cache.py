@@ -1,6 +1,6 @@
 """The cache of compiled kernels on disk: its folders, and the loading of kernels from it.
 
-Numba keeps compiled code beside its source, so that every installation and every checkout compiles anew, which takes
+Numba stores compiled code beside its source, so that every installation and checkout compiles again, which takes
 about a minute. It does not notice that a kernel calls a kernel of another file that has changed. And its index names a
 file before that file is written, so that a process may load what an older version of the code left there.
 
@@ -65,7 +65,7 @@ class _Folder(_CacheLocator):
 class _CompiledCode(CompileResultCacheImpl):
     """Writes and loads the compiled code of one function.
 
-    When Numba loads a function, it asks LLVM about each of about 200 symbols in its code, to know which are defined.
+    When Numba loads a function, it queries LLVM for each of about 200 symbols in its code, to find the defined ones.
     That takes half of the time, and afterwards only the entry points are needed.
     """
 
@@ -112,14 +112,14 @@ def _prepare_to_compile() -> None:
 
 @cache
 def _use(folder: Path) -> None:
-    """Make the folder, or note that it is still used; delete what has not been used for long. Once in a process."""
+    """Create the folder or update its time of use, and delete folders that have long been unused. Once per process."""
     try:
         if not folder.is_dir():
             folder.mkdir(parents=True, exist_ok=True)
             _delete_unused(folder.parent, time.time() - UNUSED_DAYS * 86_400)
         os.utime(folder)
     except OSError:
-        return  # a read-only file system: what is there can be loaded
+        return  # a read-only file system, from which existing code can be loaded
 
 
 def _delete_unused(parent: Path, before: float) -> None:

@@ -22,7 +22,7 @@ from service.errors import BadJson, BodyTooLarge, RequestTimeout, UnsupportedMed
 MIN_BYTES_PER_S = 1024
 """Minimum rate of a body; slower ones are aborted, because each occupies a connection."""
 MAX_DEPTH = 64
-"""Most levels of lists and objects in a JSON body."""
+"""Maximum depth of lists and objects in a JSON body."""
 _STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import", "/v1/live/whip", "/v1/live/whep")
@@ -30,15 +30,15 @@ STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import", "/v1/live/whip",
 
 
 PROJECTS = "/v1/projects"
-"""Documents and previews of them are larger than other bodies, and may be patches."""
+"""Paths of project documents and their previews, whose bodies are larger and may be patches."""
 PATCHES = ("application/json-patch+json", "application/merge-patch+json")
 
 
 class JsonBodies:
-    """Reads every other body before its route: bounded in bytes and seconds, JSON by type and by content.
+    """Reads every other body before its route is called, checks that it is JSON, and limits its size and time.
 
     Args:
-        max_project_bytes: the bound for routes of projects.
+        max_project_bytes: maximum size of bodies for routes of projects.
     """
 
     def __init__(self, app: ASGIApp, max_bytes: int, max_project_bytes: int, idle_s: float) -> None:
@@ -148,7 +148,7 @@ def strict_json(body: bytes) -> JsonValue:
 
 
 def _check_depth(body: bytes) -> None:
-    """Refuse deep nesting before anything that recurses sees it. Brackets inside strings do not count."""
+    """Refuse deep nesting before a recursive parser reads it. Brackets inside strings do not count."""
     brackets = _STRINGS.sub(b"", body).translate(None, _NO_BRACKETS)
     depth = max(accumulate(1 if byte in b"[{" else -1 for byte in brackets), default=0)
     if depth > MAX_DEPTH:

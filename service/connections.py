@@ -1,8 +1,9 @@
-"""Limits on client connections: how many are open, how long a request's headers may take, how long an answer may wait.
+"""Limits of client connections: their number, the time for a request's headers, and the time for which an answer may
+wait.
 
 A connection that waits for bytes of its client costs a file descriptor. The guard closes those that wait too long,
 and keeps their number below the process's descriptor limit, so that files, databases and child processes always have
-descriptors left. It works at the transport, before a request exists, and so holds for slow headers, slow bodies,
+descriptors left. It works on the transport, before a request exists, and therefore covers slow headers, slow bodies,
 WebSocket upgrades and clients that do not read their answer.
 """
 
@@ -35,7 +36,7 @@ class Phase(IntEnum):
     ANSWER = 2
     """The service works on the request or sends the answer."""
     WEBSOCKET = 3
-    """A WebSocket in use, which has time-outs of its own."""
+    """A WebSocket in use, which has its own time-outs."""
 
 
 @dataclass
@@ -52,7 +53,7 @@ class ConnectionGuard:
     """Counts connections by transport and closes those that exceed a limit. Used on the event loop only.
 
     Args:
-        limit: most connections at once.
+        limit: maximum number of connections.
         header_s: how long a request's headers may take after the connection opened or the last answer ended, seconds.
         stall_s: how long a client may leave an answer unread, seconds.
         clock: seconds, monotonic.

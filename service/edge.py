@@ -66,7 +66,7 @@ class Edge:
 
 
 def _log(scope: Scope, verb: str, status: int, seconds: float) -> None:
-    """One line per request, with the route and not the address: a query may contain private values."""
+    """One line per request. It has the route instead of the address, because a query may contain private values."""
     principal = scope.get("state", {}).get("principal")
     named = scope.get("path_params") or {}
     facts = {short: str(named[name]) for name, short in _FACTS.items() if name in named}
@@ -76,7 +76,7 @@ def _log(scope: Scope, verb: str, status: int, seconds: float) -> None:
 
 
 def _route(scope: Scope) -> str:
-    """The route's template. The address itself would be an unbounded metric label."""
+    """The route's template; addresses would be an unbounded set of metric labels."""
     return str(getattr(scope.get("route"), "path", "") or "none")
 
 
@@ -98,7 +98,7 @@ def _caching(path: str) -> str:
 
 
 def _override(scope: Scope) -> None:
-    """X-HTTP-Method-Override, which tus requires; nowhere else."""
+    """Apply X-HTTP-Method-Override, which tus requires, on routes of uploads only."""
     if scope["method"] == "POST" and scope["path"].startswith(TUS):
         asked = Headers(scope=scope).get("x-http-method-override", "").upper()
         scope["method"] = asked if asked in ("PATCH", "DELETE", "HEAD") else "POST"

@@ -188,7 +188,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),
 }
-"""Code -> (status, title). All codes of the error tree have a row."""
+"""Code -> (status, title), for all codes of the error tree."""
 
 
 class ProblemPlace(BaseModel):
@@ -203,7 +203,7 @@ class ProblemPlace(BaseModel):
 
 
 class Problem(BaseModel):
-    """RFC 9457, with Impasto's stable code, the field that is wrong, its value, and what to do."""
+    """A problem (RFC 9457) with Impasto's stable code, the faulty field, its value, and the remedy."""
 
     type: str
     title: str
@@ -215,7 +215,7 @@ class Problem(BaseModel):
     remedy: str
     instance: str
     errors: list[ProblemPlace] | None = None
-    """Every fault of the request or document, if there are several; absent otherwise."""
+    """Every fault of the request or document, if it has several; absent otherwise."""
 
 
 PROBLEM_RESPONSES: dict[int | str, Json] = {
@@ -313,7 +313,7 @@ def _on_validation(request: Request, error: Exception) -> Response:
 
 
 def from_validation(error: RequestValidationError) -> ImpastoError:
-    """The errors that validation found: the first, with the others."""
+    """The errors of a validation: the first one, which contains the others."""
     return together([_from_detail(found) for found in error.errors()])
 
 

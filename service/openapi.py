@@ -51,7 +51,7 @@ _GENERIC = re.compile(r"^Listing_(\w+)_$")
 
 
 def install(app: FastAPI) -> None:
-    """Let the app answer with the completed document."""
+    """Make the app answer with the completed document."""
     plain = app.openapi
 
     def openapi() -> Json:
@@ -63,7 +63,7 @@ def install(app: FastAPI) -> None:
 
 
 def complete(document: Json) -> Json:
-    """The document with everything that FastAPI leaves out. `document` itself may be changed."""
+    """The document, completed. `document` itself may be changed."""
     schemas = document.setdefault("components", {}).setdefault("schemas", {})
     schemas.update(_problem_schemas())
     document = cast(Json, _renamed(document, _new_names(schemas)))

@@ -24,7 +24,7 @@ def index() -> Response:
 
 @router.get("/shared/{token}")
 def shared(token: Annotated[str, Path(max_length=1000, pattern=r"^[A-Za-z0-9._~-]+$")]) -> Response:
-    """A link that somebody has shared: the studio's page shows it."""
+    """The studio's page, which shows a shared link."""
     return RedirectResponse(f"/#/shared/{token}", 307)
 
 

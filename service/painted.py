@@ -1,4 +1,5 @@
-"""Files of the pictures that Impasto paints for its own pages: exemplars of the style library, thumbnails of methods.
+"""A file cache of pictures that Impasto paints for its own pages: exemplars of the style library, thumbnails of
+methods.
 
 They are in the user's cache folder, so that all services of a machine share them.
 """
@@ -22,11 +23,11 @@ UNUSED_DAYS = 60
 
 
 def painted(name: str, facts: object, paint: Callable[[], bytes]) -> Path:
-    """The file of a picture, painted now if it is not there.
+    """The file of a picture; painted if it does not exist.
 
     Args:
-        name: of the file, with its suffix.
-        facts: what the picture depends on besides the program; equal facts have equal representations.
+        name: name of the file, with its suffix.
+        facts: values on which the picture depends besides the program; equal values must have equal `repr`.
         paint: makes the bytes of the file.
     """
     file = folder() / f"{hashlib.sha256(repr(facts).encode()).hexdigest()[:12]}-{name}"

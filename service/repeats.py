@@ -13,7 +13,7 @@ MAX_KINDS = 1000
 
 
 class RepeatFilter(logging.Filter):
-    """Passes at most `BURST` records of one kind in `WINDOW_S` seconds, and says later how many it dropped.
+    """Passes at most `BURST` records of one kind in `WINDOW_S` seconds, and later logs the number of dropped ones.
 
     A kind is a logger, a level and a message before its arguments are filled in. Records below WARNING always pass.
     """
@@ -23,7 +23,7 @@ class RepeatFilter(logging.Filter):
         self._clock = clock
         self._lock = threading.Lock()
         self._kinds: dict[tuple[str, int, str], tuple[float, int]] = {}
-        """Kind -> when its window began, and how many records came in it."""
+        """Kind -> start of its window, and number of records in it."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         if record.levelno < logging.WARNING:

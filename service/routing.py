@@ -1,4 +1,4 @@
-"""`Router`: the routes of one subject, which every application of this process has as they are."""
+"""`Router`: the routes of one subject, shared by all applications of this process."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from service.errors import PROBLEM_RESPONSES
 
 
 class Router(APIRouter):
-    """Any of its routes may answer with a problem; the name of a function is its operation's id.
+    """A router whose routes may answer with a problem; the name of a function is its operation's id.
 
-    `create_app` gives an application these routes themselves. `FastAPI.include_router` would read the parameters of all
+    `create_app` adds these route objects to an application. `FastAPI.include_router` would read the parameters of all
     functions a second time, and build their validators, at the first request to each application (180 ms of CPU time),
     and match each request twice.
 
     Args:
-        prefix: of each path.
-        tags: of each operation.
+        prefix: prefix of each path.
+        tags: tags of each operation.
         include_in_schema: whether the OpenAPI document has these operations.
     """
 

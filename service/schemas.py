@@ -27,7 +27,7 @@ Download = Annotated[bool, Query(description="Answer as an attachment, to be sav
 
 @dataclass(frozen=True)
 class Listing(Generic[Item]):
-    """One page; `cursor` asks for the next, null on the last."""
+    """One page; `cursor` requests the next one, and is null on the last."""
 
     items: tuple[Item, ...]
     cursor: str | None
@@ -38,6 +38,6 @@ def binary(media_type: str, text: str) -> Responses:
     content = {media_type: {"schema": {"type": "string", "format": "binary"}}}
     return {
         200: {"description": text, "content": content},
-        206: {"description": "The range that was asked for", "content": content},
+        206: {"description": "The requested range", "content": content},
         304: {"description": "The client has it already"},
     }

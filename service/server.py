@@ -26,11 +26,11 @@ from workers.process.logs import set_up_logs
 from workers.process.starting import without_garbage_collection
 
 ACCEPTED_AT_ONCE = 64
-"""Connections that asyncio accepts in one turn of its loop, before the guard can close any."""
+"""Maximum number of connections that asyncio accepts in one iteration of its loop, before the guard can close any."""
 LISTEN_QUEUE = 1024
-"""Connections that wait in the kernel."""
+"""Maximum number of connections that wait in the kernel to be accepted."""
 GRACE_S = 10
-"""At shutdown, unfinished answers may take this long, seconds; event streams end at once."""
+"""Time for unfinished answers at shutdown, seconds; event streams end at once."""
 
 
 def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> None:
@@ -104,7 +104,7 @@ class _Server(uvicorn.Server):
             self._on_ready(address_of(sockets[0]))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._app.state.service.closing.set()  # before uvicorn waits for open answers: event streams must end
+        self._app.state.service.closing.set()  # end event streams before uvicorn waits for open answers
         await self._app.state.live.close()
         await super().shutdown(sockets)
         if self._sweeping is not None:

@@ -30,7 +30,7 @@ class Settings(BaseSettings, FarmSettings):
     admin_key: SecretStr | None = None
     """A key with every scope that is not stored, for a new server without keys."""
     allowed_hosts: frozenset[str] = frozenset()
-    """Names beside those of loopback that are accepted as Host while no key is required."""
+    """Names, in addition to those of loopback, that are accepted as Host while no key is required."""
 
     requests_per_minute: int = Field(default=6000, ge=1)
     """Rate limit per key, or per address without one; a sixth of it may come at once. A key may have its own."""
@@ -48,21 +48,23 @@ class Settings(BaseSettings, FarmSettings):
     upload_ttl_s: float = Field(default=24 * 3600.0, gt=0)
     """An unfinished resumable upload without new bytes for this long is deleted."""
     idle_s: float = Field(default=60.0, gt=0)
-    """A request body must bring 1 KiB a second, averaged over this time; an answer that is not read for this long is
+    """Time over which a request body must average 1 KiB per second; an answer that is not read for this long is
     dropped."""
 
     header_s: float = Field(default=15.0, gt=0)
     """A connection on which no whole request header has arrived after this long is closed."""
     max_connections: int = Field(default=4096, ge=1)
-    """Client connections at once; fewer where the limit of open files is lower: a quarter of it is kept for files."""
+    """Maximum number of client connections; fewer if the limit of open files is lower, of which a quarter is reserved
+    for files."""
 
     heartbeat_s: float = Field(default=15.0, gt=0)
     max_streams: int = Field(default=100, ge=1)
-    """Most open event streams."""
+    """Maximum number of open event streams."""
     preview_slots: int = Field(default=2, ge=1)
-    """Previews rendered at once; further ones are answered with 503 and Retry-After."""
+    """Maximum number of previews rendered at once; further requests are answered with 503 and Retry-After."""
     frame_slots: int = Field(default=4, ge=1)
-    """Frames of assets decoded at once; further requests wait, then are answered with 503 and Retry-After."""
+    """Maximum number of frames decoded at once; further requests wait, and are then answered with 503 and
+    Retry-After."""
 
     live_hello_s: float = Field(default=10.0, gt=0)
     """The first message of a live connection must arrive within this time."""

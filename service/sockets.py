@@ -1,7 +1,7 @@
 """uvicorn's HTTP and WebSocket protocols with our limits: they report each phase of a connection to its guard.
 
 uvicorn's own WebSocket keep-alive closes a client that does not answer a ping in time, also one that only reads slowly
-and whose ping waits behind a frame. Here a client counts as lost only if no byte has come from it since the ping.
+and whose ping waits behind a frame. Here a client counts as lost only if no byte from it has arrived since the ping.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from service.connections import ConnectionGuard, Phase
 
 ABORT = "impasto.abort"
-"""ASGI extension: {"call": drops the connection and what was to be sent}."""
+"""ASGI extension: {"call": drops the connection and its unsent data}."""
 LOST = 1006
 UNSENT_BYTES = 256 << 10
 """Limit of unsent bytes in the kernel's send buffer (TCP_NOTSENT_LOWAT). It is small, so that frames for a slow reader
@@ -56,7 +56,7 @@ class GuardedHttp(H11Protocol):
 
 
 class LiveSocket(WebSocketsSansIOProtocol):
-    """WebSocket that reports to `guard`, and ends when its client is gone."""
+    """WebSocket that reports to `guard`, and ends when its client is lost."""
 
     guard: ClassVar[ConnectionGuard]
     heard_at = 0.0
@@ -84,7 +84,7 @@ class LiveSocket(WebSocketsSansIOProtocol):
     async def send(self, message: ASGISendEvent) -> None:
         await super().send(message)
         if self.initial_response is not None and self.close_sent:
-            self.handshake_complete = True  # refused in order: nothing to complain of at the end
+            self.handshake_complete = True  # refused regularly, so the end needs no log message
 
     def keepalive_timeout(self) -> None:
         if self.heard_at <= self.ping_sent_at:
@@ -101,6 +101,6 @@ class LiveSocket(WebSocketsSansIOProtocol):
 
 
 def guarded(guard: ConnectionGuard) -> tuple[type[GuardedHttp], type[LiveSocket]]:
-    """The two protocols, reporting to `guard`: uvicorn makes protocols from classes."""
+    """The two protocols as classes that report to `guard`, because uvicorn instantiates protocol classes itself."""
     http = type("Http", (GuardedHttp,), {"guard": guard})
     return http, type("Socket", (LiveSocket,), {"guard": guard})

@@ -1,8 +1,8 @@
-"""Answers that are sent piece by piece.
+"""Answers that are sent in pieces.
 
-When a client leaves before the end, Starlette leaves the source of the pieces to Python's garbage collection, which may
-come minutes later. Until then a preview would keep its slot, so that two of them stop all previews, and a download its
-open file. Here a source is closed as soon as its answer ends.
+If a client leaves before the end, Starlette does not close the source of the pieces; Python's garbage collection does,
+perhaps minutes later. Until then a preview would keep its slot, so that two such previews block all others, and a
+download would keep its file open. Here a source is closed as soon as its answer ends.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from starlette.types import Receive, Scope, Send
 
 
 class StreamedResponse(StreamingResponse):
-    """An answer whose source is closed when it ends, however it ends.
+    """An answer whose source is always closed when the answer ends.
 
     Args:
-        source: the pieces. One that is not asynchronous is asked for them in threads that other requests need, too; see
-            `in_threads` for a source that may be slow.
-        on_disconnect: called once if the client leaves, also while a piece is made.
+        source: iterator of the pieces. A synchronous one is read in threads that other requests share; see `in_threads`
+            for a source that may be slow.
+        on_disconnect: called once if the client leaves, even while a piece is being made.
     """
 
     def __init__(
@@ -50,9 +50,9 @@ class StreamedResponse(StreamingResponse):
 
 
 async def in_threads(source: Iterator[bytes], threads: CapacityLimiter) -> AsyncGenerator[bytes]:
-    """The pieces of a source that may be slow, each asked for in one of `threads`, so that no other request waits.
+    """Yield the pieces of a source that may be slow, each read in one of `threads`, so that no other request waits.
 
-    A source that is a generator is closed at the end, in such a thread, too.
+    A generator is closed at the end, in such a thread, too.
     """
     try:
         while (piece := await run_sync(next, source, None, limiter=threads)) is not None:

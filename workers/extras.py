@@ -8,7 +8,7 @@ from pipeline.errors import BadParameter
 from workers.settings import FarmSettings
 
 MODULES = {"cluster": "ray", "s3": "boto3", "postgresql": "psycopg"}
-"""Extra -> the module that it brings."""
+"""Extra -> the module that it installs."""
 
 
 def check_installed(settings: FarmSettings) -> None:

@@ -48,7 +48,7 @@ _CACHED_IMAGES = 128
 
 
 class Farm:
-    """All that the service and the command do with jobs, by noun: `farm.jobs`, `farm.assets`, `farm.projects`, ...
+    """Operations of the service and the command, by noun: `farm.jobs`, `farm.assets`, `farm.projects`, ...
 
     Args:
         settings: where data is stored, and limits.
@@ -58,7 +58,7 @@ class Farm:
         preview_runner: makes previews; None: threads of this process.
 
     Attributes:
-        store: the database: jobs, tasks and their states. Use the nouns below where there is one.
+        store: the database: jobs, tasks and their states. Prefer the nouns below.
         blobs: files of assets, tasks and results, by key.
 
     Raises:
@@ -111,7 +111,7 @@ class Farm:
         return parts if self._dispatcher is None else {**parts, "pool": self._dispatcher.check}
 
     def _may_sweep(self) -> bool:
-        """Among all processes that share the store, the dispatcher that has lived longest sweeps."""
+        """Whether this process sweeps: of all processes that share the store, the longest-running dispatcher does."""
         return self.store.queue.dispatchers()[:1] == [self.worker_id]
 
     def _wake(self) -> None:
@@ -120,7 +120,7 @@ class Farm:
 
     @property
     def worker_id(self) -> str:
-        """The id of this process among `farm.workers`; empty if it runs nothing."""
+        """The id of this process among `farm.workers`; empty if it has no pool."""
         return "" if self._dispatcher is None else self._dispatcher.id
 
     def start(self) -> None:
@@ -159,7 +159,7 @@ class Farm:
         self.store.close()
 
     def ready(self) -> dict[str, str]:
-        """Part ("store", "blobs", "pool") -> "ok" or what is wrong."""
+        """Part ("store", "blobs", "pool") -> "ok" or its error."""
         return self._health.verdicts()
 
     def validate_state(self) -> list[Violation]:

@@ -55,7 +55,7 @@ def _shortage(error: BaseException) -> Fault | None:
 
 
 def _chain(error: BaseException) -> Iterator[BaseException]:
-    """The error and what caused it, newest first."""
+    """The error and its causes, newest first."""
     visited: set[int] = set()
     current: BaseException | None = error
     while current is not None and id(current) not in visited:

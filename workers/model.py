@@ -1,7 +1,7 @@
-"""The nouns of a render farm: asset, job, step, task, attempt, event. Plain data that the store keeps, the API shows.
+"""Data types of a render farm: asset, job, step, task, attempt, event. The store keeps them, the API shows them.
 
-Words are Open Job Description's. Times are seconds since the epoch, UTC, as floats. Ids are sortable strings with a
-prefix: `ast_`, `job_`, `tsk_`, `att_`.
+The terms are those of Open Job Description. Times are seconds since the epoch, UTC, as floats. Ids are sortable strings
+with a prefix: `ast_`, `job_`, `tsk_`, `att_`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ Json = dict[str, Any]
 MAX_SEED = 2**53 - 1
 """The largest integer that every JSON parser represents exactly."""
 MAX_LABELS, MAX_LABEL_NAME, MAX_LABEL_VALUE = 32, 80, 200
-"""Labels of a job; characters of a label's name and value."""
+"""Maximum number of labels of a job; maximum characters of a label's name and value."""
 MAX_NAME, MAX_URL = 200, 2000
-"""Characters of a job's name and of a webhook's URL."""
+"""Maximum characters of a job's name and of a webhook's URL."""
 MAX_PRIORITY = 100
 MAX_QUALITY = 51
 """Largest constant rate factor."""
@@ -42,7 +42,7 @@ class RunState(StrEnum):
 
 class TaskState(StrEnum):
     WAITING = "waiting"
-    """A task that it depends on is not done."""
+    """A task on which it depends is not done."""
     READY = "ready"
     RUNNING = "running"
     SUCCEEDED = "succeeded"
@@ -110,13 +110,13 @@ class JobRequest:
     frames: tuple[int, int] | None = None
     """[first, end) of the video; None: all. The job's inputs number frames as the whole video does."""
     on_damage: str = WARN
-    """What to do if frames of an input are missing or unreadable: "warn" (use what can be read, and say so in the job's
-    warnings) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
+    """Behaviour if frames of an input are missing or unreadable: "warn" (use the readable frames, and add a warning to
+    the job) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Why something failed: a stable code, a message, and what to do."""
+    """Why something failed: a stable code, a message, and a remedy."""
 
     code: str
     message: str
@@ -127,7 +127,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class JobWarning:
-    """Something that the user of a job should know although the job goes on."""
+    """A fact that the user of a job should know although the job continues."""
 
     code: str
     """"damaged-input"."""
@@ -136,7 +136,7 @@ class JobWarning:
     input: str
     """Name of the input."""
     damage: Json
-    """"frames": how many the undamaged file has; "unreadable", "missing": runs [start, stop) of them."""
+    """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames."""
 
 
 CPU, PEAK_MEMORY = "cpu", "peak_bytes"
@@ -155,11 +155,11 @@ class StepView:
     progress: float
     """0..1"""
     seconds: float
-    """Summed wall seconds of the step's finished attempts, decoding and encoding apart."""
+    """Summed wall seconds of the step's finished attempts, without decoding and encoding."""
     stages: dict[str, float]
-    """Stage name -> summed seconds, "decode" and "encode" among them."""
+    """Stage name -> summed seconds, including "decode" and "encode"."""
     reused: int = 0
-    """Tasks whose results were taken over from an earlier job."""
+    """Number of tasks whose results were reused from an earlier job."""
     cpu_s: float = 0.0
     """Summed CPU seconds of the step's finished attempts."""
     peak_bytes: int = 0
@@ -193,7 +193,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Submitted(Job):
-    """A job as `submit` answers it."""
+    """Result of `submit`."""
 
     new: bool = True
     """Whether this call created the job; False if a job with the same key and request existed."""
@@ -215,7 +215,7 @@ class TaskView:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened to a job. `seq` rises by one within a job, from 1."""
+    """An event of a job. `seq` counts from 1 within a job."""
 
     seq: int
     job_id: str
@@ -227,7 +227,7 @@ class Event:
 
 @dataclass(frozen=True)
 class EarlierTask:
-    """A finished task of the job on which a job is based, and what it read: see `workers.execution.reuse`."""
+    """A finished task of the job on which a job is based, and its recorded reads: see `workers.execution.reuse`."""
 
     trace: Json
     result: Json
@@ -239,7 +239,7 @@ class EarlierTask:
 
 @dataclass(frozen=True)
 class TaskOrder:
-    """Everything a worker needs to run one attempt, anywhere: sent to it as is. JSON-able."""
+    """Everything that a worker needs to run one attempt. Can be written as JSON."""
 
     attempt_id: str
     job_id: str
@@ -262,7 +262,7 @@ class TaskOrder:
     artefacts: dict[str, str]
     """"step/name" -> blob key of every artefact that the task may load: see `pipeline.methods.tasks.Task.after`."""
     after: tuple[str, ...] = ()
-    """Tasks that had to be done first, in plan order: "key" in this step, "step/key" in an earlier one."""
+    """Tasks on which it depends, in plan order: "key" in this step, "step/key" in an earlier one."""
     segments: tuple[tuple[int, int, str], ...] = ()
     """For "assemble": (start, stop, blob key) of every emitted run, in order."""
     stages: dict[str, dict[str, float]] = field(default_factory=dict)
@@ -270,13 +270,13 @@ class TaskOrder:
     resources: Resources | None = None
     """Resources of a machine; None: the farm's settings for every task."""
     frames: tuple[int, int] | None = None
-    """As in the request. All other frame numbers of the order are counted from its start."""
+    """Rendered piece of the video, as in the request. All other frame numbers of the order count from its start."""
     leads: bool = False
     """Whether later tasks of this step depend on it."""
     on_damage: str = WARN
     """Same values as in `JobRequest`."""
     earlier: EarlierTask | None = None
-    """The same task of an earlier job, whose result is used if nothing that it read has changed."""
+    """The same task of an earlier job, whose result is used if none of its recorded reads has changed."""
 
 
 @dataclass(frozen=True)
@@ -318,15 +318,15 @@ SCOPES = ("submit", "read", "admin")
 
 @dataclass(frozen=True)
 class ApiKey:
-    """A key as operators see it; the secret itself is not kept, only its hash."""
+    """A key as operators see it. Only a hash of the secret is stored."""
 
     id: str
-    """`key_...`: also the `owner` of everything made with it."""
+    """`key_...`; also the `owner` of everything created with it."""
     name: str
     scopes: frozenset[str]
-    """Of SCOPES."""
+    """Members of SCOPES."""
     quotas: dict[str, int]
-    """Name -> bound, as the service understands it ("active_jobs", "asset_bytes", "requests_per_minute") and the
+    """Name -> limit, for the service ("active_jobs", "asset_bytes", "requests_per_minute") and the
     dispatcher ("running_tasks")."""
     created_at: float
     revoked_at: float | None = None
@@ -334,10 +334,10 @@ class ApiKey:
 
 @dataclass(frozen=True)
 class Delivery:
-    """One webhook message of the outbox: written with the job's end, in the same transaction."""
+    """A webhook message in the outbox, written in the transaction that ends the job."""
 
     id: str
-    """`msg_...`: the Standard Webhooks message id, the same over all tries."""
+    """`msg_...`: the Standard Webhooks message id, the same in all attempts."""
     job_id: str
     owner: str
     url: str

@@ -2,9 +2,9 @@
 
 A *worker* is a process that takes tasks (`impasto serve`, `impasto worker`): in the store, a dispatcher. It has
 *slots*: each runs one attempt at a time, on some *node*, a machine (in a Ray cluster, one of its nodes). Draining a
-worker or a node means that nothing new starts there while what runs is finished, so that it can be upgraded without
-losing work. Pausing the queue is the same for all of them at once. Both are kept in the store, and all workers obey
-them.
+worker or a node means that running attempts finish and no new ones start there, so that it can be upgraded without
+losing work. Pausing the queue does the same for all workers at once. Both orders are kept in the store, and all workers
+follow them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from workers.model import Json
 
 
 class DrainScope(StrEnum):
-    """Kinds of places that can be told to start nothing new: the whole queue, a worker process, or a node."""
+    """Kinds of places that can be drained: the whole queue, a worker process, or a node."""
 
     QUEUE = "queue"
     """The whole queue."""
@@ -43,7 +43,7 @@ class WorkerInfo:
 
     host: str
     role: str
-    """"serve" (it answers requests as well) or "worker"."""
+    """"serve" (answers requests, too) or "worker"."""
     kind: str
     """Kind of its slots: "local" or "ray"."""
     version: str
@@ -51,7 +51,7 @@ class WorkerInfo:
 
 @dataclass(frozen=True)
 class Drain:
-    """An operator's order that a place start nothing new."""
+    """An operator's order that a place starts nothing new."""
 
     place: DrainScope
     name: str
@@ -110,7 +110,7 @@ class NodeView:
     gpus: float
     memory_bytes: int
     workers: tuple[str, ...]
-    """Ids of those with slots there."""
+    """Ids of the workers with slots there."""
     drain: Drain | None = None
 
 
@@ -140,7 +140,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Violation:
-    """A contradiction in the database."""
+    """A violated invariant of the database."""
 
     kind: str
     """Kind of the inconsistency, for example "task-without-attempt"."""
@@ -194,8 +194,8 @@ class LiveView:
     height: int
     opened_at: float
     connected: bool
-    """False: it waits for a client that was lost."""
+    """False: it waits for its client to reconnect."""
     figures: Json = field(default_factory=dict)
     """Statistics of the whole session, as in the `stats` message of the live protocol."""
     ending: bool = False
-    """An operator has asked for its end."""
+    """An operator has ordered its end."""

@@ -34,7 +34,7 @@ class FarmSettings(BaseModel):
     """Endpoint of an S3 server other than Amazon's, such as `http://localhost:9000`."""
     s3_region: str = ""
     s3_access_key: SecretStr = SecretStr("")
-    """Empty: boto3 looks where it always does (AWS_ACCESS_KEY_ID, ~/.aws, the machine's role)."""
+    """Credentials of S3; empty: those that boto3 finds (AWS_ACCESS_KEY_ID, ~/.aws, the machine's role)."""
     s3_secret_key: SecretStr = SecretStr("")
     s3_addressing: Literal["auto", "path", "virtual"] = "auto"
     """"path": the bucket's name is not a part of the host's name."""
@@ -57,7 +57,7 @@ class FarmSettings(BaseModel):
     max_frames: int = Field(default=1_000_000, ge=1)
 
     pool: Literal["local", "ray", "none"] = "local"
-    """Where attempts run: in this process, on a Ray cluster, or nowhere (accept and show only)."""
+    """Where attempts run: in this process, on a Ray cluster, or nowhere (jobs are only accepted and shown)."""
     workers: int = Field(default=0, ge=0, le=256)
     """Attempts that run at once; 0: as many as the machine has processors and memory for."""
     role: Literal["serve", "worker"] = "serve"
@@ -66,13 +66,15 @@ class FarmSettings(BaseModel):
     """"local" starts a cluster on this machine; else the address of a cluster."""
 
     task_cpus: float = Field(default=1.0, gt=0, le=256)
-    """Processors that a task on a Ray cluster gets unless its method declares another number,"""
+    """Processors that Ray reserves for a task unless its method declares another number."""
     task_gpus: float = Field(default=0.0, ge=0, le=16)
-    """GPUs (0.25: four tasks share one), if it computes on a compute device: with 0, that is a processor,"""
+    """GPUs that Ray reserves for a task that uses a compute device (0.25: four tasks share one; 0: it uses a
+    processor)."""
     task_memory_bytes: int = Field(default=1 << 30, ge=0)
-    """and memory, at least."""
+    """Least memory that Ray reserves for a task."""
     capacity_wait_s: float = Field(default=600.0, ge=1)
-    """How long a task waits for a machine that no cluster of now has (an autoscaler may bring one) before it fails."""
+    """Time for which a task waits, because no present machine is large enough, before it fails. An autoscaler may add
+    one."""
 
     attempts: int = Field(default=3, ge=1, le=20)
     """Failures after which a task fails for good."""
@@ -88,7 +90,7 @@ class FarmSettings(BaseModel):
     """Load the kernels of every method, compiling new ones, when a process starts that renders; off: at their first
     use, so that the first frame takes seconds longer and the start less work."""
     live_sessions: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=0, le=1024)
-    """Most live sessions at once; further ones are refused as busy. 0: none."""
+    """Maximum number of live sessions at once; further ones are refused as busy. 0: none."""
     live_spares: int = Field(default=2, ge=0, le=16)
     """Warm live workers beyond those in use (Ray), so that a session starts, or continues after a crash, at once."""
     live_max_side_px: int = Field(default=1920, ge=64, le=8192)
@@ -98,23 +100,23 @@ class FarmSettings(BaseModel):
     """Largest payload of a live frame, bytes: 1920x1920 in raw RGB."""
 
     owner_tasks: int | None = Field(default=None, ge=1)
-    """Most tasks of one owner that run at once; a key may have its own limit. None: no limit."""
+    """Maximum number of running tasks of one owner; a key may have its own limit. None: no limit."""
     sweep_s: float = Field(default=6 * 3600.0, gt=0)
-    """Interval of sweeps for blobs that no job needs, left by processes that crashed while they removed them."""
+    """Interval of sweeps that delete unneeded blobs, which processes leave if they crash while they delete them."""
 
     preview_bytes: int = Field(default=512 << 20, ge=16 << 20)
-    """Frames and other state of projects that are kept warm for previews, at most."""
+    """Maximum size of the cached frames and other state from which previews are made."""
     preview_threads: int = Field(default=2, ge=1, le=64)
-    """Previews of projects made at once."""
+    """Number of previews of projects that are made at once."""
     preview_actors: int = Field(default=2, ge=1, le=64)
-    """Processes on a Ray cluster that make previews, at most; each has an equal part of `preview_bytes`. A project has
-    one of its own as long as there are no more projects."""
+    """Maximum number of processes on a Ray cluster that make previews; each has an equal part of `preview_bytes`. While
+    there are no more projects than processes, each project has a process of its own."""
     preview_idle_s: float = Field(default=900.0, gt=0)
     """A preview process whose projects were all silent for this long ends (Ray)."""
     project_undo_s: float = Field(default=30 * 86400.0, ge=0)
     """A deleted project can be restored for this long."""
     project_versions_s: float = Field(default=7 * 86400.0, ge=0)
-    """Every version of a project is kept for this long; after that one an hour, and named ones."""
+    """Time for which every version of a project is kept; after that, one version an hour and named ones."""
 
     reuse_s: float = Field(default=86400.0, ge=0)
     """Task results of a project's newest job of each shot are kept for this long, so that the next job repeats only
@@ -129,7 +131,7 @@ class FarmSettings(BaseModel):
 
     @property
     def most_workers(self) -> int:
-        """Attempts that run at once, at most."""
+        """Maximum number of attempts that run at once."""
         return self.workers or usable_cpus()
 
     @property
@@ -143,7 +145,7 @@ class FarmSettings(BaseModel):
 
     @property
     def scratch(self) -> Path:
-        """Folder of files that are being written; worth nothing once its process is dead."""
+        """Folder of files that are being written; of no use once its process has ended."""
         return (self.home / "scratch").absolute()
 
     @property
@@ -163,7 +165,7 @@ class FarmSettings(BaseModel):
 
     @property
     def copies_at(self) -> Path:
-        """Folder for local copies of blobs that are in S3. On machines of a cluster there may be no home like ours."""
+        """Folder for local copies of blobs that are in S3. Other machines of a cluster may not have this home."""
         far = self.pool == "ray" and self.ray_address != "local"
         elsewhere = Path(tempfile.gettempdir()) / f"impasto-{os.getuid()}" / "copies"
         return (self.cache_root or (elsewhere if far else self.home / "copies")).absolute()

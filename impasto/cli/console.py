@@ -28,7 +28,7 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 class Interrupted(ImpastoError):
-    """Ctrl-C; the work can be resumed."""
+    """Interrupted by Ctrl-C; the work can be resumed."""
 
     code = "interrupted"
 

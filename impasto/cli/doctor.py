@@ -84,7 +84,7 @@ CODECS = (
 
 @dataclass(frozen=True)
 class Check:
-    """Result of a check: state of the part, and what to do."""
+    """Result of a check: state of the part, and remedy."""
 
     name: str
     state: State
@@ -96,7 +96,7 @@ class Check:
 
 
 def checks(home: Path, device: str = "") -> list[Check]:
-    """All checks, in the order in which people would make them."""
+    """All checks, in the order of output."""
     return [_python(), *_packages(), *_opencl(device), *_codecs(), _cascade(), _methods(), _disk(home), _memory()]
 
 
@@ -123,7 +123,8 @@ def _version(name: str) -> str:
 
 
 def _opencl(wanted: str) -> Iterator[Check]:
-    """A row a device, with the reason why it was chosen or not; none that works is a warning: some methods need one."""
+    """One row per device, with the reason why it was chosen or not. Without a working device the result is a warning,
+    because some methods need one."""
     from pipeline.compute import report
 
     rows = report(wanted)

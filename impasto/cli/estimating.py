@@ -16,11 +16,11 @@ from workers.projects.estimates import MeasuredJob, estimate_from
 HISTORY = "render-history.json"
 """File of finished renders in the home folder."""
 MAX_KEPT = 200
-"""Renders that are kept, the newest first."""
+"""Maximum number of renders that are kept, the newest first."""
 
 
 def estimate_render(request: JobRequest, video: Path, home: Path) -> Json:
-    """Time, memory and disk space that a render of the video will take, as the fields of `Estimate`.
+    """Estimated time, memory and disk space of a render of the video, as the fields of `Estimate`.
 
     Raises: UnreadableMedia, NoVideoStream.
     """
@@ -29,7 +29,7 @@ def estimate_render(request: JobRequest, video: Path, home: Path) -> Json:
 
 
 def remember(home: Path, request: JobRequest, video: MediaInfo, job: Job) -> None:
-    """Add a finished render to the history. A history that cannot be written is left as it is."""
+    """Add a finished render to the history. A history that cannot be written does not change."""
     if job.started_at is None or job.finished_at is None:
         return
     piece = window_info(_facts(video), request.frames)

@@ -58,10 +58,10 @@ def gather(field: str, path: Path, scratch: Path) -> InputFile:
 
 
 def upload(client: Client, paths: Mapping[str, Path], flag: str = "") -> dict[str, str]:
-    """Upload each input; returns input name -> asset id. Bytes that the service has already are not sent again.
+    """Upload each input; returns input name -> asset id. Files that the service already has are not sent again.
 
     Args:
-        flag: comes before an input's name in the field of an error.
+        flag: prefix of an input's name in the field of an error.
     """
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         files = {name: gather(f"{flag}{name}", path, Path(scratch)).path for name, path in paths.items()}
@@ -69,12 +69,13 @@ def upload(client: Client, paths: Mapping[str, Path], flag: str = "") -> dict[st
 
 
 def plain(name: str) -> str:
-    """A file's name as text that can be stored and shown, whatever bytes it is made of."""
+    """A file's name as text that can be stored and shown; invalid bytes are replaced."""
     return name.encode("utf-8", "replace").decode()[:200]
 
 
 def _zip(field: str, folder: Path, target: Path) -> None:
-    """Zip the visible files of `folder` by name, stored as they are, with a fixed date and mode: no clock, no umask."""
+    """Zip the visible files of `folder` by name, uncompressed, with a fixed date and mode, so that the bytes depend on
+    the files only."""
     files = _files(folder)
     if not files:
         raise BadInput("There are no files in the folder.", field=field, value=folder, remedy="Put the frames in it.")

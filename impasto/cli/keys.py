@@ -36,7 +36,7 @@ def create(
         emit(_row(key) | {"secret": secret})
     else:
         out.print(secret, markup=False)
-        print_status(f"{key.id} for {name}: {', '.join(sorted(key.scopes))}. The secret is not kept: note it now.")
+        print_status(f"{key.id} for {name}: {', '.join(sorted(key.scopes))}. The secret is not stored: copy it now.")
 
 
 @app.command("list")
@@ -70,7 +70,7 @@ def revoke(
 
 @contextmanager
 def _keys(home: Path | None, database: str | None) -> Iterator[Keys]:
-    """The keys of the home, or of its database, through a farm that runs nothing and so disturbs no service at work."""
+    """The keys of the home, or of its database. The farm has no pool, so that it does not disturb a running service."""
     from impasto.settings import load
     from service.settings import Settings
     from workers.farm import open_farm

@@ -143,7 +143,7 @@ def _stream(client: LiveClient, source: Source, sink: Sink, duration_s: float) -
 
 @contextmanager
 def _stop_on_signal(stream: Stream) -> Iterator[None]:
-    """Ctrl-C (or SIGTERM) ends the stream in order; a second one, at once."""
+    """Ctrl-C (or SIGTERM) ends the stream regularly; a second one ends it at once."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def restore() -> None:
@@ -216,7 +216,7 @@ def _print_change(message: Json) -> None:
     if message["type"] == "resolution":
         print_status(f"Works at {message['width']}x{message['height']} now ({message['reason']}).")
     elif message["type"] == "replaced":
-        print_status("The worker died and another goes on.")
+        print_status("The worker died; another one continues.")
     elif message["type"] == "error":
         print_status(f"error: {message['problem'].get('detail')}")
 
@@ -247,7 +247,9 @@ def _loops(text: str) -> int:
     if text == "forever":
         return 0
     if not text.isdecimal():
-        raise BadInput("A file is played so many times.", field="--loop", value=text, remedy="Write 3, or forever.")
+        raise BadInput(
+            "The number of repetitions is invalid.", field="--loop", value=text, remedy="Write 3, or forever."
+        )
     return int(text)
 
 

@@ -68,7 +68,7 @@ def parameters(chosen: Method) -> list[Json]:
 
 
 def _resolved(field: Json, kinds: Json) -> Json:
-    """A property with what it refers to (an enum of its own, an optional value) written out."""
+    """A property with its references (an enum, an optional value) resolved."""
     options = [option for option in field.get("anyOf", [field]) if option.get("type") != "null"]
     first = options[0] if options else {}
     referred = kinds.get(str(first.get("$ref", "")).rpartition("/")[2], {})

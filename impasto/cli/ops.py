@@ -96,7 +96,7 @@ def drain(
     server: ServerOption = None,
     api_key: KeyOption = None,
 ) -> None:
-    """Drain a place: no further task starts there, running tasks finish. With `queue`: hand out no task at all."""
+    """Drain a place: no further task starts there, running tasks finish. With `queue`: no task starts anywhere."""
     with client_of(server, api_key) as client:
         client.ops.drain(place, reason)
     print_status(f"{place}: nothing new starts. `impasto ops resume {place}` ends that.")

@@ -102,7 +102,7 @@ Options = TypeVar("Options")
 def params_of(options: Sequence[str]) -> Json:
     """`["sigma_px=1.5", "lines=off"]` -> `{"sigma_px": 1.5, "lines": "off"}`.
 
-    A value that is JSON is taken as JSON, anything else as text: `off`, `on` and names need no quotes.
+    A value that is valid JSON is parsed, anything else is text: `off`, `on` and names need no quotes.
     """
     return _pairs(options, "--param", "sigma_px=1.5", _json_or_text)
 

@@ -2,7 +2,7 @@
 
 Each command line has a folder of its own, so that the same command resumes its own work. The folder holds the farm's
 database and blobs. It is locked while a render uses it and removed when the result is delivered. After Ctrl-C, a
-failure or a power cut it stays, and the same command resumes there.
+failure or a power cut it remains, and the same command continues there.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from workers.farm import Farm
 from workers.model import Job, JobRequest, Json, TaskView
 
 KEPT_S = 30 * 24 * 3600.0
-"""An interrupted render that was not resumed for this long is deleted, seconds."""
+"""Time after which an interrupted render is deleted, seconds."""
 
 
 def key_of(facts: Json) -> str:
@@ -103,9 +103,9 @@ def _locked(folder: Path) -> Iterator[IO[bytes] | None]:
 _THREADS = 2
 """Number of threads that check and store the inputs."""
 _BEAT_S = 0.5
-"""Events arrive in bursts: progress is updated at most this often, seconds, to save processor time."""
+"""Minimum interval of progress updates, seconds: events arrive in bursts, and updates take processor time."""
 _POLL_S = 5.0
-"""Longest time between reads of the job without an event, seconds."""
+"""Maximum time between reads of the job without an event, seconds."""
 
 
 @contextmanager

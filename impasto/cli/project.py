@@ -38,7 +38,7 @@ def project_order(
         frames: [first, end) of the shot's video, instead of the shot's range.
 
     Raises:
-        BadProject: the document is not sound, or has problems.
+        BadProject: the document is invalid, or has problems.
         BadInput: it has several shots.
         UnreadableMedia: the archive is damaged.
     """

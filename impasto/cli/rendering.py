@@ -1,4 +1,4 @@
-"""The work behind `impasto render`: check the order, run one job in a private farm, deliver its files, sum up times."""
+"""The work of `impasto render`: check the order, run one job in a private farm, deliver its files, sum up times."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class RenderOrder:
     """Whether existing outputs may be replaced."""
 
     def check(self) -> None:
-        """Refuse what is wrong with the order itself, before any file is read. Raises: BadParameter, BadInput."""
+        """Refuse an invalid order, before any file is read. Raises: BadParameter, BadInput."""
         chosen = method(self.request.method)
         _check_inputs(chosen, parse_params(chosen, self.request.params), self.paths)
         for name in self.artefacts:
@@ -53,7 +53,7 @@ class RenderOrder:
         self._check_outputs_differ()
 
     def _check_outputs_differ(self) -> None:
-        """No output may be an input, under any name (links included), or another output."""
+        """Check that no output is an input or another output, also through links."""
         taken = {"the output": self.where.path} | {f"the input {name!r}": path for name, path in self.paths.items()}
         _refuse_equal("--output", self.where.path, {k: v for k, v in taken.items() if k != "the output"})
         for name, path in self.artefacts.items():
@@ -118,7 +118,7 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
             with private_farm.opened(place.folder, workers or 0) as farm:
                 job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key).id, show)
                 remember(home, order.request, video, job)
-                place.consent()  # from here on, the outputs that exist are our own
+                place.consent()  # existing outputs are our own from here on
                 summary = _deliver(farm, job, order)
             forget(place.folder)
     wall_s = time.monotonic() - began

@@ -35,7 +35,7 @@ from workers.model import Json
 
 MANIFEST = "scene.json"
 QUALITY = 12
-"""Rate factor of scene videos: what is painted from them should not be painted from block noise."""
+"""Rate factor of scene videos, low enough that paintings of them do not show compression artefacts."""
 
 
 def draw(scene: Scene, output: str, quiet: bool) -> Path:
@@ -83,7 +83,7 @@ def _draw_passes(scene: Scene, folder: Path, quiet: bool) -> None:
 
 
 def _passes(frame: SceneFrame) -> Iterator[tuple[str, AnyArray]]:
-    """Pass name -> what is saved: integers as PNG, floats as they are."""
+    """Pass name -> array to save; integers become PNG, floats npy."""
     yield "image", frame.image[..., ::-1]
     yield "ids", frame.ids.astype(np.uint16)
     yield "lines", np.rint(frame.lines * 255).astype(np.uint8)

@@ -70,8 +70,8 @@ class ServeOptions:
 def serve(options: ServeOptions) -> None:
     """Start the service: the API at /v1, its documentation at /docs, the web page at /.
 
-    Its address is the one line on stdout, printed once it answers. Ctrl-C stops it; unfinished jobs go on at the next
-    start.
+    Its address is the one line on stdout, printed once it answers. Ctrl-C stops it; unfinished jobs continue at the
+    next start.
     """
     with without_garbage_collection():
         from impasto.settings import load

@@ -151,7 +151,7 @@ def _empty(settings: Settings, name: str, signals: _Signals, grace_s: float) -> 
 
 
 class _Signals:
-    """The first SIGTERM or SIGINT, and the second."""
+    """Waits for the first and the second SIGTERM or SIGINT."""
 
     def __init__(self) -> None:
         self.first, self.second = threading.Event(), threading.Event()

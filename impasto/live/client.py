@@ -9,8 +9,8 @@
         for answer in live.answers():  # those that were still on their way
             show(live.picture(answer))
 
-Frames go out on the caller's thread, answers come in on one of the client's own. A lost connection is taken up again;
-frames sent meanwhile are dropped, as the service drops those it has no time for.
+Frames are sent on the caller's thread; answers are received on a thread of the client. A lost connection is resumed.
+Frames that are sent meanwhile are dropped, just as the service drops frames that it cannot paint in time.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from workers.model import Json
 MAX_MESSAGE_BYTES = 128 << 20
 MAX_SIDE_PX = 16384
 ANSWERS_KEPT = 120
-"""Most answers that wait for the caller. Beyond it, reading stops and the service drops frames."""
-PATIENCE_S = 10.0
+"""Maximum number of answers that wait for the caller. Beyond it, reading stops, and the service drops frames."""
+RECONNECT_S = 10.0
 """Time for which a lost connection is retried, seconds: equal to the time for which the service keeps the session."""
 CLOSE_S = 2.0
 FRUITLESS = 3
-"""Most consecutive connections that may break without an answer."""
+"""Maximum number of consecutive connections that break without an answer."""
 _RETRIED = frozenset({1001, 1006, 1011, 1012})
 """Close codes after which connecting again may help."""
 
@@ -224,7 +224,7 @@ class LiveClient:
     def answers(self, wait_s: float | None = None) -> Iterator[Answer]:
         """Answers as they come, to the end of the session; with `wait_s`, those that are there or come within it.
 
-        Raises: LiveEnded, or what the service ended the session with.
+        Raises: LiveEnded, or the error with which the service ended the session.
         """
         while True:
             try:
@@ -262,7 +262,7 @@ class LiveClient:
             if self._socket is not None:
                 self._socket.send(json.dumps(message))
         except ConnectionClosed:
-            return  # the reader knows, and what is in force goes out with the next hello
+            return  # the reader has noticed the loss; the next hello contains the present values
 
     # -- the client's thread
 
@@ -311,25 +311,25 @@ class LiveClient:
 
     def _again(self) -> None:
         """Reconnect and resume the session. Raises the last error once the time-out has passed."""
-        deadline, wait_s = time.monotonic() + PATIENCE_S, 0.1
+        deadline, wait_s = time.monotonic() + RECONNECT_S, 0.1
         while True:
             try:
                 return self._connect()
             except ImpastoError as error:
-                hopeless = not isinstance(error, ServiceUnreachable | NoLiveWorker)
-                if hopeless or self._leaving or time.monotonic() + wait_s > deadline:
+                permanent = not isinstance(error, ServiceUnreachable | NoLiveWorker)
+                if permanent or self._leaving or time.monotonic() + wait_s > deadline:
                     raise
             time.sleep(wait_s)
             wait_s = min(2 * wait_s, 1.0)
 
 
 def now_us() -> int:
-    """Microseconds of this process's monotonic clock: what `LiveClient.send` stamps frames with."""
+    """Microseconds of this process's monotonic clock, the default time stamp of `LiveClient.send`."""
     return time.monotonic_ns() // 1000
 
 
 def _wire(codec: str, options: LiveOptions) -> WireFormat:
-    """An encoder's orders for the way out."""
+    """Settings of the encoder of sent frames."""
     return WireFormat(send=codec, receive=codec, quality=options.quality, fps=options.fps)
 
 

@@ -17,9 +17,9 @@ from workers.live.statistics import PERCENTILES, Histogram
 from workers.model import Json
 
 REMEMBERED = 120
-"""Most unanswered frames whose times are kept."""
+"""Maximum number of unanswered frames whose times are kept."""
 ATTEND_S = 0.1
-"""Longest time between calls of the sink, seconds, also without answers."""
+"""Maximum time between calls of the sink, seconds, also without answers."""
 
 
 @dataclass

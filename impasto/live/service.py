@@ -21,9 +21,9 @@ def service(named: str, print_status: Callable[[str], None]) -> Iterator[str]:
     """The address of a service.
 
     Args:
-        named: an address; if it is the default one and nobody answers there, a service is started, on a free port and
+        named: an address. If it is the default one and no service answers there, a service is started on a free port
             with an empty home, and stopped at the end.
-        say: told when that happens.
+        say: called with a message when a service is started.
 
     Raises: ServiceUnreachable (it does not start).
     """
@@ -47,7 +47,7 @@ def _answers(address: str) -> bool:
 @contextmanager
 def _started(home: str) -> Iterator[str]:
     command = [sys.executable, "-m", "impasto", "serve", "--host", "127.0.0.1", "--port", "0", "--home", home]
-    # A session of its own: Ctrl-C is for the stream, which ends in order first.
+    # A new session, so that Ctrl-C reaches only the stream, which ends first.
     child = subprocess.Popen(  # noqa: S603  (our own command)
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True
     )

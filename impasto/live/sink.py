@@ -19,7 +19,8 @@ class Sink(ABC):
 
     @abstractmethod
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
-        """A frame shown from `when_s` on, seconds from the source's first. Of any size: that of the work may change."""
+        """Show a frame from `when_s` on, seconds after the source's first frame. Its size may differ from that of other
+        frames."""
 
     def attend(self) -> bool:
         """Called often. Returns False to end the stream."""

@@ -1,4 +1,4 @@
-"""Opens the sink of a live stream by its name, and the sinks that are a few lines: frames in a folder, none."""
+"""Opens the sink of a live stream by its name. Contains the sinks for a folder of frames and for no output."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ Timed = tuple[float, Frame]
 """Time of a frame, seconds from the first, and the frame."""
 NETWORK = ("rtsp://", "rtsps://", "rtmp://", "http://", "https://", "udp://", "tcp://", "srt://")
 OPEN_S = 10
-"""Longest silence of a camera or sender, seconds."""
+"""Maximum silence of a camera or sender, seconds."""
 LEAVE_S = 2
 _CAMERA_FORMATS = {"linux": "v4l2", "darwin": "avfoundation", "win32": "dshow"}
 
@@ -217,7 +217,7 @@ class StreamSource:
             with suppress(queue.Empty):
                 timed = self._newest.get(timeout=0.1)
                 if timed is None:
-                    self._newest.put(None)  # whoever iterates again also finds the end
+                    self._newest.put(None)  # a second iteration also finds the end
                     break
                 yield timed
         if self._lost and not self._stop.is_set():
@@ -234,8 +234,8 @@ class StreamSource:
         deadline = time.monotonic() + LEAVE_S
         while self._thread.is_alive() and time.monotonic() < deadline:
             with suppress(queue.Empty):
-                self._newest.get(timeout=0.1)  # it may wait for room
-        if not self._thread.is_alive():  # else it waits for a sender that is silent, and ends with the process
+                self._newest.get(timeout=0.1)  # the reader may wait for space in the queue
+        if not self._thread.is_alive():  # otherwise it waits for a silent sender, and ends with the process
             self._container.close()
 
 

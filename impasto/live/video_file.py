@@ -42,7 +42,7 @@ class VideoFileSink(Sink):
         elif start > self._pending[0]:
             self._write(start)
         else:
-            return  # two frames of one moment: the first is shown
+            return  # of two frames with the same time, the first is shown
         self._pending = (start, at_size(frame, self._spec.size))
 
     def _begin(self, start: int) -> None:
@@ -95,5 +95,5 @@ def as_far(sound: Sound, end_s: Fraction, scratch: Path) -> Path:
                 packet.stream = copy
                 target.mux(packet)
     except (av.FFmpegError, OSError):
-        return sound.path  # better sound that is too long than none
+        return sound.path  # sound that is too long is better than none
     return scratch

@@ -117,7 +117,7 @@ class Device:
         return target
 
     def finish(self) -> None:
-        """Wait until all submitted work is done. Needed for timing only: `download` waits by itself."""
+        """Wait until all submitted work is done. Needed for timing only, because `download` waits, too."""
         with self._lock, _as_device_error(self._cl, "The device failed"):
             self._queue.finish()
 
@@ -198,7 +198,7 @@ class Kernel:
         self._device, self._compiled, self._parameters, self._macros = device, compiled, parameters, dict(macros)
 
     def at(self, size: tuple[int, ...], *args: DeviceArray | float | np.generic, group: Group = None) -> Launch:
-        """A launch of this kernel with arguments and work sizes; runs nothing yet.
+        """Prepare a launch of this kernel with arguments and work sizes, without running it.
 
         Args:
             size: work items along x, y, z; rounded up to whole work groups, so the kernel must check its bounds.

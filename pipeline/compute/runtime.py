@@ -75,7 +75,7 @@ def register(runtime: Path | None) -> None:
     """Make an OpenCL runtime visible to this process and its children, by the loader's environment variable.
 
     Args:
-        runtime: its library; None, or a library that cannot be loaded here: nothing changes.
+        runtime: the runtime's library. If it is None or cannot be loaded here, nothing changes.
     """
     if runtime is None or not _load_libraries(runtime.parent):
         return

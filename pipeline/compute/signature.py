@@ -26,7 +26,7 @@ from pipeline.errors import DeviceError
 Macro: TypeAlias = int | float | str
 """Value of a macro of the source (`-D name=value`)."""
 SizeOf: TypeAlias = Callable[[Mapping[str, Macro]], int]
-"""Value of a size expression, by the values of its names."""
+"""Computes a size expression from the values of its names."""
 
 
 class Sized(Protocol):
@@ -118,12 +118,12 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[int, int], int]] = {
 
 @cache
 def _compiled(expression: str) -> SizeOf:
-    """The function of a size expression."""
+    """The function that computes a size expression."""
     return _function(ast.parse(expression, mode="eval").body)
 
 
 def _function(node: ast.expr) -> SizeOf:
-    """The function of a node: integers, names, the operators + - * //, and `or` (1 or 0)."""
+    """The function that computes a node: an integer, a name, an operator + - * //, or `or` (result 1 or 0)."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int):
         value = node.value
         return lambda names: value

@@ -10,7 +10,7 @@ class TvL1(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    attachment: float = Field(0.45, gt=0, le=10, description="lambda: weight of the data term, per grey level")
+    attachment: float = Field(0.45, gt=0, le=10, description="lambda: weight of the data term, per gray level")
     tightness: float = Field(0.3, gt=0, le=10, description="theta: largest difference of u and v, in effect")
     time_step: float = Field(0.25, gt=0, le=0.25, description="tau: step of the dual iteration")
     warps: int = Field(5, ge=1, le=50, description="linearisations of the data term per level")

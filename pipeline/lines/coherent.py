@@ -29,8 +29,8 @@ these pixels lie on ink that was drawn in the previous frame."""
 DRAWN = 76
 """Ink above this value counts as drawn in the previous frame."""
 MANY_SHORT_STROKES, LARGEST_FACTOR = 10.0, 3.0
-"""Number of short strokes in nine cells from which strokes there must be longer, in proportion to that number, and the
-largest factor: foliage and grass would be full of specks, while the single short stroke of an eye stays."""
+"""Number of short strokes in nine cells above which strokes there must be longer, in proportion to that number, and the
+largest factor. Without it, foliage and grass would be full of specks. The single short stroke of an eye stays."""
 _FAR = np.int32(1 << 30)
 
 

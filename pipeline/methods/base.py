@@ -90,7 +90,7 @@ class InputSpec:
         part: the part of a project's layer from which the input is made: "keys.image" = the images of its painted keys
             by frame, "label_styles" = that member as JSON. Empty: a file that the layer names in its own `inputs`.
         preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
-        needs: another input, without which this one means nothing; empty: none.
+        needs: name of another input that is required if this one is given; empty: none.
     """
 
     name: str
@@ -104,11 +104,11 @@ class InputSpec:
 
 
 def missing_inputs(specs: Iterable[InputSpec], given: Collection[str]) -> Iterator[tuple[InputSpec, str]]:
-    """Inputs that a job must have and does not have, each with a sentence that says why it must.
+    """Required inputs that a job lacks, each with a sentence that says why it is required.
 
     Args:
-        specs: of all inputs that the job may have.
-        given: names of those that it has.
+        specs: all inputs that the job may have.
+        given: names of the inputs that it has.
     """
     known = {spec.name: spec for spec in specs}
     for spec in known.values():
@@ -134,7 +134,7 @@ class Method:
 
     Attributes:
         paper: key in references.bib.
-        artefacts: optional artefacts that a job may ask for.
+        artefacts: optional artefacts that a job may request.
         regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
@@ -142,7 +142,7 @@ class Method:
             `python -m benchmarks.estimates`; estimates use it until the farm has finished jobs of its own.
         cpu_growth: exponent with which CPU seconds a frame grow with its pixels, measured there too; below 1 where
             parts work at a fixed size.
-        input_schemas: JSON Schema of the inputs of kind "json", by input name, made when asked for.
+        input_schemas: JSON Schema of the inputs of kind "json", by input name, made on access.
         input_examples: documents to begin with, by input name: frame count of the video -> name -> document.
         input_checks: checks of those documents, by input name.
     """
@@ -182,7 +182,7 @@ class Method:
         return None
 
     def load(self) -> None:
-        """Load into this process what a task needs besides the method's modules: called beside the start of a job.
+        """Load what a task needs besides the method's modules, such as a device. Called in a thread while a job starts.
 
         Raises: DeviceError.
         """
@@ -221,7 +221,7 @@ class Method:
         implementation for these parameters: the platform then runs the plan for those frames.
 
         Args:
-            frames: of the shot at preview size, uint8 (height, width, 3); each is decoded when it is asked for.
+            frames: frames of the shot at preview size, uint8 (height, width, 3), each decoded on access.
         """
         return None
 
@@ -231,7 +231,7 @@ class Method:
         return params
 
     def resources(self, step: str, context: PlanContext[AnyParams]) -> Resources | None:
-        """Resources of a task of `step` that declares none; None: those of the farm's settings.
+        """Resources of the tasks of `step` that declare none; None: those of the farm's settings.
 
         Memory depends on the size of the frames and of the window, never on the length of the video.
         """

@@ -1,4 +1,4 @@
-"""Live sessions: a causal method applied to a stream of frames, and filters of what it paints."""
+"""Live sessions: a causal method applied to a stream of frames, and filters of the painted frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.frames import Frame
 class Session(Protocol):
     """A causal method applied to a stream: one frame in, one frame out.
 
-    `step(frame)` is `paint(analyze(frame))`. The two halves keep separate state: `analyze` of a frame may run on one
+    `step(frame)` is `paint(analyze(frame))`. The two stages keep separate state: `analyze` of a frame may run on one
     thread while `paint` of an earlier frame runs on another, as long as each half receives every frame, in order.
     """
 
@@ -56,7 +56,7 @@ class Session(Protocol):
 class LiveFilter(Protocol):
     """A causal filter of the frames that any session paints, which also uses the frames they were painted from.
 
-    `analyze` and `apply` keep separate state, as the halves of a `Session` do, and may run on two threads.
+    `analyze` and `apply` keep separate state, like the stages of a `Session`, and may run on two threads.
     """
 
     def analyze(self, source: Frame) -> object:
@@ -67,7 +67,7 @@ class LiveFilter(Protocol):
         """Second half: the filtered frame.
 
         Args:
-            painted: what the session painted of that incoming frame, with the same size.
+            painted: the session's painting of that incoming frame, with the same size.
         """
         ...
 

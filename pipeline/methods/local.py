@@ -143,10 +143,10 @@ class LocalContext(Generic[P]):
 
 
 def required_inputs(method: Method, video: Sequence[Frame]) -> dict[str, Input]:
-    """Stand-ins for the inputs that a method requires beside the video: for benchmarks and tests of every method.
+    """Substitutes for the inputs that a method requires besides the video, for benchmarks and tests of every method.
 
     Args:
-        video: frames, which take the place of each required input of kind "video".
+        video: frames for each required input of kind "video".
     """
     return {spec.name: video for spec in method.inputs[1:] if spec.required and spec.kind == "video"}
 
@@ -155,7 +155,7 @@ def run_plan(method: Method, context: LocalContext[AnyParams], shuffle: int | No
     """Run a method's whole plan in this thread.
 
     Args:
-        shuffle: seed of a random order of the tasks, within what their chains allow; None: the order of the plan.
+        shuffle: seed of a random order of the tasks that respects their dependencies; None: the order of the plan.
 
     Returns:
         The tasks of each step, by step name, in the order in which they ran. Frames are in `context.emitted`.

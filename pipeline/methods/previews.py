@@ -20,7 +20,7 @@ class PreviewRequest(Generic[P_co]):
     """Request for a preview of one frame, for methods that implement `Method.preview`.
 
     Attributes:
-        frames: uint8 (height, width, 3), consecutive; the last one is to be painted, the others come before it.
+        frames: uint8 (height, width, 3), consecutive; the last one is painted, the others precede it.
         number: of the last frame in the video; total: frames of the video.
         documents: inputs of kind "json" by name, parsed.
         images: inputs of kind "images" by name: image by frame number.
@@ -57,7 +57,7 @@ class FrameClusters:
     Attributes:
         labels: int32 (h, w), perhaps coarser than the frame: 0 = no cluster, 1 = background.
         uncertainty: of each label, 0..1.
-        foreground: bool (h, w), what the user's masks say of this frame; None if none of them reaches it.
+        foreground: bool (h, w), foreground of this frame by the user's masks; None if no mask affects it.
     """
 
     labels: Labels
@@ -78,7 +78,7 @@ class KeyPropagator(Protocol):
         ...
 
     def prepare(self, key: int, around: int) -> None:
-        """Compute in advance what `repaint` needs besides the painting.
+        """Compute in advance the data that `repaint` needs besides the painting.
 
         Args:
             key: index of the key among the frames.

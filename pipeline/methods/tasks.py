@@ -1,4 +1,4 @@
-"""Plan of a method: steps, tasks, and what they run with.
+"""Plan of a method: steps, tasks, and their contexts.
 
 A *step* is a list of *tasks*; a task is a unit of work that one worker runs on its own. The farm runs any plan without
 knowing the method:
@@ -57,7 +57,7 @@ class VideoInfo:
 
 @dataclass(frozen=True)
 class PlanContext(Generic[P_co]):
-    """Everything that a plan may depend on. Two equal plan contexts give equal plans, on any machine.
+    """All data on which a plan may depend. Equal plan contexts give equal plans on any machine.
 
     Attributes:
         inputs: names of the inputs that were given.
@@ -73,7 +73,7 @@ class PlanContext(Generic[P_co]):
 
 @dataclass(frozen=True)
 class Resources:
-    """Resources that a task occupies while it runs. The farm's settings fill in what is None.
+    """Resources that a task occupies while it runs. None: those of the farm's settings.
 
     Attributes:
         cpus: processors.
@@ -168,7 +168,7 @@ class TaskContext(Protocol[P_co]):
         ...
 
     def wants(self, artefact: str) -> bool:
-        """Whether the job asked for an optional artefact (`output.artefacts`), for example "svg" or "labels"."""
+        """Whether the job requests an optional artefact (`output.artefacts`), for example "svg" or "labels"."""
         ...
 
     def emit(self, index: int, frame: Frame) -> None:

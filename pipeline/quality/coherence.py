@@ -34,7 +34,8 @@ class PairMeasure:
 
     @property
     def flicker(self) -> float:
-        """Root of the painted video's error over that of the source: 1 is as steady as the source, less is steadier."""
+        """Square root of the painted video's warping error over that of the source: 1 = as steady as the source; lower
+        values are steadier."""
         return flicker(self.painted_error, self.source_error)
 
 
@@ -100,7 +101,7 @@ def _measure(differences: tuple[AnyArray, AnyArray], compared: Mask) -> PairMeas
 
 
 def detail(frame: Frame) -> float:
-    """Mean magnitude of the lightness gradient (3x3 Sobel), grey levels; compare it with that of the source."""
+    """Mean magnitude of the lightness gradient (3x3 Sobel), gray levels; to be compared with that of the source."""
     gray = cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY).astype(np.float32)
     return float(cv2.magnitude(cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)).mean())
 

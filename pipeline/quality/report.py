@@ -1,4 +1,4 @@
-"""The quality report: measures of sampled pairs of frames, and what they say of the whole video."""
+"""The quality report: measures of sampled pairs of frames, and estimates for the whole video."""
 
 from __future__ import annotations
 

@@ -16,12 +16,12 @@ PAIR_S, PAIR_S_PER_MEGAPIXEL = 0.04, 0.07
 FACES_S = 0.19
 """Processor time of one search for faces, at a width of at most 640 px, s."""
 FIRST_FRAME_S_PER_MEGAPIXEL = 0.7
-"""Processor time that a method takes for the first frame of a video beyond that of a later frame, s."""
+"""Additional processor time of a method for the first frame of a video, compared with a later frame, s."""
 MOST_PAIRS = 60
 MOST_BYTES = 64 << 20
 """Limit of the source frames that a job keeps in memory for its report."""
 ALONE_EVERY, MOST_ALONE = 150, 3
-"""One pair in so many frames is also painted frame by frame, at most this many."""
+"""Interval, in frames, of the pairs that are also painted frame by frame, and their maximum number."""
 TILE_PX = (320, 180)
 """(width, height) of the part of each pair that is compared at full resolution."""
 FACES_EVERY = 6
@@ -56,7 +56,7 @@ class SampleSize:
 def affordable_sample(
     frames: int, size: tuple[int, int], cpu_s_per_megapixel: float, stand_alone: bool = True
 ) -> SampleSize:
-    """The amount that the report of a job measures. One pair is always measured; then, as far as `SHARE` of the
+    """Number of measurements of a job's report. One pair is always measured; then, as far as `SHARE` of the
     render's time pays for them, faces are searched, pairs are painted frame by frame, and further pairs are measured.
 
     It depends on the video and the method only, so that equal jobs have equal reports.

@@ -11,9 +11,9 @@ from pipeline.frames import Frame, Plane
 _REACH_PX, _STEP_PX = 8, 0.25
 _STRONGEST_SHARE = 0.02
 _LEAST_SLOPE, _LEAST_CONTRAST = 4.0, 12.0
-"""Grey levels per px, and grey levels: weaker edges are texture or noise."""
+"""Gray levels per px, and gray levels: weaker edges are texture or noise."""
 _RISING = 0.2
-"""Grey levels per px that a profile must rise to belong to its edge."""
+"""Gray levels per px that a profile must rise to belong to its edge."""
 _MAP_COLUMNS, _MAP_ROWS = 1024, 8192
 """OpenCV's remap accepts at most 32,767 rows and columns."""
 

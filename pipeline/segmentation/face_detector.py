@@ -19,8 +19,8 @@ from cv2.data import haarcascades
 from numpy.typing import NDArray
 
 from pipeline.errors import DeviceError
+from pipeline.flow.gray import Gray
 
-Gray = NDArray[np.uint8]
 Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
 Pose = Literal["frontal", "mirrored", "left", "right", "tilted left", "tilted right"]

@@ -2,7 +2,7 @@
 
 A complete search costs more than the rest of a frame, and a detector's boxes jitter and drop out. The first frame of a
 shot is searched completely for frontal faces. Every later frame searches one piece of the frame for new faces, so that
-all pieces have had their turn after a cycle; every second frame searches the surroundings of one known face. In
+all pieces are searched in a cycle; every second frame searches the surroundings of one known face. In
 between, a face moves with the median flow inside its box. Its box follows the latest detection gradually, and its
 strength rises and falls gradually.
 
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
+from pipeline.flow.gray import Gray
 from pipeline.frames import Flow, Plane
-from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Gray, Pose, pieces, pose_pieces
+from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.segmentation.motion import median_motion
 
 FACE = np.dtype([
@@ -39,12 +40,13 @@ _SMALLEST_SHARE = 1 / 48
 _RECHECK_FRAMES = 8
 """Frames between two searches around a known face, if no other face has waited for longer."""
 _MIRRORED_PX = 36.0
-"""Width from which on a frontal face must be found in the mirrored picture, too, px: what looks like a face in grass or
-folds of clothes is not symmetric. Smaller faces have too few pixels for this test."""
+"""Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
+clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
 _MOST_CANDIDATES = 3
 """Candidates of a frame that are looked at closely."""
 _LEAST_MISSES, _MOST_MISSES = 2, 6
-"""Searches without detection after which a face is given up: as many as it had detections, within these limits."""
+"""Limits of the number of searches without detection after which a face is dropped; in between, it equals the number of
+its detections."""
 _HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
 """Semi-axes of the head's ellipse and its upward shift, in sides of the detected box, which ends at brows and chin."""
 _LEAST_CELLS = 1.5
@@ -138,7 +140,7 @@ class FaceTracker:
         return out
 
     def _add(self, gray: Gray, candidates: NDArray[np.float64], pose: Pose, strength: float) -> None:
-        """Make faces of the candidates that are confirmed and not known yet."""
+        """Add a face for each confirmed candidate that is not a known face."""
         for candidate in candidates:
             if self._known(candidate) is not None:
                 continue
@@ -160,7 +162,8 @@ class FaceTracker:
         return int(near[apart[near].argmin()]) if near.size else None
 
     def _recheck(self, gray: Gray, index: int) -> None:
-        """Search around a known face: in its latest pose, else from the front, else in one other pose by turns."""
+        """Search around a known face: in its latest pose, else frontally, else in one of the other poses, which
+        alternate."""
         face = self.faces[index]
         face["unchecked"] = 0.0
         latest = int(face["pose"])

@@ -58,8 +58,8 @@ class ImportanceParams:
 
 
 SMALL_HEAD, LARGE_HEAD = 0.1, 0.25
-"""Width of a face up to which its head counts fully in `people`, and from which on it does not, as fractions of the
-longer side of the frame: strokes are fine enough for a large face."""
+"""Widths of a face, as fractions of the longer side of the frame, between which the weight of its head in
+`hands_and_heads` falls from 1 to 0: strokes are fine enough for a large face."""
 
 
 class ImportanceTracker:
@@ -143,7 +143,7 @@ class ImportanceTracker:
             self._faces.search(self._gray, self._age - 1)
             self._gray = None
 
-    def people(self) -> Plane | None:
+    def hands_and_heads(self) -> Plane | None:
         """Hands and small heads in the latest frame, times the weight of faces; None without a face.
 
         Returns: float32 at the size of the map, 0..1.
@@ -201,7 +201,7 @@ class ImportanceTracker:
         return np.asarray(1 - plain * (1 - face * self._faces.head_mask(self._cues.shape)), np.float32)
 
     def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
-        """Move the cue of hands with the flow, and let it follow what is found in this frame."""
+        """Move the cue of hands with the flow, then towards the hands that are found in this frame."""
         if colours is None or self._age == 0 or not len(self._faces.faces):
             self._hands = np.zeros_like(self._hands)
             return

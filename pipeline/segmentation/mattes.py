@@ -28,8 +28,8 @@ BAND = 6
 
 Box = tuple[slice, slice]
 """Rows and columns."""
-Places = tuple[NDArray[np.int32], NDArray[np.float32]]
-"""Positions on an axis: the pixel before each, and the distance to it, 0..1 px."""
+AxisSamples = tuple[NDArray[np.int32], NDArray[np.float32]]
+"""Positions on an axis, for linear interpolation: the pixel before each position, and the distance from it, 0..1 px."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ class LabelMattes:
         coefficients[~near] = 0
         coefficients[..., 3][~near] = mask[~near]
         out = np.empty(shape, np.float32)
-        rows = _places(box[0], self._size[1], mask.shape[0])
-        columns = _places(box[1], self._size[0], mask.shape[1])
+        rows = _axis_samples(box[0], self._size[1], mask.shape[0])
+        columns = _axis_samples(box[1], self._size[0], mask.shape[1])
         _apply(coefficients, near, (rows, columns), np.ascontiguousarray(self.frame[box]), out)
         return out
 
@@ -209,8 +209,8 @@ def _fit(
             out[y, x, 3] = mean - (out[y, x, 0] * red + out[y, x, 1] * green + out[y, x, 2] * blue)
 
 
-def _places(span: slice, length: int, small: int) -> Places:
-    """Positions of the pixels in `span`, on an axis of `length` px, on the same axis reduced to `small` px."""
+def _axis_samples(span: slice, length: int, small: int) -> AxisSamples:
+    """Positions, on an axis reduced from `length` to `small` px, of the full-size pixels in `span`."""
     at = (np.arange(span.start, span.stop, dtype=np.float32) + np.float32(0.5)) * np.float32(small / length)
     at = np.clip(at - np.float32(0.5), 0, small - 1)
     first = np.minimum(at.astype(np.int32), max(small - 2, 0)).astype(np.int32)
@@ -219,29 +219,33 @@ def _places(span: slice, length: int, small: int) -> Places:
 
 @kernel
 def _apply(
-    coefficients: NDArray[np.float32], near: Mask, places: tuple[Places, Places], frame: Frame, out: Plane
+    coefficients: NDArray[np.float32], near: Mask, samples: tuple[AxisSamples, AxisSamples], frame: Frame, out: Plane
 ) -> None:
     """Evaluate the linear model, interpolated bilinearly, and increase its contrast: a^3 / (a^3 + (1 - a)^3).
 
-    Where no pixel around is `near` a border, the matte is the constant of the model.
+    Where none of the four pixels of the model is `near` a border, the matte is the constant of the model.
+
+    Args:
+        samples: rows and columns of the model at each row and column of `frame`.
     """
     one, zero = np.float32(1.0), np.float32(0.0)
-    (rows, down), (columns, across) = places
+    (rows, row_distances), (columns, column_distances) = samples
     height, width = near.shape
     for y in range(out.shape[0]):
-        r, b = rows[y], down[y]
-        s = min(r + 1, height - 1)
+        top, down = rows[y], row_distances[y]
+        bottom = min(top + 1, height - 1)
         for x in range(out.shape[1]):
-            c, a = columns[x], across[x]
-            d = min(c + 1, width - 1)
-            if not (near[r, c] or near[r, d] or near[s, c] or near[s, d]):
-                out[y, x] = coefficients[r, c, 3]
+            left, across = columns[x], column_distances[x]
+            right = min(left + 1, width - 1)
+            if not (near[top, left] or near[top, right] or near[bottom, left] or near[bottom, right]):
+                out[y, x] = coefficients[top, left, 3]
                 continue
             value = zero
             for k in range(4):
-                upper = coefficients[r, c, k] + a * (coefficients[r, d, k] - coefficients[r, c, k])
-                lower = coefficients[s, c, k] + a * (coefficients[s, d, k] - coefficients[s, c, k])
-                factor = upper + b * (lower - upper)
+                above, below = coefficients[top, left, k], coefficients[bottom, left, k]
+                above += across * (coefficients[top, right, k] - above)
+                below += across * (coefficients[bottom, right, k] - below)
+                factor = above + down * (below - above)
                 value += factor * np.float32(frame[y, x, k]) if k < 3 else factor
             value = min(max(value, zero), one)
             complement = one - value

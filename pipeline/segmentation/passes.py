@@ -27,10 +27,10 @@ MAX_ROLLS = 4
 MIN_RELEASED_SHARE = 0.001
 """Share of the frame that must have been released before the same ball radius is tried again."""
 LEAST_DETAIL_PX, ROWS_PER_DETAIL_PX = 2, 240
-"""Radius of the smallest ball that finds details before their neighbours grow over them: at least the first, and 1 px
-for so many rows of the frame. Smaller balls fit into blurred edges."""
+"""Radius of the smallest ball that finds details before their neighbours grow over them: 1 px per `ROWS_PER_DETAIL_PX`
+rows of the frame, at least `LEAST_DETAIL_PX`. Smaller balls fit into blurred edges."""
 FIRST_GROWTH = 0.5
-"""Share of the growing limit up to which a pixel joins a known region while details may still be found."""
+"""Fraction of the growing limit that applies until all details have been found."""
 SPECK_PX = 4
 """Regions with fewer pixels are merged at any frame size."""
 

@@ -18,7 +18,7 @@ CLOSED = np.int32(-1)
 BATCH = 512
 """Pixels that are processed together, so that the inner loops vectorise."""
 SPAN = 64
-"""Pixels of a row whose labels are kept at once if none of them moves."""
+"""Number of pixels of a row that are handled together; their labels are kept if none of them moves."""
 CHANGED_SLACK = np.float32(0.5)
 """Factor on the growing limit for a pixel that has changed."""
 REMAINDER_UNIT = 64

@@ -19,7 +19,7 @@ from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Means
 
 _LONGEST_CHAIN = 2
-"""Largest total extent of thin regions side by side that are divided together, relative to that of one."""
+"""Largest total extent of adjacent thin regions that are divided together, relative to that of one region."""
 _LEAST_SHARE = np.float32(0.06)
 """A mixture has at least this share of either colour; otherwise the region is one of the two itself."""
 _LARGEST_DEVIATION = np.float32(0.3)
@@ -47,8 +47,8 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
 
 @kernel
 def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
-    """Pixels that were not divided, between two divided ones of one label, take that label: a row or column whose
-    colour is not quite a mixture would otherwise stand out of the border."""
+    """Undivided pixels between two divided ones of the same label take that label. Otherwise a row or column whose
+    colour is not quite a mixture would protrude from the border."""
     height, width = out.shape
     between, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
     for y in range(1, height - 1):
@@ -68,7 +68,7 @@ def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
 
 @kernel
 def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths: NDArray[np.uint8]) -> None:
-    """Divide the thin regions of each row; `lengths` receives the extent of what was divided together."""
+    """Divide the thin regions of each row; `lengths` receives the total extent of adjacent divided regions."""
     height, width = labels.shape
     changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
     for y in range(height):

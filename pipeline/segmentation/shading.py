@@ -1,9 +1,9 @@
-"""Smoothing of mere shading in the analysed frame: steps between the blocks of a codec become a gradient.
+"""Smoothing of gradients in the analysed frame, where a codec has left steps between its blocks.
 
 A compressed sky or wall has a small step at every block of 8 or 16 px. Segmentation divides a gradient where its colour
-crosses a threshold, so that such a border follows the blocks. Here the mean colours of square cells are diffused
-between neighbouring cells that differ by little; where all cells around a pixel are flat, the pixel takes their
-interpolated colour. Cells with an edge or texture, and what lies beside them, stay as they are.
+crosses a threshold; because of the steps, the border follows the blocks. Here the mean colours of square cells are
+diffused between neighbouring cells that differ little. A pixel whose surrounding cells are all flat takes their
+interpolated colour. Cells with an edge or texture, and the cells next to them, do not change.
 
 Departure: this is not part of zhang2011online.
 """
@@ -18,15 +18,17 @@ from pipeline.frames import Plane
 from pipeline.jit import kernel
 
 CELL_PX = 8
-"""Side of a cell: that of the smallest block of a codec."""
+"""Side of a cell, px, equal to that of the smallest block of a codec."""
 MEASURED_ROWS = (0, 2, 5, 7)
-"""Rows of a cell that are measured, symmetric to its middle; the frame has been blurred before."""
+"""Rows of a cell that are measured, symmetric about its middle. They suffice, because the frame has been blurred."""
 FLAT_BELOW, UNEVEN_FROM = np.float32(6), np.float32(10)
-"""Range of a cell's colours, 8-bit CIELAB levels: below the first it is smoothed fully, from the second on not."""
+"""Range of a cell's colours, 8-bit CIELAB levels. A cell below `FLAT_BELOW` is smoothed fully, one from `UNEVEN_FROM`
+on is not smoothed."""
 LARGEST_STEP = np.float32(8)
-"""Difference of two cells' mean colours from which nothing is diffused between them, 8-bit CIELAB levels."""
+"""Difference of two cells' mean colours, 8-bit CIELAB levels, at and above which nothing is diffused between them."""
 PASSES, SHARE = 8, np.float32(0.24)
-"""Passes of the diffusion, and the share of a difference that moves in one: a standard deviation of 2 cells."""
+"""Number of diffusion passes, and the largest share of a difference that moves in a pass: together a Gaussian with a
+standard deviation of 2 cells."""
 LARGEST_CHANGE = np.float32(4)
 """Largest change of a pixel, 8-bit CIELAB levels."""
 
@@ -50,7 +52,7 @@ def smooth_shading(lab: LabPlanes) -> None:
 
 @kernel
 def _measure_cells(lab: LabPlanes, means: Cells, flatness: Plane) -> None:
-    """Write the mean colour of every cell, and its flatness, 0..1, by the range of its colours (`MEASURED_ROWS`)."""
+    """Write the mean colour and the flatness, 0..1, of every cell, measured on `MEASURED_ROWS`."""
     height, width = lab.shape[1], lab.shape[2]
     total, least, most = np.empty(width, np.int32), np.empty(width, np.uint8), np.empty(width, np.uint8)
     flatness[:] = 1
@@ -138,7 +140,7 @@ def _evenness(span: np.float32) -> np.float32:
 def _pixel_weights(means: Cells, flatness: Plane) -> Plane:
     """Weight of the diffused colours at each cell, 0..1: the least flatness of the cell and its eight neighbours.
 
-    Two cells with an edge exactly between them are flat, each on its own; their difference counts, too.
+    The difference between cells counts, too: with an edge exactly between them, two cells are both flat.
     """
     rows, columns = flatness.shape
     out = np.empty_like(flatness)
@@ -185,7 +187,7 @@ def _interpolate(means: Cells, weights: Plane, lab: LabPlanes) -> None:
 
 @kernel
 def _mix_rows(one: NDArray[np.float32], two: NDArray[np.float32], part: np.float32, out: NDArray[np.float32]) -> None:
-    """Write the mixture of two rows of cells, with the first and the last value repeated."""
+    """Write the interpolation of two rows of cells, with the first and the last value repeated once."""
     count = one.size
     for k in range(count):
         out[k + 1] = one[k] + part * (two[k] - one[k])

@@ -1,6 +1,6 @@
 """Hands and arms: pieces of skin beside a face, found by the colour of that face.
 
-Departure: the papers know faces only, and OpenCV has no detector of hands. A hand has the colour of its owner's face in
+Departure: the papers use faces only, and OpenCV has no detector of hands. A hand has the colour of its owner's face in
 the same light, so that no table of skin colours is needed, and it is within the reach of the owner's arms.
 """
 
@@ -16,7 +16,8 @@ from pipeline.segmentation.faces import Faces
 LEAST_FACE_PX = 12.0
 """Width of a face in the searched picture below which its hands are too small to be found."""
 LEAST_CHROMA = 7.0
-"""Chroma of a face (CIELAB) below which its colour is that of many other things: black-and-white films."""
+"""Least chroma of a face (CIELAB) for this search. Below it, as in black-and-white films, many things have its
+colour."""
 LEAST_DETECTIONS = 2
 """Detections of a face before its hands are searched. A false face is rarely detected twice."""
 _LEAST_RED, _LEAST_YELLOW = 2.0, 2.0

@@ -142,7 +142,8 @@ def _connected(state: NDArray[np.uint8], start: int, members: NDArray[np.int32])
 def _cover(
     labels: Labels, state: NDArray[np.uint8], centres: NDArray[np.int32], widths: NDArray[np.int64], label: int
 ) -> bool:
-    """Label what the discs of connected centres cover and no earlier region does; False if that is nothing."""
+    """Label the pixels that the discs of connected centres cover and no earlier region covers; False if there are
+    none."""
     height, width = labels.shape
     radius, covers = widths.size // 2, False
     for at in centres:

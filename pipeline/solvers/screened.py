@@ -37,7 +37,7 @@ def solve_screened(absorb: Plane, source: Field, buffers: Buffers | None = None)
         absorb: the terms a >= 0, float32 (h, w). Where a = 0, the solution is interpolated from the surroundings;
             where a = 0 everywhere, x = 0.
         source: the terms b, float32 (h, w, channels).
-        buffers: memory to work in. The solution lies there until the next call with the same `buffers`.
+        buffers: working memory. It contains the solution until the next call with the same `buffers`.
 
     Returns:
         x, float32 (h, w, channels).

@@ -23,11 +23,11 @@ from pipeline.frames import Flow, Frame, Plane
 from pipeline.jit import kernel
 
 SAME, OTHER = 39.0, 65.0
-"""Change of the mean colour, gray levels, see `changes`: up to the first, pictures show the same surface; from the
-second on, another one."""
+"""Change of the mean colour, gray levels, see `changes`. Up to `SAME`, two pictures show the same surface; from `OTHER`
+on, they show different ones."""
 SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
-"""Sides of the windows for mean colours, as fractions of the height: about a fine stroke, and a hand; factor on the
-change in the larger window, which small misalignments of texture do not affect."""
+"""Sides of two windows for mean colours, as fractions of the height: about a fine stroke and a hand. Then the factor on
+the change in the larger window, which small misalignments of texture do not affect."""
 
 
 @dataclass(frozen=True)
@@ -56,34 +56,37 @@ def accumulate(now: Painting, past: Sequence[Painting]) -> Frame:
     for before in past:
         if step is None:
             break
-        flow = step if flow is None else _followed(flow, step)
+        flow = step if flow is None else _chained(flow, step)
         _add(before.paint, flow, _surface_change(now.picture, before.picture, flow), mean, weight)
         step = before.back
     return mean
 
 
-def _followed(flow: Flow, step: Flow) -> Flow:
-    """The flow, followed by the step of the frame that it leads to: float32 (h, w, 2), px."""
+def _chained(flow: Flow, step: Flow) -> Flow:
+    """Concatenate a flow with the `step` from the frame it leads to, to the one before: float32 (h, w, 2), px."""
     out = np.empty_like(flow)
-    _follow(flow, step, out)
+    _chain(flow, step, out)
     return out
 
 
 @kernel
-def _follow(flow: Flow, step: Flow, out: Flow) -> None:
+def _chain(flow: Flow, step: Flow, out: Flow) -> None:
     height, width = flow.shape[:2]
     for y in range(height):
         for x in range(width):
-            left, right, top, bottom, a, b = _between(flow[y, x, 0], flow[y, x, 1], y, x, height, width)
+            left, right, top, bottom, a, b = _neighbours(flow[y, x, 0], flow[y, x, 1], y, x, height, width)
             for c in range(2):
-                out[y, x, c] = flow[y, x, c] + _mixed(step, left, right, top, bottom, a, b, c)
+                out[y, x, c] = flow[y, x, c] + _interpolated(step, left, right, top, bottom, a, b, c)
 
 
 @kernel
-def _between(
+def _neighbours(
     dx: np.float32, dy: np.float32, y: int, x: int, height: int, width: int
 ) -> tuple[int, int, int, int, np.float32, np.float32]:
-    """Columns and rows of the four pixels around (x + dx, y + dy), clamped to the picture, and its place between."""
+    """The four pixels around (x + dx, y + dy), clamped to the picture.
+
+    Returns: left, right column; top, bottom row; distance from the left column and from the top row, 0..1 px.
+    """
     px = min(max(np.float32(x) + dx, np.float32(0)), np.float32(width - 1))
     py = min(max(np.float32(y) + dy, np.float32(0)), np.float32(height - 1))
     left, top = int(px), int(py)
@@ -97,7 +100,7 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
 
     Args:
         paint: uint8 (h, w, 3).
-        flow: float32 (h', w', 2), to the earlier painting, px of its own grid over the picture.
+        flow: float32 (h', w', 2), flow to the earlier painting on a grid over the picture, px of that grid.
         change: float32 (h", w"), a grid over the picture, see `_surface_change`.
         mean, weight: uint8 (h, w, 3) and float32 (h, w): the weighted mean of paintings, and the sum of their weights.
     """
@@ -113,6 +116,7 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
     changed = np.empty(change.shape[1], np.float32)
     shares, parts, there = np.empty(width, np.float32), np.empty(3 * width, np.float32), np.empty(3 * width, np.float32)
     for y in range(height):
+        # Flow and change at this row, on the columns of their own grids.
         above, below, down = _cells(y, height, flow.shape[0])
         for x in range(flow.shape[1]):
             flow_x[x] = (flow[above, x, 0] + down * (flow[below, x, 0] - flow[above, x, 0])) * grow_x
@@ -120,10 +124,12 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
         above, below, down = _cells(y, height, change.shape[0])
         for x in range(change.shape[1]):
             changed[x] = change[above, x] + down * (change[below, x] - change[above, x])
+        # Weight of the earlier painting: 1 for the same surface, 0 for another one.
         for x in range(width):
             first, second = changed[change_columns[0, x]], changed[change_columns[1, x]]
-            most = first + change_across[x] * (second - first)
-            shares[x] = min(max((np.float32(OTHER) - most) * np.float32(1 / (OTHER - SAME)), zero), one)
+            change_here = first + change_across[x] * (second - first)
+            shares[x] = min(max((np.float32(OTHER) - change_here) * np.float32(1 / (OTHER - SAME)), zero), one)
+        # Colours of the earlier painting: those of this row, replaced where the flow is not 0.
         row, own = paint[y].reshape(-1), mean[y].reshape(-1)
         for i in range(3 * width):
             there[i] = np.float32(row[i])
@@ -137,9 +143,10 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
             if px < zero or py < zero or px > np.float32(width - 1) or py > np.float32(height - 1):
                 shares[x] = zero
             if shares[x] > zero:
-                left, right, top, bottom, a, b = _between(dx, dy, y, x, height, width)
+                left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
                 for c in range(3):
-                    there[3 * x + c] = _mixed(paint, left, right, top, bottom, a, b, c)
+                    there[3 * x + c] = _interpolated(paint, left, right, top, bottom, a, b, c)
+        # Weighted mean. These loops vectorise.
         sums = weight[y]
         for x in range(width):
             sums[x] += shares[x]
@@ -152,7 +159,8 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
 
 @kernel
 def _cells(at: int, size: int, cells: int) -> tuple[int, int, np.float32]:
-    """The two of `cells` cells over `size` px whose centres are around the centre of a pixel, and its place between."""
+    """Of `cells` cells over `size` px, the two whose centres enclose the centre of pixel `at`, and its distance, in
+    cells, from the first centre."""
     place = min(max((at + 0.5) * cells / size - 0.5, 0.0), cells - 1.0)
     first = int(place)
     return first, min(first + 1, cells - 1), np.float32(place - first)
@@ -171,7 +179,7 @@ def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
 
 
 def _largest_change(difference: NDArray[np.float32]) -> Plane:
-    """`changes` for the difference at half the size, float32 (h, w, 3)."""
+    """Largest change in either window, for a difference float32 (h, w, 3): float32 (h, w), gray levels."""
     small, large = (_mean_change(difference, max(3, round(part * len(difference))) | 1) for part in (SMALL, LARGE))
     return np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32)
 
@@ -207,19 +215,19 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
                         green += np.float32(np.int32(picture[y, x, 1]) - np.int32(before[y, x, 1]))
                         blue += np.float32(np.int32(picture[y, x, 2]) - np.int32(before[y, x, 2]))
                         continue
-                    left, right, top, bottom, a, b = _between(dx, dy, y, x, height, width)
-                    red += np.float32(picture[y, x, 0]) - _mixed(before, left, right, top, bottom, a, b, 0)
-                    green += np.float32(picture[y, x, 1]) - _mixed(before, left, right, top, bottom, a, b, 1)
-                    blue += np.float32(picture[y, x, 2]) - _mixed(before, left, right, top, bottom, a, b, 2)
+                    left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
+                    red += np.float32(picture[y, x, 0]) - _interpolated(before, left, right, top, bottom, a, b, 0)
+                    green += np.float32(picture[y, x, 1]) - _interpolated(before, left, right, top, bottom, a, b, 1)
+                    blue += np.float32(picture[y, x, 2]) - _interpolated(before, left, right, top, bottom, a, b, 2)
             share = np.float32(1) / np.float32((last_y - first_y) * (last_x - first_x))
             out[row, column, 0], out[row, column, 1], out[row, column, 2] = red * share, green * share, blue * share
 
 
 @kernel
-def _mixed(
+def _interpolated(
     image: Frame | Flow, left: int, right: int, top: int, bottom: int, a: np.float32, b: np.float32, channel: int
 ) -> np.float32:
-    """A channel of an image or a flow, interpolated bilinearly between four pixels, see `_between`."""
+    """A channel of an image or a flow, interpolated bilinearly between four pixels, see `_neighbours`."""
     above, below = np.float32(image[top, left, channel]), np.float32(image[bottom, left, channel])
     above += a * (np.float32(image[top, right, channel]) - above)
     below += a * (np.float32(image[bottom, right, channel]) - below)

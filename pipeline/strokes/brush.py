@@ -59,7 +59,7 @@ class Brush:
 
 
 class StrokeArrays(NamedTuple):
-    """The arrays of `Strokes` without ids, as the compiled rasterisers take them."""
+    """The arrays of `Strokes` without ids, in the form of the compiled rasterisers."""
 
     points: NDArray[np.float32]
     counts: NDArray[np.int32]

@@ -125,7 +125,7 @@ def layer_brush(brush: Brush, ratio: StyleField, index: int) -> Brush:
 
 
 def spacing_px(brush: Brush, scheme: LayerScheme) -> StyleField:
-    """Distance of seeds, px, that gives the scheme's overlap: square root of stroke area over overlap."""
+    """Distance of seeds, px, for the scheme's overlap: square root of stroke area over overlap."""
     area = np.multiply(brush.size_px, np.add(brush.length_px, brush.size_px))
     return np.asarray(np.sqrt(np.divide(area, scheme.overlap)), np.float32)
 

@@ -19,7 +19,7 @@ from pipeline.strokes.seeds import StyleField
 RIM_WIDTH, RIM_STEP = 0.008, 22.0
 """Width of the dark rim as a fraction of the height, and the step of lightness, gray levels, that makes a full rim."""
 FOLLOW = 0.15
-"""Fraction of the difference that rims make up a frame; dried paint does not move by itself."""
+"""Fraction of the difference by which rims change per frame, because dried paint does not move."""
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 PAPER = 256

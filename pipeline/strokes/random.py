@@ -27,7 +27,7 @@ _W0, _W1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
 _UNIT = 2.0**-24
 
 KEPT_TEXTURES = 8
-"""Textures of so many seeds stay in memory: those of jobs that run at once. A service sees a new seed with each job."""
+"""Maximum number of seeds whose textures stay in memory, for concurrent jobs. In a service, each job has a new seed."""
 
 
 class Purpose(IntEnum):

@@ -1,10 +1,10 @@
-"""Steepening of blurred edges: a picture without the mixed colours beside its silhouettes.
+"""Steepening of blurred edges, which removes the mixed colours along silhouettes.
 
 An edge of a video is 3 to 5 px wide, and a painter that takes its colours from there paints strokes of mixed colours
 along every silhouette. Here each pixel near an edge takes the colour of its darkest or lightest neighbour, whichever is
 nearer in lightness, a few times in a row: the toggle mapping of kramer1975iterations, whose choice is made by lightness
-so that no false colours appear. Then each pixel beside a step mixes its two colours by the pixel's coverage, which the
-picture before still tells.
+so that no false colours appear. Then each pixel beside a step mixes its two colours by the pixel's coverage, which
+follows from the blurred picture.
 """
 
 from __future__ import annotations

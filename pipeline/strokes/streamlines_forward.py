@@ -1,9 +1,9 @@
 """Implicit strokes by forward streamlines: each disc is moved along the streamline through its centre, front to back.
 
 `streamlines_backward` finds the stroke that covers a pixel by walking the streamline through that pixel, as eq. 5 of
-kagaya2011video says; most walks meet the same strokes repeatedly. Here the streamline of each stroke is followed once,
-and the stroke covers what the disc covers on its way. Both agree where streamlines are parallel; where they diverge, a
-backward stroke becomes wider and a forward stroke keeps its width.
+kagaya2011video describes; most walks meet the same strokes repeatedly. Here the streamline of each stroke is followed
+once, and the stroke covers the pixels that the disc covers on its way. Both agree where streamlines are parallel; where
+they diverge, a backward stroke becomes wider and a forward stroke keeps its width.
 
 The total order of the strokes makes this cheap: the topmost stroke is painted first, and an opaque pixel is finished.
 No stroke below it is painted there, whether of the same or of a coarser layer. So the finest layer is painted first and

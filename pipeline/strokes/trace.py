@@ -27,7 +27,7 @@ class TraceRules:
         reference: uint8 (h, w, 3), what is painted. A stroke ends where the picture is further than `edge` from the
             stroke's target colour (Euclidean distance in RGB); None = no limit.
         canvas: float32 (h, w, 7). A stroke also ends where the canvas is nearer to the picture than its own colour.
-        min_length: fraction of the wished length that a stroke reaches in spite of `canvas`, 0..1.
+        min_length: fraction of its requested length up to which a stroke ignores `canvas`, 0..1.
         curvature: 1 = follow the field, towards 0 = stay straight (the filter f_c of hertzmann1998painterly).
     """
 

@@ -70,8 +70,8 @@ class LifecycleParams:
         gap: smallest distance of a new stroke from any other, in spacings.
         crowd: distance below which the younger of two strokes is removed, in spacings; less than `gap`.
         fade: change of presence a frame, 0..1.
-        follow: fraction of the colour difference to the picture that a stroke makes up a frame, 0..1. It rises to 1 at
-            a difference of `break_off`, because a stroke of a wrong colour covers nothing and blocks new strokes.
+        follow: fraction of the colour difference to the picture by which a stroke changes per frame, 0..1. It rises to
+            1 at a difference of `break_off`, because a stroke of a wrong colour covers nothing and blocks new strokes.
         break_off: colour difference (RGB distance) above which a stroke is removed: it is on another surface.
     """
 
@@ -124,7 +124,7 @@ def advect(
 
 @kernel
 def _moved(xy: Points, flow: Flow, scale: tuple[np.float32, np.float32], out: Points) -> None:
-    """Fill `out` with the points moved along the flow, interpolated bilinearly; `scale`: cells of the flow a px."""
+    """Fill `out` with the points moved along the flow, interpolated bilinearly; `scale`: cells of the flow per px."""
     height, width = flow.shape[:2]
     one, half = np.float32(1), np.float32(0.5)
     shift_x, shift_y = half * scale[0] - half, half * scale[1] - half
@@ -148,7 +148,7 @@ def update(
     """Update advected tracks to the current frame: colours, presence, removal of crowded strokes, new strokes.
 
     Args:
-        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where there is room.
+        candidates: seeds of this frame (`place` with `birth` = frame number); each is used where it fits.
         reference: uint8 (h, w, 3), what the layer paints.
         wanted: bool (n,), for the existing tracks; False = the picture no longer needs the stroke.
         revealed: bool (h, w), pixels that have just become visible: new strokes are fully visible there at once, old
@@ -164,26 +164,40 @@ def update(
     leaving = tracks.leaving | (change > params.break_off)
     if wanted is not None:
         leaving = leaving | ~wanted
-    far = np.minimum(change / np.float32(params.break_off), 1)
-    share = (np.float32(params.follow) + np.float32(1 - params.follow) * far * far)[:, None]
-    at_once = np.zeros(len(tracks), np.bool_)
-    if revealed is not None:
-        x, y = nearest(tracks.seeds.xy, revealed.shape, shape)
-        at_once = revealed[y, x]
-        share[at_once] = 1
+    at_once = _flags_at(revealed, tracks.seeds, shape)
+    share = _colour_share(change, at_once, params)
     targets = np.where(leaving[:, None], tracks.targets, tracks.targets + share * (now - tracks.targets))
-    crowded, room = _crowding(tracks.seeds, leaving, candidates, spacing_px, params, shape)
+    crowded, fits = _crowding(tracks.seeds, leaving, candidates, spacing_px, params, shape)
     leaving = leaving | crowded
     step = np.where(leaving, np.float32(-params.fade), np.float32(params.fade))
     presence = np.clip(tracks.presence + step, 0, 1).astype(np.float32)
     presence[at_once & leaving] = 0
     kept = StrokeTracks(tracks.seeds, targets.astype(np.float32), presence, leaving, tracks.initial)[presence > 0]
-    new = candidates[room]
+    new = candidates[fits]
     presence = np.full(len(new), params.fade, np.float32)
-    if revealed is not None:
-        x, y = nearest(new.xy, revealed.shape, shape)
-        presence[revealed[y, x]] = 1
+    presence[_flags_at(revealed, new, shape)] = 1
     return _concatenate(kept, _new_tracks(new, colours_at(new, reference, shape), presence))
+
+
+def _flags_at(mask: Mask | None, seeds: Seeds, shape: tuple[int, ...]) -> Flags:
+    """Values of a mask at seeds, in px of a frame of `shape`: bool (n,); False without a mask."""
+    if mask is None:
+        return np.zeros(len(seeds), np.bool_)
+    x, y = nearest(seeds.xy, mask.shape, shape)
+    return np.asarray(mask[y, x], np.bool_)
+
+
+def _colour_share(change: NDArray[np.float32], at_once: Flags, params: LifecycleParams) -> NDArray[np.float32]:
+    """Share of the colour difference to the picture by which strokes change, 0..1: float32 (n, 1).
+
+    Args:
+        change: RGB distance to the picture, (n,).
+        at_once: strokes that change completely.
+    """
+    far = np.minimum(change / np.float32(params.break_off), 1)
+    share = (np.float32(params.follow) + np.float32(1 - params.follow) * far * far)[:, None]
+    share[at_once] = 1
+    return np.asarray(share, np.float32)
 
 
 def _concatenate(old: StrokeTracks, new: StrokeTracks) -> StrokeTracks:
@@ -211,7 +225,7 @@ def _crowding(
     seeds: Seeds, leaving: Flags, candidates: Seeds, spacing_px: StyleField, params: LifecycleParams,
     shape: tuple[int, ...],
 ) -> tuple[Flags, Flags]:  # fmt: skip
-    """Flags of the seeds that crowd an older one, and of the candidates that have room beside those that stay."""
+    """Flags of the seeds that crowd an older one, and of the candidates that fit between those that stay."""
     xy = np.concatenate([seeds.xy, candidates.xy])
     apart = sample(spacing_px, xy, shape)
     apart[: len(seeds)] *= np.float32(params.crowd)

@@ -13,7 +13,7 @@ static float4 added(const float4 total, const float4 colour, const float share)
 #endif
 }
 
-/* Four neighbouring colours of a row of the style, from x on; its border is repeated. */
+/* Four neighbouring colours of a row of the style, from x on; its last pixels are repeated beyond the row. */
 static float16 four_colours(global const uchar4 *row, const int x, const int style_width)
 {
     if (x >= 0 && x + 3 < style_width)
@@ -47,7 +47,8 @@ static float4 sampled(float4 total, global const uchar4 *colours, constant float
     return total;
 }
 
-/* The mean of what a pixel's own and its eight neighbours' pieces show there, weighted 1 2 1 along x and y. */
+/* Each pixel is the mean of the colours that its own piece and those of its eight neighbours show there, weighted
+   1 2 1 along x and y. */
 __attribute__((vec_type_hint(float4))) kernel void
 antialias(
     global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,

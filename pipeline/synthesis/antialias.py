@@ -1,10 +1,10 @@
-"""Anti-aliased rendering of offset fields: between the pixels of the style, and without jagged seams.
+"""Anti-aliased rendering of offset fields: strokes move by fractions of a pixel, and seams are not jagged.
 
-Departure from benard2013stylizing, whose pixels are copies of the style's: a copied stroke moves by whole pixels, and
-so do the seams between pieces of the style, which flicker where the scene moves. Here each pixel is the mean of what
-its own and its eight neighbours' pieces show there, weighted 1 2 1 along x and y; inside a piece all nine agree. The
-pieces are sampled at fractional offsets by cubic convolution (a = -1/2). The colours of the result are new ones:
-`exemplar.Palette` replaces them by the style's.
+Departure from benard2013stylizing, where every output pixel is a copy of a style pixel: a copied stroke, and a seam
+between pieces of the style, then moves by whole pixels, which flickers where the scene moves. Here a pixel is the mean
+of the colours that nine pieces show there: its own, and those of its eight neighbours, weighted 1 2 1 along x and y.
+Inside a piece, all nine are equal. Pieces are sampled at fractional offsets by cubic convolution (a = -1/2). The mean
+has colours that the style lacks; `exemplar.PaintingColours` replaces each by the nearest colour of the style.
 
 This is the specification of `antialias.cl`, which gives the same bytes.
 """
@@ -28,8 +28,8 @@ _STEPS = 1 << STEP_BITS
 _NO_BYTES = np.zeros((0, 0), np.uint8)
 
 
-class Piece(NamedTuple):
-    """Arguments of the kernel besides the pictures.
+class RenderInputs(NamedTuple):
+    """Arguments of the kernel besides style and offsets.
 
     Attributes:
         taps: float32 (16, 4), weights of cubic convolution by fraction.
@@ -50,17 +50,17 @@ def antialiased(
     """Render offsets between pixels, uint8 (h, w, 3), or (h, w, 4) with straight alpha if the style has opacity.
 
     Args:
-        offsets: float32 (h, w, 2), each with a position.
+        offsets: float32 (h, w, 2), defined at every pixel.
         bins: direction of each pixel, uint8 (h, w); None = pieces are not rotated.
         paintable: uint8 (h, w), 0 = the pixel may not be painted; None = all may be.
     """
     own_bins, style_bins = (_NO_BYTES, _NO_BYTES) if bins is None or style.bins is None else (bins, style.bins)
     directions = StyleDirections(style_bins, cosines(), *style.size)
-    piece = Piece(
+    inputs = RenderInputs(
         cubic_taps(), own_bins, _NO_BYTES if paintable is None else paintable, directions
     )  # fmt: skip
     out = np.empty((*offsets.shape[:2], style.colours.shape[2]), np.uint8)
-    _render(np.ascontiguousarray(style.colours), np.ascontiguousarray(offsets), piece, out)
+    _render(np.ascontiguousarray(style.colours), np.ascontiguousarray(offsets), inputs, out)
     return out
 
 
@@ -72,12 +72,12 @@ def cubic_taps() -> NDArray[np.float32]:
 
 
 @kernel
-def _render(style: Bytes, offsets: Offsets, piece: Piece, out: Bytes) -> None:
+def _render(style: Bytes, offsets: Offsets, inputs: RenderInputs, out: Bytes) -> None:
     height, width, channels = out.shape
     total = np.empty(5, np.float32)
     for y in range(height):
         for x in range(width):
-            own_x, own_y = _position(offsets, piece, x, y, 0, 0)
+            own_x, own_y = _position(offsets, inputs, x, y, 0, 0)
             own_weight = np.float32(4)
             total[:] = 0
             for dy in range(-1, 2):
@@ -85,15 +85,15 @@ def _render(style: Bytes, offsets: Offsets, piece: Piece, out: Bytes) -> None:
                     nx, ny = x + dx, y + dy
                     if (dx == 0 and dy == 0) or not (0 <= nx < width and 0 <= ny < height):
                         continue
-                    if piece.paintable.size and not piece.paintable[ny, nx]:
+                    if inputs.paintable.size and not inputs.paintable[ny, nx]:
                         continue
                     weight = np.float32(1 if dx and dy else 2)
-                    at_x, at_y = _position(offsets, piece, nx, ny, -dx, -dy)
+                    at_x, at_y = _position(offsets, inputs, nx, ny, -dx, -dy)
                     if at_x == own_x and at_y == own_y:
                         own_weight += weight
                     else:
-                        _add(style, piece.taps, at_x, at_y, weight, total)
-            _add(style, piece.taps, own_x, own_y, own_weight, total)
+                        _add(style, inputs.taps, at_x, at_y, weight, total)
+            _add(style, inputs.taps, own_x, own_y, own_weight, total)
             opacity = max(total[3], np.float32(1e-6))
             for c in range(3):
                 out[y, x, c] = np.uint8(np.rint(min(max(total[c] / opacity, np.float32(0)), np.float32(255))))
@@ -103,11 +103,11 @@ def _render(style: Bytes, offsets: Offsets, piece: Piece, out: Bytes) -> None:
 
 
 @kernel
-def _position(offsets: Offsets, piece: Piece, x: int, y: int, dx: int, dy: int) -> tuple[int, int]:
-    """Position in the style, in steps, of the piece of pixel (x, y), at a pixel displaced by the distance (dx, dy)."""
-    direction = piece.bins[y, x] if piece.bins.size else NO_DIRECTION
+def _position(offsets: Offsets, inputs: RenderInputs, x: int, y: int, dx: int, dy: int) -> tuple[int, int]:
+    """Position in the style, in steps, that the piece of pixel (x, y) shows at the pixel (x + dx, y + dy)."""
+    direction = inputs.bins[y, x] if inputs.bins.size else NO_DIRECTION
     at_x, at_y = extrapolated_offset(
-        offsets[y, x, 0], offsets[y, x, 1], np.float32(dx), np.float32(dy), direction, piece.directions
+        offsets[y, x, 0], offsets[y, x, 1], np.float32(dx), np.float32(dy), direction, inputs.directions
     )
     return int(np.rint(at_x * np.float32(_STEPS))), int(np.rint(at_y * np.float32(_STEPS)))
 

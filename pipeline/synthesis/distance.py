@@ -25,7 +25,7 @@ def nearest(mask: Mask, device: Device | None = None, reach_px: int = _MAX_DISTA
 
     Args:
         mask: bool (h, w).
-        device: compute device; None = the reference implementation. Both give the same result.
+        device: compute device; None = the reference implementation. Both have the same result.
         reach_px: maximum distance of the search, px.
     """
     most = min(reach_px, _MAX_DISTANCE_PX) ** 2 + 1

@@ -43,8 +43,8 @@ class Energy:
         w_sc: weight of spatial coherence (eq. 5), per px^2.
         r_max_px2: limit of the squared distance in eq. 5, px^2.
         w_tc: weight of temporal coherence (eq. 6 and 7).
-        kept_cost: factor, 0..1, of the cost of the advected offset when it is compared with other candidates; 1 = all
-            candidates are compared alike.
+        kept_cost: factor, 0..1, on the cost of the advected offset when it is compared with other candidates; 1 = no
+            preference.
         w_h: weight of the histogram penalty (eq. 8), per use of a style pixel in excess of the limit; includes h_s.
         h_limit: h_tau, number of uses without penalty, as a multiple of the mean number of uses of a style pixel.
         w_dt: weight of the distance to lines (eq. 9), per px^2.

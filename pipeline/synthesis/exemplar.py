@@ -20,7 +20,7 @@ _COLOURS = 1 << 24
 VIDEO_SHARPNESS = 0.6
 """Contrast of neighbouring pixels in videos, relative to the contrast at half resolution: measured 0.56 to 0.84."""
 _SIGMA_STEPS_PX = tuple(step / 8 for step in range(17))
-"""Standard deviations of the Gaussian that are tried, px."""
+"""Tried standard deviations of the Gaussian, px."""
 
 
 def natural_size(painting: tuple[int, int], frame: tuple[int, int]) -> float:
@@ -44,7 +44,7 @@ def contrast(gray: NDArray[np.float32]) -> float:
 
 
 def natural_sigma(picture: Bytes) -> float:
-    """Standard deviation of the Gaussian that gives a painting the sharpness of a video, px; 0 = it has it.
+    """Standard deviation of the Gaussian that gives a painting the sharpness of a video, px; 0 = no blur is needed.
 
     In natural scenes every octave has the same contrast, so that the contrast of neighbouring pixels does not depend on
     the resolution; lens and codec lower it at full resolution. In a sharpened scan it is higher: noise instead of
@@ -61,13 +61,13 @@ def natural_sigma(picture: Bytes) -> float:
     return sigma
 
 
-class Palette:
-    """The colours of a painting. Searches that have been made are remembered, in at most 64 MiB.
+class PaintingColours:
+    """The colours of a painting. Results of searches are cached, in at most 64 MiB.
 
-    Thread-safe: two threads may search the same colour, and find the same one.
+    Thread-safe: two threads that search for the same colour find the same result.
 
     Args:
-        painting: uint8 (h, w, 3), or (h, w, 4), of which only colours of visible pixels count if there are any.
+        painting: uint8 (h, w, 3 or 4). With alpha, only the colours of visible pixels count, if any pixel is visible.
     """
 
     def __init__(self, painting: Bytes) -> None:
@@ -79,7 +79,7 @@ class Palette:
         self._colours = colours[by_cell]
         self._starts = np.searchsorted(cells[by_cell], np.arange(_CELLS**3 + 1)).astype(np.int64)
         self._found = np.zeros(_COLOURS, np.int32)
-        """Nearest colour of each colour, as its number + 1; 0 = not searched yet. Memory is used where written."""
+        """Number of the nearest palette colour of each colour, plus 1; 0 = not searched yet."""
 
     def nearest(self, picture: Bytes) -> Bytes:
         """Replace each colour of a picture by the nearest one of the painting (Euclidean in RGB); alpha stays.
@@ -121,7 +121,7 @@ def _axis_distance(value: int, cell: int) -> int:
 
 @kernel
 def _replace(pixels: Bytes, palette: NDArray[np.int64], starts: NDArray[np.int64], found: NDArray[np.int32]) -> None:
-    """Replace the colours of pixels, (pixels, 3 or 4), in place; `found`: see `Palette`."""
+    """Replace the colours of pixels, (pixels, 3 or 4), in place; `found`: see `PaintingColours`."""
     for i in range(len(pixels)):
         wanted = int(pixels[i, 0]) << 16 | int(pixels[i, 1]) << 8 | int(pixels[i, 2])
         if found[wanted] == 0:

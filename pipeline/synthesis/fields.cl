@@ -57,7 +57,7 @@ static global const uchar *shown(global const float2 *offsets, global const ucha
 
 /* Writes the style colours at the offsets into the first COLOURS channels of the target, and the rounded offsets into
    the field. Both have a margin of RADIUS px, which continues the texture of the border pixels. With VOTES, a colour is
-   the mean of what the patches around the pixel show there, for every second patch along x and y. */
+   the mean of the colours that every second patch around the pixel, along x and y, shows there. */
 kernel void render(
     global const float2 *offsets /* height * width */, global const uchar *bins /* ROTATE * height * width */,
     global const uchar *style /* (style_height + 2 * PAD) * (style_width + 2 * PAD) * CHANNELS */,

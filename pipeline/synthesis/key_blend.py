@@ -1,9 +1,9 @@
-"""Blend of what two keyframes give to a frame between them, in the gradient domain.
+"""Blends the pictures that two keyframes give for a frame between them, in the gradient domain.
 
 Source: jamriska2019stylizing, section 3.4: the gradients come from the picture in which each pixel belongs to one
 keyframe, the colours from a blend of both keyframes that preserves contrast (heitz2018high), and a screened Poisson
-equation joins the two. Departures: the picture is the result of the synthesis and not of two separate ones, and the
-blend preserves the variance and not the whole histogram.
+equation joins the two. Departures: the picture is the result of one synthesis instead of two separate ones, and the
+blend preserves the variance instead of the whole histogram.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Synthesised:
 
     Attributes:
         colours: S^(M(p)), uint8 (h, w, 3).
-        right: S^(M(p) + (1, 0)), uint8 (h, w, 3): what is to the right of the pixel in its keyframe.
+        right: S^(M(p) + (1, 0)), uint8 (h, w, 3): colour to the right of the pixel in its keyframe.
         below: S^(M(p) + (0, 1)), uint8 (h, w, 3).
     """
 

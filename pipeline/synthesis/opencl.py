@@ -112,8 +112,8 @@ class OpenCLOperations:
         """Write the style colours at `offsets` into the frame; the margin continues the texture of border pixels.
 
         Args:
-            votes: whether a colour is the mean of what the patches around the pixel show there, instead of the colour
-                at its own offset.
+            votes: whether a colour is the mean of the colours that the patches around the pixel show there, instead of
+                the colour at its own offset.
         """
         margin = 2 * style.energy.radius
         over = (state.size[0] + margin, state.size[1] + margin)
@@ -270,7 +270,7 @@ class OpenCLOperations:
         """Render the offsets of a frame between the pixels of the style, see `antialias`.
 
         Args:
-            offsets: each with a position.
+            offsets: defined at every pixel.
             paintable: uint8 (h, w), 0 = the pixel may not be painted; None = all may be.
 
         Returns:

@@ -29,7 +29,7 @@ class LoadedStyle(Generic[T]):
         features: style features, padded by `energy.pad` px.
         tap_indices: patch taps of each rotation, as pixel indices of the padded style.
         tap_positions: patch taps of each rotation, see `energy.tap_table`.
-        colours: `style.colours`, as soon as `antialiased` has needed them.
+        colours: `style.colours` in device memory; None until the first call of `antialiased`.
     """
 
     style: StyleImage

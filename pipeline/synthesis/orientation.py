@@ -87,7 +87,7 @@ class DirectionSources:
     """Source of the directions of a picture.
 
     Attributes:
-        gray: uint8 (h, w); its structure tensor gives the direction where nothing else does.
+        gray: uint8 (h, w); its structure tensor gives the direction where no other source does.
         line_distance: distance to the nearest line, px, float32 (h, w); None = no lines.
         authored: as `authored_tensors` returns it; None = not given.
     """

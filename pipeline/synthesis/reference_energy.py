@@ -187,7 +187,7 @@ def _patch_cost(at_x: int, at_y: int, limit: np.float32, pixel: Pixel, inputs: I
 def _candidates(pixel: Pixel, inputs: Inputs, it: Iteration, out: Array) -> int:
     """Write the candidate offsets of the neighbours and of the ribbons; returns their number.
 
-    The neighbour in time is among them unless it is preferred (`kept_cost`).
+    The advected offset is among them, unless it is preferred (`kept_cost` < 1) and compared separately.
     """
     height, width, _ = inputs.offsets.shape
     style_height, style_width = inputs.style.shape[0] - 2 * it.pad, inputs.style.shape[1] - 2 * it.pad

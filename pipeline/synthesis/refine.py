@@ -17,17 +17,19 @@ FARTHEST_PX = max(_JUMPS)
 
 @dataclass(frozen=True)
 class Rounds:
-    """Effort and manner of a refinement.
+    """Number and options of the rounds of a refinement.
 
     Attributes:
         count: rounds of PatchMatch.
         search_px: radius of the random search, px.
-        settles: rounds without random search leave out pixels around which no offset has changed in the round before.
-        full_rounds: if `settles`, rounds after this number leave them out, too, when they search; None = they do not.
-        near: offsets propagate from direct neighbours only: enough for a frame that starts from the offsets of another
-            frame.
-        votes: candidates are compared with the mean of the patches that overlap at a pixel, not with the picture of the
-            offsets, as in wexler2007space: patches that disagree give way to those that fit together.
+        settles: whether rounds without random search skip settled pixels, around which no offset changed in the round
+            before.
+        full_rounds: if `settles`, number of rounds after which rounds with random search skip settled pixels, too;
+            None = they never do.
+        near: whether offsets propagate from direct neighbours only, which suffices for a frame that starts from the
+            offsets of another frame.
+        votes: whether candidates are compared with the mean of the patches that overlap at a pixel (wexler2007space),
+            not with the picture of the offsets: patches that disagree with their neighbours are then replaced.
     """
 
     count: int
@@ -42,8 +44,8 @@ class Rounds:
         jump = _JUMPS[index % len(_JUMPS)] if self.count > 1 and not self.near else 1
         return Search(key, index, jump, self.search_px if self._searches(index) else 0.0)
 
-    def leaves_out(self, index: int) -> bool:
-        """Whether round `index` leaves out settled pixels."""
+    def skips_settled(self, index: int) -> bool:
+        """Whether round `index` skips settled pixels."""
         full = self._searches(index) and (self.full_rounds is None or index < self.full_rounds)
         return self.settles and not full
 
@@ -63,13 +65,13 @@ def refine(
     offsets, so a good offset travels as far in 4 rounds as otherwise in 15. The random search runs in every second
     round only, and not in the last of several; the other rounds propagate its results. At 640x480 this saves a quarter
     of the time and raises the energy by 0.6 %. A single round asks the direct neighbours only, because no later round
-    would fill the gaps that distant proposals leave. `Rounds` has further ones.
+    would fill the gaps that distant proposals leave. For further departures see `Rounds`.
     """
     before: T | None = None
     for index in range(rounds.count):
         ops.render(style, state, offsets, rounds.votes)
         penalty = ops.penalty(style, state.size, offsets) if style.energy.w_h > 0 else None
-        state.before = before if rounds.leaves_out(index) else None
+        state.before = before if rounds.skips_settled(index) else None
         before = offsets
         offsets = ops.improve(style, state, offsets, penalty, rounds.search(key, index))
     state.before = None
@@ -79,7 +81,7 @@ def refine(
 def colours(style: StyleImage, offsets: Offsets) -> Bytes:
     """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3), or (h, w, 4) if the style has opacity.
 
-    OpenCV copies the pixels: Numba would be as fast, but a still that needs no other kernel would load it for this.
+    OpenCV copies the pixels. Numba would be as fast, but a still image would load Numba for this kernel alone.
     """
     width, height = style.size
     at = np.clip(np.rint(offsets), 0, np.array((width - 1, height - 1), np.float32)).astype(np.int16)

@@ -66,10 +66,10 @@ class SearchSchedule:
     """Effort of the search: rounds of PatchMatch per frame, radius of the random search (px), and random seed.
 
     Attributes:
-        settles: whether iterations leave out pixels around which nothing changes, see `Rounds`.
+        settles: whether iterations skip pixels around which nothing changes, see `Rounds`.
         votes: whether candidates are compared with the mean of overlapping patches, see `Rounds`.
-        first: effort for the first frame of a shot, which continues no other; None = that of every frame. The other
-            frames then take offsets from direct neighbours only.
+        first: effort for the first frame of a shot, which continues no other frame; None = the same as for the other
+            frames. If it is given, the other frames take offsets from direct neighbours only.
     """
 
     iterations: int = 4
@@ -85,7 +85,7 @@ class SearchSchedule:
         """Rounds of a frame.
 
         Args:
-            continued: whether the frame continues another one of its shot.
+            continued: whether the frame continues another frame of its shot.
         """
         rounds = Rounds(self.iterations, self.search_px, self.settles, votes=self.votes)
         if self.first is None:

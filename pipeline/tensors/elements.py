@@ -20,7 +20,7 @@ WINDINGS: dict[Pattern, int] = {
 }  # fmt: skip
 """Turns of theta on the way round the centre: twice the index of the singularity."""
 TILT_RAD: dict[Pattern, float] = {"node": 0.0, "center": math.pi / 2, "spiral": math.pi / 4}
-"""Angle between strokes and rays from the centre, for the patterns that look the same from all sides."""
+"""Angle between strokes and rays from the centre, for the rotationally symmetric patterns."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from pipeline.jit import kernel
 Tensors: TypeAlias = NDArray[np.float32]
 """A symmetric 2 x 2 tensor per pixel, `float32` (3, height, width): the planes xx, xy, yy."""
 
-CELLS_A_SIGMA = 0.75
-"""Side of the cells of `doubled_tangents` as a multiple of sigma."""
+CELL_SIGMAS = 0.75
+"""Side of the cells of `doubled_tangents`, in sigmas."""
 FLAT = 0.01
 """Difference of the eigenvalues, (gray levels/px)^2, up to which the direction is undefined: 0.1 gray levels/px."""
 
@@ -84,15 +84,16 @@ def _tangents(tensors: Tensors, flat: np.float32, out: Flow) -> None:
 def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLAT) -> NDArray[np.float32]:
     """The tangent field as (cos 2a, sin 2a) of the angle a, of length 0..1: float32 (h, w, 2); (0, 0) where undefined.
 
-    The structure tensor is averaged over square cells before it is smoothed, where sigma is large: a smoothed field has
-    no finer detail. Directions are interpolated between cells, so that they are shorter than 1 where they turn.
+    If sigma is large, the structure tensor is averaged over square cells before it is smoothed, because a smoothed
+    field has no finer detail. Vectors are interpolated between cells; where the direction changes, they are shorter
+    than 1.
 
     Args:
         gray: uint8 (h, w), gray levels.
         sigma_px: as for `structure_tensor`.
         flat: as for `tangent_field`.
     """
-    cell = max(round(CELLS_A_SIGMA * sigma_px), 1)
+    cell = max(round(CELL_SIGMAS * sigma_px), 1)
     height, width = gray.shape
     tensors = np.empty((3, -(-height // cell), -(-width // cell)), np.float32)
     _mean_tensors(gray, cell, tensors)
@@ -106,7 +107,7 @@ def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLA
 
 @kernel
 def _mean_tensors(gray: NDArray[np.uint8], cell: int, out: Tensors) -> None:
-    """Mean over each cell of the products of Scharr's gradient; border pixels are replicated."""
+    """Mean over each cell of the products of the Scharr gradient's components; border pixels are replicated."""
     height, width = gray.shape
     scale = np.float32(1 / 1024)
     xx, xy, yy = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)

@@ -25,17 +25,17 @@ EDGE = np.dtype([("start", np.int32), ("end", np.int32), ("left", np.int32), ("r
 
 
 _CONTRAST = np.float32(400)
-"""Squared contrast, in 8-bit CIELAB levels, at which the colours and the label map count equally for a border."""
+"""Squared contrast, in 8-bit CIELAB levels, at which colours and label map have equal weight for a border."""
 
 
 _LINE = 64
-"""Ink from which a pixel belongs to a line, 0..255."""
-_UNDER = np.float32(0.9)
-"""Distance of a border from the first pixel of the line that covers it, px: a pixel's rim is not opaque."""
-_FAR = 2
-"""Reach of a line for a border of a region that continues on the other side of it, relative to that for all borders."""
-_THICKEST_PX = 12
-"""Thickness from which a line does not attract such a border."""
+"""Least ink of a pixel that belongs to a line, 0..255."""
+_UNDER_LINE_PX = np.float32(0.9)
+"""Distance of a border from the edge of the line that covers it, px: the rim of a line is not opaque."""
+_SLIVER_REACH = 2
+"""Factor on the reach of a line, for the border of a region that continues on the other side of the line."""
+_THICK_LINE_PX = 12
+"""Least thickness, px, of a line that does not attract such a border."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
 def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
     """Borders near a line, moved just under its outline.
 
-    A line beside a border would leave a sliver of one region between the two, which widens the edge; and a border
+    A line beside a border leaves a sliver of one region between the two, which widens the edge; and a border
     under a line cannot be seen to move. Where the region between the two continues on the other side of the line, it
     is such a sliver up to twice the reach: the line stands at the edge, and the border lags behind it.
 
@@ -98,7 +98,7 @@ def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach
         reach_px: distance from a border in which lines are searched, px.
     """
     positions = borders.positions.copy()
-    margin = _FAR * reach_px
+    margin = _SLIVER_REACH * reach_px
     near = np.asarray(cv2.dilate(ink, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)), np.uint8)
     padded = np.pad(ink, margin)
     _tuck(positions, borders.lattice, borders.edges, padded, near, labels, reach_px)
@@ -238,7 +238,7 @@ def _tuck(
     """Move the nodes of edges beside a line, in place.
 
     Args:
-        ink: with a margin of `_FAR` times the reach, without ink, on each side.
+        ink: with a margin of `_SLIVER_REACH` times the reach, without ink, on each side.
         near: uint8 (h, w), the most ink within that distance.
     """
     count = positions.shape[0]
@@ -263,8 +263,8 @@ def _tuck(
 @kernel
 def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, reach: int) -> np.float32:
     """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
-    line within reach, or the edge is under a line. `ink`: with a margin of `_FAR` times the reach, as in `_tuck`."""
-    margin, width = _FAR * reach, ink.shape[1]
+    line within reach, or the edge is under a line. `ink`: with the margin that `_tuck` describes."""
+    margin, width = _SLIVER_REACH * reach, ink.shape[1]
     flat, at = ink.reshape(ink.size), (y + margin) * width + x + margin
     step = 1 if axis == 0 else width
     for k in range(margin):
@@ -275,7 +275,7 @@ def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, 
             return np.float32(0)
         way = 1 if ahead >= behind else -1
         if k < reach or _crosses_line(ink, labels, x, y, axis, way, k):
-            return np.float32(way) * (np.float32(k) + _UNDER)
+            return np.float32(way) * (np.float32(k) + _UNDER_LINE_PX)
         return np.float32(0)
     return np.float32(0)
 
@@ -289,7 +289,7 @@ def _crosses_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: 
     step_x, step_y = (way, 0) if axis == 0 else (0, way)
     first_x, first_y = x + min(step_x, 0), y + min(step_y, 0)
     own = labels[first_y, first_x]
-    for n in range(distance + _THICKEST_PX):
+    for n in range(distance + _THICK_LINE_PX):
         i, j = first_x + n * step_x, first_y + n * step_y
         if not _is(labels, i, j, own, height, width):
             return False

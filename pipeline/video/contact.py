@@ -32,7 +32,7 @@ def poster(reader: VideoReader, max_side_px: int = 1280) -> bytes:
 
 
 def sheet_frames(frames: int) -> list[int]:
-    """Indices of the frames on the contact sheet of a video of so many frames, ascending."""
+    """Indices of the frames on the contact sheet of a video with `frames` frames, ascending."""
     count = min(frames, _COLUMNS * _ROWS)
     return [round((i + 0.5) * frames / count - 0.5) for i in range(count)]
 

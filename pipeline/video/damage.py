@@ -22,8 +22,8 @@ class Damage:
 
     Attributes:
         frames: number of frames that the file should have.
-        unreadable: runs of frames that are incomplete or cannot be decoded, ascending. What is shown of them is an
-            incomplete picture, or the frame before.
+        unreadable: runs of frames that are incomplete or cannot be decoded, ascending. Such a frame is shown
+            incomplete, or replaced by the previous frame.
         missing: runs of frames that are not in the file, ascending.
     """
 

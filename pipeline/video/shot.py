@@ -39,7 +39,7 @@ NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyfra
 SPARSE = frozenset({"keyframes", "painted"})
 """Passes that may lack frames."""
 WHOLE = ""
-"""Layer name that stands for the whole picture."""
+"""Layer name of the whole picture."""
 
 
 class LayerJson(BaseModel):

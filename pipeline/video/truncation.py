@@ -21,14 +21,14 @@ from pipeline.video.media import Limits
 
 _MOV, _AVI = "mov,mp4,m4a,3gp,3g2,mj2", "avi"
 _ANNOUNCING = frozenset({_MOV, _AVI, "matroska,webm", "asf", "flv"})
-"""Demuxers that read the length from a header. Others estimate it from what is there."""
+"""Demuxers that read the length from a header. Others estimate it from the data in the file."""
 Gap = tuple[int, int]
-"""(frame, count): `count` frames are missing before frame `frame` of those that are there."""
+"""(frame, count): `count` frames are missing before frame number `frame` of the file."""
 _ROUNDED_FRAMES = 2.5
 _PAUSES = 1.5
 _GAP_FRAMES = 8
 _STEADY = 0.95
-"""Share of equal intervals from which on a video has a constant frame rate."""
+"""Least share of equal intervals in a video of constant frame rate."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Ending:
 
     @property
     def tolerated_s(self) -> float:
-        """Missing time that says nothing."""
+        """Missing time, seconds, that does not indicate missing frames."""
         return 0.5 * self.mean_s if self.cut else max(_ROUNDED_FRAMES * self.mean_s, _PAUSES * self.longest_s)
 
 
@@ -65,7 +65,10 @@ def missing_at_end(path: Path, limits: Limits, stream: VideoStream, count: int, 
     announced_s = _announced_end_s(stream)
     if announced_s - ending.end_s <= ending.tolerated_s:
         return 0
-    of_the_file = name not in (_MOV, _AVI)  # the header says how long the longest stream is, perhaps the sound
+    of_the_file = name not in (
+        _MOV,
+        _AVI,
+    )  # the header contains the duration of the longest stream, which may be the sound
     if of_the_file and announced_s - _last_end_s(path, limits) <= ending.tolerated_s:
         return 0
     if not of_the_file and stream.frames > count:
@@ -90,7 +93,7 @@ def gaps_between(pts: NDArray[np.int64]) -> tuple[Gap, ...]:
 
 
 def _announced_end_s(stream: VideoStream) -> float:
-    """End of the video according to the header, s; 0: it says nothing."""
+    """End of the video according to the header, s; 0: unknown."""
     container = stream.container
     if container.format.name == _AVI and stream.average_rate:
         return float(stream.frames / stream.average_rate)
@@ -126,7 +129,7 @@ def is_whole_gif(path: Path) -> bool:
 
 
 class _EndOfFile(Exception):
-    """The file ends within a block, or goes on with something that is none."""
+    """The file ends within a block, or continues with data that is no block."""
 
 
 def _skip_header(file: BinaryIO) -> None:

@@ -22,7 +22,7 @@ from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
 
 FRAME_WAIT_S = 3.0
-"""Longest wait of a request for a frame slot, seconds; then it is answered with 503."""
+"""Maximum wait of a request for a frame slot, seconds; then it is answered with 503."""
 READINGS = 8
 """Number of uploads and archives that are read or written at once."""
 DOWNLOADS = 16
@@ -30,7 +30,7 @@ DOWNLOADS = 16
 
 
 class Streams:
-    """Counts open event streams. They wait on threads of their own, so that they cannot block other requests."""
+    """Counts open event streams. They wait in separate threads, so that they cannot block other requests."""
 
     def __init__(self, most: int) -> None:
         self._most, self._open = most, 0
@@ -55,14 +55,14 @@ class Streams:
 
 
 class FrameSlots:
-    """Slots of requests that decode frames. A request that waits for one has no thread, which others need."""
+    """Slots of requests that decode frames. A request that waits for a slot occupies no thread."""
 
     def __init__(self, most: int) -> None:
         self._free = Semaphore(most)
 
     @asynccontextmanager
     async def one(self) -> AsyncIterator[None]:
-        """Have a slot while the block runs. Raises Busy if none is free within `FRAME_WAIT_S`."""
+        """Hold a slot while the block runs. Raises Busy if none is free within `FRAME_WAIT_S`."""
         with move_on_after(FRAME_WAIT_S) as waiting:
             await self._free.acquire()
         if waiting.cancelled_caught:
@@ -91,7 +91,8 @@ class ServiceContext:
     registry: CollectorRegistry
     """Registry of this app's metrics."""
     reading_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(READINGS))
-    """Threads in which finished uploads are read, and archives: each may take minutes, which must not block others."""
+    """Threads in which finished uploads and archives are read. Each may take minutes and must not block other
+    requests."""
     download_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(DOWNLOADS))
     """Threads in which downloads are read: a blob store that answers slowly must not block other requests."""
     load: LoadHistory = field(default_factory=LoadHistory)

@@ -8,11 +8,11 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 MAX_BUCKETS = 10_000
-"""Beyond this many, the least recently used buckets are dropped; a dropped bucket counts as full."""
+"""Maximum number of buckets; the least recently used are dropped. A dropped bucket counts as full."""
 
 
 class Rates:
-    """Allows each caller `burst` requests at once and `rate_per_s` per second in the long run."""
+    """Allows each caller `burst` requests at once and `rate_per_s` per second on average."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -20,7 +20,7 @@ class Rates:
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def take(self, caller: str, rate_per_s: float, burst: int) -> float:
-        """Take one token. Returns 0.0 if there was one, else the seconds until the next."""
+        """Take one token. Returns 0.0 if one was available, otherwise the seconds until the next."""
         now = self._clock()
         with self._lock:
             tokens, at = self._buckets.pop(caller, (float(burst), now))

@@ -1,1 +1,1 @@
-"""Entries of the archives that a method's artefacts are."""
+"""Entries of a method's artefacts, which are archives."""

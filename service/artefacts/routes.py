@@ -1,7 +1,7 @@
 """/v1/jobs/{job_id}/artefacts/{name}: the entries of an artefact, one by one.
 
-An artefact (GET /v1/jobs/{job_id}/files/{name}) is often a zip of a file per frame. Here a page or script lists its
-entries and fetches the few that it needs. The method defines the content of the entries.
+An artefact (GET /v1/jobs/{job_id}/files/{name}) is often a zip of a file per frame. With these routes, a page or script
+lists its entries and fetches only those that it needs. The method defines the content of the entries.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ STORAGE_FULL_REMEDY = "Try again later, or ask the operator to free space."
 
 
 def adopt(context: ServiceContext, caller: Principal, path: Path, filename: str, sha256: str) -> tuple[Asset, bool]:
-    """Keep the file at `path` as an asset of the caller. Returns it, and whether it is new to the caller.
+    """Store the file at `path` as an asset of the caller. Returns it, and whether the caller did not have it before.
 
     Raises: BadMedia, StorageFull, QuotaExceeded.
     """
@@ -32,7 +32,7 @@ def adopt(context: ServiceContext, caller: Principal, path: Path, filename: str,
 
 
 def adopt_made(context: ServiceContext, caller: Principal, path: Path) -> Asset:
-    """Keep a file that the service has made as an asset of the caller. Raises as `adopt`."""
+    """Store a file that the service has made as an asset of the caller. Raises like `adopt`."""
     with path.open("rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     return adopt(context, caller, path, path.name, sha256)[0]
@@ -77,7 +77,7 @@ def disk_faults() -> Iterator[None]:
 
 
 def upload_folder(context: ServiceContext) -> Path:
-    """The folder that uploads are received in. Raises StorageFull."""
+    """The folder of uploads in progress. Raises StorageFull."""
     with disk_faults():
         context.settings.uploads_dir.mkdir(parents=True, exist_ok=True)
     check_free_space(context, 0)

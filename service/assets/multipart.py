@@ -16,9 +16,10 @@ FIELD = "file"
 
 
 class FileReceiver:
-    """Feed it the body; it writes the part named `file` to `path` and refuses a second one.
+    """Parses a body that is passed to it in pieces: writes the part named `file` to `path`, and refuses a second one.
 
-    Raises: UnsupportedMediaType (not multipart), BadRequest (broken, or no such part), BadParameter (its name).
+    Raises: UnsupportedMediaType (not multipart), BadRequest (malformed, or without that part), BadParameter (invalid
+    file name).
     """
 
     def __init__(self, content_type: str, path: Path) -> None:
@@ -60,7 +61,7 @@ class FileReceiver:
             self._out.close()
             self._out = None
 
-    # Callbacks of the parser, in the order in which they come.
+    # Callbacks of the parser, in the order of the calls.
 
     def part_begin(self) -> None:
         self._headers = {}

@@ -1,11 +1,11 @@
 """/v1/jobs/{job_id}/events: Server-Sent Events, resumed by Last-Event-ID.
 
     id: 17                      the event's `seq`
-    event: task.state           its `type`, or "history-gone" when events that were asked for are kept no more
+    event: task.state           its `type`, or "history-gone" when requested events are no longer kept
     data: {"seq": 17, ...}      the event as JSON
 
-The stream ends when the job is final and everything was said. A client that comes back then with nothing new to hear
-gets 204, which tells a browser's EventSource to stop.
+The stream ends when the job is final and all events have been sent. If the client connects again, it gets 204, which
+tells a browser's EventSource to stop.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from workers.model import Event
 router = Router(prefix="/v1/jobs", tags=["events"])
 
 SLICE_S = 1.0
-"""Longest wait of a thread, seconds, after which shutdown and lost clients are checked."""
+"""Maximum wait of a thread, seconds, after which shutdown and lost clients are checked."""
 AT_ONCE = 500
 RETRY_MS = 1000
 
@@ -90,12 +90,12 @@ async def _stream(context: ServiceContext, job_id: str, after: int) -> AsyncGene
 
 
 def _read_history(context: ServiceContext, job_id: str, after: int) -> _HistoryRead:
-    """Events after `after`; waits briefly if there are none."""
+    """Events after `after`; waits briefly for one if there are none."""
     try:
         # The state is read before the events, so that the final event is among them.
         final = context.farm.jobs.get(job_id).state.final
         events, gone = context.farm.jobs.events(job_id, after, AT_ONCE)
-    except NotFound:  # deleted meanwhile
+    except NotFound:  # the job has been deleted meanwhile
         return _HistoryRead("", after, over=True)
     if events:
         lost = _lost(job_id, after, events[0].seq) if gone else ""

@@ -15,7 +15,8 @@ router = Router(prefix="/v1/jobs/{job_id}/exports", tags=["files"])
 
 @router.post("", status_code=201, responses={200: {"model": JobOut, "description": "The export made before"}})
 def export_film(job_id: JobId, body: ExportIn, response: Response, context: Context, caller: Submitter) -> JobOut:
-    """Convert the finished film: a job, of which the result is the file. The same format again is the same job."""
+    """Convert the finished film, in a job whose result is the file. Another request for the same format returns the
+    same job."""
     job = find_job(context, caller, job_id)
     known = {export.id for export in context.farm.exports.of(job.id)}
     made = context.farm.exports.make(job.id, body.spec(), max_active_jobs(context, caller))

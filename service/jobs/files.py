@@ -36,7 +36,7 @@ def _files(context: ServiceContext, job: Job) -> Iterator[FileOut]:
     for name in job.results:
         try:
             served = context.farm.files.get(job.id, name)
-        except (NotFound, Conflict):  # deleted or not finished since the job was read
+        except (NotFound, Conflict):  # deleted, or restarted, since the job was read
             continue
         url = f"/v1/jobs/{job.id}/files/{name}"
         yield FileOut(name, served.size_bytes, served.media_type, served.filename, served.etag, url)
@@ -47,7 +47,7 @@ def _files(context: ServiceContext, job: Job) -> Iterator[FileOut]:
 def get_file(
     job_id: JobId, name: FileName, request: Request, context: Context, caller: Reader, download: Download = False
 ) -> Response:
-    """A file, whole or a range. 409 while it is not there yet."""
+    """A file, whole or a range. 409 until it exists."""
     find_job(context, caller, job_id)
     return serve(context, context.farm.files.get(job_id, name), request, download)
 

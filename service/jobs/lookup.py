@@ -35,7 +35,7 @@ def find_task(context: ServiceContext, caller: Principal, task_id: str) -> TaskV
 
 
 def check_inputs(context: ServiceContext, caller: Principal, work: Work) -> None:
-    """Raise NotFound unless every asset is there for the caller; BadParameter for a URL."""
+    """Raise NotFound unless the caller may use every asset; BadParameter for a URL."""
     for name, asset_id in work.inputs.items():
         if "://" in asset_id:
             raise BadParameter(
@@ -48,13 +48,13 @@ def check_inputs(context: ServiceContext, caller: Principal, work: Work) -> None
 
 
 def max_active_jobs(context: ServiceContext, caller: Principal) -> int:
-    """Unfinished jobs that the caller may have at once."""
+    """Maximum number of unfinished jobs of the caller."""
     return caller.quotas.get("active_jobs", context.settings.quota_active_jobs)
 
 
 def max_reopened_jobs(context: ServiceContext, caller: Principal, owner: str) -> int | None:
-    """Unfinished jobs that `owner` may have when `caller` starts their ended job again; None: any number, because the
-    caller is an operator, whose key has quotas of its own."""
+    """Maximum number of unfinished jobs of `owner` when `caller` starts an ended job of theirs again; None: unlimited,
+    because the caller is an operator, whose own quotas do not apply."""
     return max_active_jobs(context, caller) if caller.owner == owner else None
 
 

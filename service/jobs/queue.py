@@ -1,4 +1,4 @@
-"""/v1/jobs/{job_id}/queue: how many jobs are served before this one, and how long they will take."""
+"""/v1/jobs/{job_id}/queue: the number of jobs before this one, and the time that they will take."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ router = Router(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
 @dataclass(frozen=True)
 class QueuePosition:
-    """`jobs_ahead`: unfinished jobs of higher priority, or of the same and submitted earlier; `seconds`: what they need
-    one after the other; null if no finished job tells."""
+    """`jobs_ahead`: unfinished jobs of higher priority, or of equal priority and submitted earlier; `seconds`: time
+    that they need one after the other; null without finished jobs for an estimate."""
 
     jobs_ahead: int
     seconds: float | None
@@ -26,7 +26,7 @@ class QueuePosition:
 @router.get("/queue")
 def get_queue_position(job_id: JobId, context: Context, caller: Reader) -> QueuePosition:
     """The position of a job that has not begun; 0 for any other. Jobs of several users take turns, so that a job may
-    begin earlier than this says."""
+    begin earlier than the position suggests."""
     job = find_job(context, caller, job_id)
     if job.state is not RunState.QUEUED:
         return QueuePosition(0, 0.0)

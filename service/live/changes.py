@@ -46,7 +46,7 @@ class Changes:
         self._asked: asyncio.Queue[ParamsIn] = asyncio.Queue(MAX_WAITING)
 
     def ask(self, change: ParamsIn) -> None:
-        """Queue a change. Raises Ending: too many are waiting."""
+        """Queue a change. Raises Ending if too many are waiting."""
         try:
             self._asked.put_nowait(change)
         except asyncio.QueueFull:

@@ -5,7 +5,7 @@
     changes    applies parameter changes, one after another
     statistics sends figures once a second
 
-When one of them ends, the connection ends, and the others are cancelled.
+When one task ends, the others are cancelled and the connection ends.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class Connection:
     """
     Args:
         socket: accepted.
-        parts: of the service.
-        sessions: where the session lives on when this connection is lost.
+        parts: shared parts of the service.
+        sessions: keeps the session when this connection is lost.
     """
 
     def __init__(self, socket: WebSocket, context: ServiceContext, sessions: Sessions, principal: Principal) -> None:
@@ -134,7 +134,7 @@ class Connection:
 
     @staticmethod
     async def _race(*works: Coroutine[object, None, None]) -> None:
-        """Run until the first is done, cancel the others, and raise what the first raised."""
+        """Run until the first is done, cancel the others, and raise the error of the first."""
         tasks = [asyncio.create_task(work) for work in works]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -304,7 +304,7 @@ class Connection:
         return isinstance(parsed, ByeIn)
 
     async def _refuse_messages(self) -> None:
-        """Before `ready`, the client must wait. Raises BadMessage at any message; Lost, Left."""
+        """Check that the client waits for `ready`. Raises BadMessage at any message; Lost, Left."""
         await self._receive()
         raise BadMessage(
             "No message is accepted before ready.", field="message", remedy="Wait for ready, then send frames."

@@ -1,4 +1,4 @@
-"""Sending on a live connection, and closing it. A client that does not read delays only its own session."""
+"""Sends messages on a live connection, and closes it. A client that does not read delays only its own session."""
 
 from __future__ import annotations
 

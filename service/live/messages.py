@@ -43,7 +43,8 @@ class Hello(_Message):
     receive: Codecs = ["jpeg"]
     quality: int = Field(default=85, ge=1, le=100)
     prefer: Literal["fluent", "sharp"] = "fluent"
-    """Constant property when frames take too long: the frame rate ("fluent") or the working size ("sharp")."""
+    """Property that stays constant when frames take too long: the frame rate ("fluent") or the working size
+    ("sharp")."""
     filter: FilterIn | None = None
 
 
@@ -52,7 +53,7 @@ class ParamsIn(_Message):
     params: Json = {}
     inputs: dict[str, str | None] = {}
     filter: FilterIn | None = None
-    """Null removes the filter; a message without this field leaves it as it is."""
+    """Null removes the filter; a message without this field does not change it."""
 
 
 class KeyframeIn(_Message):

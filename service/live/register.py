@@ -1,4 +1,4 @@
-"""Publishes this process's live sessions to the farm, and ends those that an operator has asked to end."""
+"""Publishes this process's live sessions to the farm, and ends those that an operator has ordered to end."""
 
 from __future__ import annotations
 

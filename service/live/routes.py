@@ -40,9 +40,9 @@ class LiveOut:
     filters: tuple[str, ...]
     """Methods that can filter what such a method paints."""
     receives: tuple[str, ...]
-    """Codecs that a client may send."""
+    """Codecs in which a client can send frames."""
     sends: tuple[str, ...]
-    """Codecs that a client may ask for."""
+    """Codecs in which a client can receive frames."""
     capacity: int
     sessions: int
     free: int

@@ -70,9 +70,9 @@ class Sessions:
         self._ends: set[asyncio.Task[None]] = set()
 
     async def claim(self, session_id: str | None, principal: Principal, connection: Connected) -> LiveSession:
-        """The session of that id if this caller has one, taken from whoever holds it; else a new one.
+        """The caller's session of that id, whose present connection is closed; otherwise a new session.
 
-        Raises NoSeat.
+        Raises NoLiveWorker.
         """
         known = self._sessions.get(session_id or "")
         if known is None or known.owner != principal.owner:
@@ -87,7 +87,8 @@ class Sessions:
         return known
 
     def leave(self, session: LiveSession, connection: Connected) -> None:
-        """The connection was lost: let the session wait for another. No effect if another has taken it over."""
+        """The connection was lost: let the session wait for a new one. No effect if a new one has taken the session
+        over."""
         if session.connection is not connection or session.id not in self._sessions:
             return
         session.connection = None

@@ -26,7 +26,7 @@ class ViewConnection:
     """
     Args:
         socket: accepted.
-        session_id: the session to watch; None: the caller's newest one, and after its end the next.
+        session_id: the session to show; None: the caller's newest one, and after its end the next one.
     """
 
     def __init__(

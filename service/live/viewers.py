@@ -13,7 +13,8 @@ from workers.live.codecs import BUILT_ON
 from workers.live.stream import Stream
 
 MAX_WAITING = 30
-"""Frames of a video codec that wait for a viewer. With more, the viewer continues at the next key frame."""
+"""Maximum number of frames of a video codec that wait for a viewer. Beyond it, the viewer continues at the next key
+frame."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Viewer:
         return self._items.popleft() if self._items else None
 
     def request_key(self) -> None:
-        """Ask for a key frame: the viewer cannot decode what comes."""
+        """Ask for a key frame, because the viewer cannot decode the following frames."""
         self._of.key_wanted = True
 
     def put(self, item: ViewFormat | ViewedFrame) -> None:
@@ -65,7 +66,8 @@ class Viewer:
         self._news.set()
 
     def _accepts(self, frame: ViewedFrame) -> bool:
-        """Make room for a frame; False if it cannot be decoded without one that was left out."""
+        """Drop waiting frames if there are too many; False if the next frame cannot be decoded without a dropped
+        one."""
         waiting = [item for item in self._items if isinstance(item, ViewedFrame)]
         overfull = len(waiting) >= (MAX_WAITING if self._of.built_on else 1)
         if frame.header.key:
@@ -101,11 +103,11 @@ class Viewers:
 
     @property
     def built_on(self) -> bool:
-        """Whether frames are built on earlier ones (a video codec)."""
+        """Whether frames depend on earlier ones (a video codec)."""
         return self.form is not None and self.form.codec in BUILT_ON
 
     def announce(self, form: ViewFormat) -> None:
-        """Frames have this format from now on."""
+        """Set the format of the following frames."""
         self.form = form
         for viewer in self._viewers:
             viewer.put(form)
@@ -120,7 +122,7 @@ class Viewers:
 
     @contextmanager
     def watch(self) -> Iterator[Viewer]:
-        """A viewer, until the block ends."""
+        """A new viewer, removed when the block ends."""
         viewer = Viewer(self)
         self._viewers.add(viewer)
         if self.form is not None:

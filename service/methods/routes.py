@@ -44,7 +44,7 @@ def list_methods(_caller: Reader) -> Response:
 
 @cache
 def _listing(*found: Method) -> bytes:
-    """These methods in JSON. To make their schemas takes 10 ms, and every page asks for them."""
+    """The methods in JSON, cached, because making their schemas takes 10 ms and every page requests them."""
     return TypeAdapter(MethodsOut).dump_json(MethodsOut(tuple(map(method_out, found))))
 
 
@@ -56,7 +56,7 @@ def get_method(name: Name, _caller: Reader) -> MethodOut:
 
 @router.get("/{name}/thumbnail", response_class=Response, responses=PICTURE)
 def get_thumbnail(name: Name, _caller: Reader) -> Response:
-    """A picture of what the method does."""
+    """A picture that shows the method's effect."""
     picture = thumbnail(_find(name).name)
     return Response(picture.data, media_type=picture.media_type, headers={"Cache-Control": "private, max-age=3600"})
 
@@ -69,7 +69,7 @@ def get_input_schema(name: Name, input_name: InputName, _caller: Reader) -> Json
 
 @router.get("/{name}/inputs/{input_name}/examples")
 def get_input_examples(name: Name, input_name: InputName, _caller: Reader, frames: Frames) -> Json:
-    """Documents to begin with, by name, for a video of so many frames."""
+    """Example documents by name, for a video with that number of frames."""
     examples = _of_input(_find(name).input_examples, input_name, "The method has no examples for such an input.")
     return dict(examples(frames))
 

@@ -44,7 +44,7 @@ def thumbnail(name: str) -> Picture:
         if (session := method.stream(method.Params(), SIZE, 0, {})) is None:
             return _card(method)
         data = _kept(name, session) if name in BUILT_IN else _rendered(session)
-    except (ImpastoError, OSError):  # for example without a compute device, which listing methods must not need
+    except (ImpastoError, OSError):  # for example without a compute device, which is not needed to list methods
         log.warning("No thumbnail of %s", name, exc_info=True)
         return _card(method)
     return Picture(data, "image/jpeg")

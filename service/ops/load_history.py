@@ -21,9 +21,9 @@ class LoadSample:
 
     at: float
     cpu: float
-    """Part of the processors' time that was used since the sample before, 0..1."""
+    """Share of the processors' time that was used since the previous sample, 0..1."""
     memory_bytes: int
-    """Memory in use, without caches that can be given up."""
+    """Memory in use, without caches that the system can release."""
 
 
 class LoadHistory:
@@ -46,14 +46,14 @@ class LoadHistory:
         return tuple(self._samples)
 
     async def run(self) -> None:
-        """Sample for ever."""
+        """Take samples until cancelled."""
         while True:
             await run_in_threadpool(self.sample)
             await asyncio.sleep(EVERY_S)
 
 
 def _cpu_times() -> tuple[float, float]:
-    """Seconds that all processors have worked since the start, and seconds altogether. (`psutil.cpu_percent` measures
-    since the last call of the same thread.)"""
+    """Busy seconds and total seconds of all processors since the start. (`psutil.cpu_percent` measures since the last
+    call of the same thread.)"""
     times = psutil.cpu_times()
     return sum(times) - times.idle - getattr(times, "iowait", 0.0), sum(times)

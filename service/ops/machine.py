@@ -30,7 +30,7 @@ class DiskMetrics(Collector):
         self._reserve = settings.reserve_bytes
 
     def describe(self) -> Iterable[Metric]:
-        """No metrics at registration: a disk may be slow to answer."""
+        """Return no metrics at registration, because a disk may be slow to answer."""
         return ()
 
     def collect(self) -> Iterator[Metric]:
@@ -53,7 +53,7 @@ def work_places(settings: Settings) -> dict[str, Path]:
 
 
 def existing(path: Path) -> Path:
-    """`path`, or its nearest existing parent: folders are created on demand."""
+    """`path` or its nearest existing parent, because folders are created on demand."""
     while not path.exists() and path != path.parent:
         path = path.parent
     return path

@@ -22,7 +22,7 @@ LATENCY_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 120)
 LIVE_LATENCY_S = (0.005, 0.01, 0.0167, 0.025, 0.0333, 0.05, 0.0667, 0.1, 0.2, 0.5, 1, 5)
 VERBS = frozenset({"GET", "HEAD", "POST", "PATCH", "PUT", "DELETE", "OPTIONS"})
 MAX_LABELS = 50
-"""Most values of one label; further ones are dropped."""
+"""Maximum number of values of one label; further ones are dropped."""
 
 
 class HttpMetrics:
@@ -69,7 +69,7 @@ class FarmMetrics(Collector):
         self._farm = farm
 
     def describe(self) -> Iterable[Metric]:
-        """No metrics at registration, which must not query the store."""
+        """Return no metrics at registration, which must not query the store."""
         return ()
 
     def collect(self) -> Iterator[Metric]:

@@ -36,7 +36,7 @@ class PriorityIn(BaseModel):
 
 
 class JobsActionIn(BaseModel):
-    """An action, and the jobs that it is for."""
+    """An action on several jobs."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -50,7 +50,7 @@ class JobActionOut:
 
     job_id: str
     error: Fault | None
-    """Reason for which the action was refused; null: it was done."""
+    """Reason why the action was refused; null if it was done."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +63,15 @@ class JobsActionOut:
 @router.post("/{job_id}/priority")
 def set_priority(job_id: JobId, body: PriorityIn, context: Context, caller: Admin) -> JobOut:
     """Give an unfinished job another priority, or move it to the front. Running tasks of other jobs finish; jobs of one
-    priority are served in the order of submission, those of several owners in turns. 409 if it has ended."""
+    priority are served in the order of submission; several owners take turns. 409 if it has ended."""
     find_job(context, caller, job_id)
     return job_out(context.farm.jobs.prioritise(job_id, body.priority))
 
 
 @router.post("/actions")
 def act_on_jobs(body: JobsActionIn, context: Context, caller: Admin) -> JobsActionOut:
-    """Cancel, pause, resume, retry or delete several jobs. A job for which it is refused does not stop the others."""
+    """Cancel, pause, resume, retry or delete several jobs. If the action is refused for one job, it is still done for
+    the others."""
     return JobsActionOut(tuple(_attempted(context, caller, body.action, job_id) for job_id in body.jobs))
 
 

@@ -18,7 +18,7 @@ PNG: Responses = {200: binary("image/png", "The frame")[200]}
 
 @router.post("", response_class=Response, responses=PNG)
 def preview(body: PreviewIn, context: Context, caller: Submitter) -> Response:
-    """Stylise one frame. 503 with Retry-After while as many as may are being made."""
+    """Stylise one frame. 503 with Retry-After while the maximum number of previews are being made."""
     check_inputs(context, caller, body)
     earlier = body.artefacts_of
     if earlier is not None:

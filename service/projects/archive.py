@@ -27,7 +27,7 @@ router = Router(prefix="/v1/projects", tags=["projects"])
 ZIP = "application/zip"
 _BODY = {"requestBody": {"required": True, "content": {ZIP: {"schema": {"type": "string", "format": "binary"}}}}}
 _MOST_TIMES = 4
-"""An archive may unpack to this many times the largest asset."""
+"""Maximum size of an unpacked archive, in multiples of the largest asset."""
 
 
 @router.get("/{project_id}/export", response_class=Response, responses={200: binary(ZIP, "The project")[200]})

@@ -1,4 +1,4 @@
-"""POST /v1/estimates: how long jobs will take, before they are submitted."""
+"""POST /v1/estimates: estimates the cost of jobs before they are submitted."""
 
 from __future__ import annotations
 

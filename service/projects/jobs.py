@@ -22,7 +22,7 @@ def submit_project(
     caller: Submitter,
     idempotency_key: IdempotencyKey = None,
 ) -> Listing[ProjectJobOut]:
-    """Submit a job for each selected shot or variant. 422 with every problem if something keeps one from it."""
+    """Submit a job for each selected shot or variant. 422 with all problems if one of them cannot be rendered."""
     find_project(context, caller, project_id)
     made = context.farm.projects.submit(
         project_id, body.selection(), body.version, idempotency_key or "", max_active_jobs(context, caller)

@@ -24,10 +24,10 @@ def find_project(context: ServiceContext, caller: Principal, project_id: str, de
     """The project.
 
     Args:
-        deleted: whether a deleted one is wanted, too.
+        deleted: whether to return a deleted project, too.
 
     Raises:
-        NotFound: there is none, or it belongs to another owner; the caller cannot tell which.
+        NotFound: it does not exist, or belongs to another owner; the error does not tell which.
         Gone: it was deleted, and can be restored.
     """
     try:
@@ -54,8 +54,8 @@ def expected_version(if_match: str | None, project: Project) -> int:
     """The version that the caller has changed.
 
     Raises:
-        PreconditionRequired: there is no If-Match.
-        BadRequest: it is no entity tag of ours.
+        PreconditionRequired: the request has no If-Match.
+        BadRequest: If-Match is not an entity tag of this service.
     """
     if if_match is None:
         raise PreconditionRequired(

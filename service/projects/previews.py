@@ -1,4 +1,4 @@
-"""/v1/projects/{project_id}/previews: pictures of a project while somebody works on it, as a stream of records.
+"""/v1/projects/{project_id}/previews: pictures of a project that is being edited, as a stream of records.
 
     record = length of the header (4 bytes, big-endian) | header (JSON) | `header.bytes` bytes
 
@@ -29,7 +29,7 @@ from service.schemas import JobId, Responses
 from service.streaming import StreamedResponse, in_threads
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
-from workers.previews.service import TURN_S, PreviewRun
+from workers.previews.service import SLOT_POLL_S, PreviewRun
 from workers.projects.document import FrameNumber, FrameRange, Id
 from workers.projects.patching import merged, patched
 
@@ -85,7 +85,7 @@ class StylesIn(QueryIn):
 
 class PropagateIn(QueryIn):
     key: FrameNumber = Field(description="The frame that is painted on.")
-    image: Base64Bytes | None = Field(default=None, description="PNG of the key as it is now; None: the document's.")
+    image: Base64Bytes | None = Field(default=None, description="PNG of the present key; None: the document's.")
     around: int = Field(default=3, ge=1, le=24, description="Frames before and after it.")
     max_side_px: int = Field(default=320, ge=16, le=2048)
 
@@ -206,7 +206,7 @@ async def preview_paint(project_id: ProjectId, body: PaintIn, context: Context, 
 async def preview_source(
     project_id: ProjectId, body: PaintIn, context: Context, caller: Submitter
 ) -> StreamingResponse:
-    """Frames of the shot's video as they are."""
+    """Unchanged frames of the shot's video."""
     options = body.model_dump(include={"frame", "frames", "step", "format"})
     return await _answer(context, caller, project_id, "source", body, options)
 
@@ -244,10 +244,10 @@ async def _answer(
 
 
 async def _pieces(run: PreviewRun, path: str, threads: CapacityLimiter) -> AsyncGenerator[bytes]:
-    """The answer, record by record. Only previews that are made have a thread, not those that wait for a slot."""
+    """Yield the records of the answer. A preview has a thread only once it has a slot."""
     try:
         while not run.ready():
-            await anyio.sleep(TURN_S)
+            await anyio.sleep(SLOT_POLL_S)
         async with aclosing(in_threads(_encoded(run, path), threads)) as pieces:
             async for piece in pieces:
                 yield piece
@@ -290,7 +290,7 @@ def _document(context: ServiceContext, project_id: str, body: QueryIn) -> Json:
 def _cards(
     context: ServiceContext, project_id: str, value: Json, body: StylesIn, caller: Principal
 ) -> list[tuple[str, Any]]:
-    """(id, layer) of every card; one whose changes are wrong is the request's fault."""
+    """(id, layer) of every card. Invalid changes of a card are reported as errors of the request."""
     project = find_project(context, caller, project_id)
     made = []
     for card in body.cards:

@@ -60,7 +60,7 @@ class ProjectLinks:
 
 @dataclass(frozen=True, kw_only=True)
 class ProjectOut(Project):
-    """A project; `document` only where the route says so."""
+    """A project; only some routes include `document`."""
 
     links: ProjectLinks
     document: Json | None = None
@@ -112,7 +112,7 @@ def project_job_out(noted: ProjectJob, job: Job | None) -> ProjectJobOut:
 
 @dataclass(frozen=True)
 class ShareOut:
-    """A link that shows a project to whoever has it."""
+    """A link that shows a project to anyone who has it."""
 
     token: str
     url: str

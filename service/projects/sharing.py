@@ -1,4 +1,4 @@
-"""Shared links: read-only access to one project for whoever has the link, until it expires."""
+"""Shared links: read-only access to one project for anyone who has the link, until it expires."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Token = Annotated[str, Path(max_length=1000, description="As the link has it.")]
 
 @router.post("/v1/projects/{project_id}/share", status_code=201)
 def share_project(project_id: ProjectId, body: ShareIn, context: Context, caller: Submitter) -> ShareOut:
-    """Make a link that shows the project, its jobs and results to whoever has it, without a key."""
+    """Make a link that shows the project, its jobs and results to anyone who has it, without a key."""
     find_project(context, caller, project_id)
     expires_at = int(time.time() + body.days * 86400)
     claims = Claims(project_id, caller.owner, context.farm.projects.share_epoch(project_id), expires_at)
@@ -82,7 +82,7 @@ def get_shared_asset(token: Token, asset_id: AssetId, request: Request, context:
     "/v1/shared/{token}/jobs/{job_id}/result", response_class=Response, responses=binary("video/mp4", "The film")
 )
 def get_shared_result(token: Token, job_id: JobId, request: Request, context: Context) -> Response:
-    """The result of one of its jobs, whole or a range."""
+    """The result of one of the shared project's jobs, whole or a range."""
     project = _shared(context, token)
     if job_id not in {noted.job_id for noted, _ in context.farm.projects.jobs(project.id)}:
         raise NotFound("The project has no such job.", field="job_id", value=job_id)

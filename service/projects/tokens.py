@@ -1,7 +1,7 @@
-"""Signed tokens of shared links: which project, whose key made the link, until when.
+"""Signed tokens of shared links, with the project, the key that made the link, and the time of expiry.
 
-A token is base64url of its JSON claims, a dot, and base64url of their HMAC-SHA256. It is void after its time, once the
-project's share epoch was raised, or once the key that made it is revoked.
+A token is base64url of its JSON claims, a dot, and base64url of their HMAC-SHA256. It is invalid after its expiry, once
+the project's share epoch is raised, or once the key that made it is revoked.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def sign(claims: Claims, secret: bytes) -> str:
 
 
 def verify(token: str, secret: bytes, now: float) -> Claims | None:
-    """The claims of a token that `secret` has signed and whose time is not over, else None."""
+    """The claims of a token that is signed with `secret` and has not expired, else None."""
     try:
         body_text, _, mac_text = token.partition(".")
         body, mac = _bytes(body_text), _bytes(mac_text)

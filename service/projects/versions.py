@@ -20,7 +20,8 @@ router = Router(prefix="/v1/projects/{project_id}/versions", tags=["projects"])
 def list_versions(
     project_id: ProjectId, context: Context, caller: Reader, cursor: Cursor = None, limit: Limit = 50
 ) -> Listing[ProjectVersion]:
-    """The project's versions, newest first. All of the last 7 days, one an hour before that; named ones always."""
+    """The project's versions, newest first. All versions of the last 7 days, one per hour of earlier ones, and all
+    named ones."""
     find_project(context, caller, project_id)
     page = context.farm.projects.versions(project_id, cursor, limit)
     return Listing(page.items, page.cursor)

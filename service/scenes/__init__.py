@@ -1,1 +1,1 @@
-"""Clips of Impasto's own scenes, to try things on."""
+"""Clips of Impasto's own scenes, for first trials."""

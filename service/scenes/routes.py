@@ -1,4 +1,4 @@
-"""/v1/scenes: a clip of one of Impasto's own scenes, drawn when it is first asked for."""
+"""/v1/scenes: a clip of one of Impasto's own scenes, drawn at the first request."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exemplars of the style library: scenes of our own, painted by our own methods when they are first asked for."""
+"""Exemplars of the style library: scenes of our own, painted by our own methods at the first request."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _SETTLE = 2
 
 @dataclass(frozen=True)
 class Exemplar:
-    """A painting and the picture that it was painted from.
+    """A painting and the picture from which it was painted.
 
     Attributes:
         name: in addresses, [a-z-].
-        at: frame of the scene, at 24 frames a second.
+        at: number of the scene's frame, at 24 frames per second.
     """
 
     name: str

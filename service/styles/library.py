@@ -22,7 +22,7 @@ from workers.farm import Farm
 from workers.model import Asset
 
 OWNER = "styles"
-"""Owner of the library's assets: they count for no user's quota."""
+"""Owner of the library's assets, so that they count for no user's quota."""
 SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff"})
 MOST_FILES = 500
 _CREDIT_CHARACTERS = 300
@@ -40,14 +40,14 @@ class StyleOut:
     credit: str
     """Painter and origin; empty if unknown."""
     paired: bool
-    """Whether the picture that it was painted from is known, too."""
+    """Whether the picture from which it was painted is known."""
 
 
 class StyleLibrary:
     """Thread-safe; paints one exemplar at a time.
 
     Args:
-        folder: of the operator's paintings, or None.
+        folder: folder of the operator's paintings, or None.
     """
 
     def __init__(self, farm: Farm, folder: Path | None) -> None:
@@ -108,7 +108,7 @@ class StyleLibrary:
 
 
 def paint_exemplar(one: Exemplar, what: _What) -> Path:
-    """The file of an exemplar, or of the picture that it is painted from; painted now if it is not there."""
+    """The file of an exemplar, or of the picture from which it is painted; painted if it does not exist."""
     return painted(f"{one.name}-{what}.png", (one, exemplars.SIZE), lambda: _png(one, what))
 
 

@@ -43,14 +43,14 @@ def get_style_picture(
     _caller: Reader,
     max_side_px: Annotated[int, Query(ge=16, le=2048, description="Its longer side at most; never enlarged.")] = 320,
 ) -> Response:
-    """The painting, scaled. Impasto's own are painted when they are first asked for."""
+    """The painting, scaled. Impasto's own are painted at the first request."""
     jpeg = context.styles.picture(style_id, max_side_px)
     return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
 
 
 @router.post("/{style_id}/assets")
 def use_style(style_id: StyleId, context: Context, caller: Submitter) -> StyleAssets:
-    """Make the painting an asset of yours, to be named in jobs and projects."""
+    """Copy the painting to your assets, for use in jobs and projects."""
     library = context.styles
     shared = library.painting(style_id)
     try:

@@ -23,7 +23,7 @@ from workers.model import Asset
 async def append(request: Request, context: ServiceContext, store: UploadStore, upload: Upload, at: int) -> int:
     """Append the body, which begins at offset `at`; returns the new offset.
 
-    If the connection breaks, the bytes that arrived are kept, unless a checksum was announced, which they cannot match.
+    If the connection breaks, the received bytes are kept, unless a checksum was announced, which they could not match.
 
     Raises: OffsetMismatch, Locked, BodyTooLarge, RequestTimeout, ChecksumMismatch, StorageFull, ClientDisconnect.
     """
@@ -60,7 +60,7 @@ async def _copy(
     with disk_faults():
         try:
             async for chunk in chunks(request, space, context.settings.idle_s):
-                check_free_space(context, len(chunk))  # others fill the disk, too
+                check_free_space(context, len(chunk))  # other programs fill the disk, too
                 await run_in_threadpool(file.write, chunk)
                 if checksum:
                     checksum.hash.update(chunk)
@@ -74,8 +74,8 @@ async def _copy(
 def finish(context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload) -> Upload:
     """Turn a complete upload into an asset, at most once, also across restarts.
 
-    Raises: BadMedia and the like, the same each time it is asked; QuotaExceeded, StorageError (to be tried again);
-    Locked (another request is doing this now).
+    Raises: BadMedia and its subclasses (again at each call); QuotaExceeded, StorageError (may be tried again); Locked
+    (another request is doing this now).
     """
     if upload.closed:
         return _closed(upload)
@@ -105,7 +105,7 @@ def _probe(context: ServiceContext, store: UploadStore, caller: Principal, uploa
 def check_upload_quota(context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload) -> None:
     """Raise QuotaExceeded if the owner's assets and open uploads, this one included, exceed the quota.
 
-    An operator who asks about another owner's upload is not that owner: nothing is counted against the operator.
+    If an operator acts on another owner's upload, nothing is counted against the operator.
     """
     if caller.owner == upload.owner:
         check_quota(context, caller, store.reserved().owned_bytes.get(upload.owner, 0))

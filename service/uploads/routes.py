@@ -1,8 +1,8 @@
 """/v1/uploads: resumable upload by tus 1.0.0 (https://tus.io/protocols/resumable-upload).
 
 Core, creation, creation-with-upload, expiration, termination, checksum. When the last byte has arrived the file is
-probed and becomes an asset: the answer, and every later HEAD, names it in `Impasto-Asset`; media that are refused
-give a problem instead, the same at every later HEAD.
+probed and becomes an asset: the answer, and every later HEAD, names it in `Impasto-Asset`; refused media give a problem
+    instead, also at every later HEAD.
 """
 
 from __future__ import annotations
@@ -105,8 +105,8 @@ def get_upload(upload_id: UploadId, request: Request, context: Context, caller: 
     check_version(request.headers)
     store = _store(context)
     upload, offset = _find_with_offset(store, caller, upload_id)
-    if offset == upload.length:  # perhaps the process died between the last byte and the asset
-        with suppress(Locked):  # or another request is probing it at this moment: the asset is named later
+    if offset == upload.length:  # the process may have died between the last byte and the asset
+        with suppress(Locked):  # or another request is probing it now, and the asset will be named later
             upload = finish(context, store, caller, upload)
     headers = _state(store, upload, offset) | {"Upload-Length": str(upload.length), "Cache-Control": "no-store"}
     if upload.metadata:

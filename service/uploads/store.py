@@ -45,10 +45,10 @@ class Upload:
 
 @dataclass(frozen=True)
 class Reservation:
-    """Disk space and quota that open uploads have been promised."""
+    """Disk space and quota that are reserved for open uploads."""
 
     missing_bytes: int
-    """Bytes of all open uploads that have not arrived: disk space that they will still take."""
+    """Missing bytes of all open uploads, for which disk space is needed."""
     owned_bytes: dict[str, int]
     """Owner -> announced bytes of their open uploads."""
     counts: dict[str, int]
@@ -116,7 +116,7 @@ class UploadStore:
 
     @contextmanager
     def creating(self) -> Iterator[None]:
-        """One creation at a time, over all processes: what it checks stays true until the upload is on disk."""
+        """A lock for creations over all processes, so that checks remain valid until the upload is on disk."""
         self._folder.mkdir(parents=True, exist_ok=True)
         folder = os.open(self._folder, os.O_RDONLY)
         try:
@@ -144,7 +144,7 @@ class UploadStore:
                     headers=retry_after(1),
                     field="upload_id",
                     value=upload.id,
-                    remedy="Ask for the offset in a second, then go on from there.",
+                    remedy="Request the offset in a second, then continue from there.",
                 ) from None
             if os.fstat(file.fileno()).st_nlink == 0:  # closed or removed between open and lock
                 raise _finished(upload.id)
@@ -172,7 +172,7 @@ class UploadStore:
         """Delete expired uploads and files that a killed process left."""
         for path in self._folder.glob("*"):
             ours = path.suffix in (".json", ".part")
-            with suppress(FileNotFoundError):  # finished or removed while we look
+            with suppress(FileNotFoundError):  # finished or removed during this loop
                 touched_at = self._touched_at(path.stem) if ours else path.stat().st_mtime
                 if touched_at + self._ttl_s < self._clock():
                     _delete(path)

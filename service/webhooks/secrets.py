@@ -16,7 +16,7 @@ class WebhookSecrets:
     """Secrets in the form of Standard Webhooks 1.0.0 (`whsec_` and base64).
 
     Args:
-        path: file with the master secret; made with mode 0600 on first use.
+        path: file with the master secret; created with mode 0600 on first use.
         given: the master secret, if it comes from a setting.
     """
 
@@ -30,7 +30,7 @@ class WebhookSecrets:
         return "whsec_" + base64.b64encode(digest).decode()
 
     def master(self) -> bytes:
-        """The secret that others are derived from: used with a purpose in front of what is signed."""
+        """The secret from which others are derived. Signed data is prefixed with its purpose."""
         if self._given:
             return self._given.encode()
         try:

@@ -19,8 +19,8 @@ import psutil
 
 from tests.chaos.bad_network import BadNetwork, Mode
 from tests.chaos.limits import address_space, limited, open_files
-from tests.chaos.patience import PATIENCE_S, patiently
 from tests.chaos.raylets import Raylets
+from tests.chaos.retries import RETRY_S, with_retries
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import Accepting, Worker
@@ -136,7 +136,7 @@ def kill_s3(scene: Scene) -> None:
 
 def answer_again(scene: Scene) -> None:
     """Send a second, different answer for every ended attempt: all of them must be refused."""
-    patiently(lambda: _answer_again(scene.asking.store))
+    with_retries(lambda: _answer_again(scene.asking.store))
 
 
 def _answer_again(store: Store) -> bool:
@@ -160,7 +160,7 @@ def kill_accepting(scene: Scene) -> None:
         answered = accepting.submit(asset, scene.shapes[shape], key)
         if not answered or number == 0:
             request = JobRequest("toy", {"data": asset}, scene.shapes[shape], seed=7)
-            again = patiently(lambda r=request, k=key: scene.asking.jobs.submit(r, idempotency_key=k)).id  # type: ignore[misc]
+            again = with_retries(lambda r=request, k=key: scene.asking.jobs.submit(r, idempotency_key=k)).id  # type: ignore[misc]
             assert not answered or again == answered, "accepted, and then lost"
         scene.jobs.append((answered or again, shape))
         if not answered:
@@ -248,17 +248,17 @@ def poison(scene: Scene) -> None:
     params = {**max(scene.shapes, key=lambda shape: shape["tasks"]), "trouble": "raise", "chain": False}
     request = JobRequest("toy", {"data": _asset(scene)}, params, seed=7)
     key = f"poisoned-{len(scene.poisoned)}"
-    scene.poisoned.append(patiently(lambda: scene.asking.jobs.submit(request, idempotency_key=key)).id)
+    scene.poisoned.append(with_retries(lambda: scene.asking.jobs.submit(request, idempotency_key=key)).id)
 
 
 def _asset(scene: Scene) -> str:
     """Id of the jobs' input."""
-    return patiently(lambda: scene.asking.jobs.page(limit=1).items[0].request.inputs["data"])
+    return with_retries(lambda: scene.asking.jobs.page(limit=1).items[0].request.inputs["data"])
 
 
 def _start(worker: Worker) -> None:
     """Start a component; start it again if it has ended because the database was down, as systemd would."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + RETRY_S
     worker.start()
     while not worker.came_up():
         assert time.monotonic() < deadline, "the worker did not start"

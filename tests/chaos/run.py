@@ -14,8 +14,8 @@ from typing import Any
 
 from tests.chaos.bad_network import BadNetwork
 from tests.chaos.faults import FAULTS, OF_S3, SHAPES, Fault, Scene, Shape, component
-from tests.chaos.patience import patiently
 from tests.chaos.raylets import Raylets
+from tests.chaos.retries import with_retries
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import ForkedWorker, Worker
@@ -98,10 +98,10 @@ def run(
     threading.Thread(target=_supervise, args=(workers, over), daemon=True).start()
     try:
         done = _do(scene, plan)
-        ended = [patiently(lambda job=job: _final(asking, job)) for job, _ in scene.jobs]  # type: ignore[misc]
-        poisoned = [patiently(lambda job=job: _final(asking, job)) for job in scene.poisoned]  # type: ignore[misc]
+        ended = [with_retries(lambda job=job: _final(asking, job)) for job, _ in scene.jobs]  # type: ignore[misc]
+        poisoned = [with_retries(lambda job=job: _final(asking, job)) for job in scene.poisoned]  # type: ignore[misc]
         wanted = [expected[shape] for _, shape in scene.jobs]
-        return patiently(lambda: _judge(asking, ended, wanted, poisoned, done))
+        return with_retries(lambda: _judge(asking, ended, wanted, poisoned, done))
     finally:
         over.set()
         for worker in workers:
@@ -152,7 +152,7 @@ def _do(scene: Scene, plan: Plan) -> Counter[str]:
     for faults in grouped(order, plan.together):
         for number, shape in shapes:
             key = f"job-{len(scene.jobs)}"
-            job = patiently(lambda s=shape, k=key: submit(scene.asking, scene.folder, s, k))  # type: ignore[misc]
+            job = with_retries(lambda s=shape, k=key: submit(scene.asking, scene.folder, s, k))  # type: ignore[misc]
             scene.jobs.append((job, number))
         time.sleep(scene.chance.uniform(0.1, 0.8) if plan.shapes is SHAPES else scene.chance.uniform(0.0, 0.2))
         _inject(scene, faults)
@@ -183,7 +183,7 @@ def _catch_up(scene: Scene, most: int) -> None:
     """Wait until only about `most` jobs are unfinished, so that faults meet jobs that run and not a long queue."""
     if len(scene.jobs) > most:
         oldest, _ = scene.jobs[-most - 1]
-        patiently(lambda: _final(scene.asking, oldest))
+        with_retries(lambda: _final(scene.asking, oldest))
 
 
 def _final(farm: Farm, job_id: str) -> Job | None:

@@ -56,7 +56,7 @@ def test_an_alert_has_a_severity_and_a_runbook(rule: dict[str, Any]) -> None:
     assert anchor == rule["alert"].lower()
     section = re.search(rf"^## {rule['alert']}\n(.*?)(?=^## |\Z)", (ROOT / page).read_text(), re.M | re.S)
     assert section, f"{page} has no section {rule['alert']}"
-    for word in ("**Means.**", "**Look.**", "**Do.**"):
+    for word in ("**Meaning.**", "**Check.**", "**Remedy.**"):
         assert word in section[1], f"{rule['alert']}: {word}"
 
 

@@ -16,7 +16,7 @@ import psutil
 
 from tests.e2e.processes import ROOT, Service, impasto, kill_9, start
 
-PATIENCE_S = 180.0
+TIMEOUT_S = 180.0
 SEED = 5
 RENDER = ("--workers", "2", "--seed", str(SEED), "--quiet")
 
@@ -53,7 +53,7 @@ def render_killed(clip: Path, out: Path, home: Path, plan: Sequence[KillPoint]) 
     for point in plan:
         deaths.append(_kill_at(start(command, log), point, lambda: next(home.glob("renders/*/impasto.db"), None)))
         assert not out.exists(), "a result before the render was over"
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=PATIENCE_S)
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=TIMEOUT_S)
     return deaths
 
 
@@ -92,7 +92,7 @@ class _Waiting:
             self._error.append(error)
 
     def fetch(self, out: Path) -> None:
-        self._thread.join(PATIENCE_S)
+        self._thread.join(TIMEOUT_S)
         assert not self._thread.is_alive(), "the job did not end"
         if self._error:
             raise self._error[0]
@@ -104,7 +104,7 @@ def _kill_at(process: psutil.Popen, point: KillPoint, database: Callable[[], Pat
     born = time.monotonic()
     while painted(database())[0] < point.frames:
         assert process.poll() is None, "the process ended before it was killed"
-        assert time.monotonic() < born + PATIENCE_S, "the job makes no progress"
+        assert time.monotonic() < born + TIMEOUT_S, "the job makes no progress"
         time.sleep(0.02)
     time.sleep(point.then_s)
     lived_s = time.monotonic() - born

@@ -40,7 +40,7 @@ COLOURS_HAVE_CHANGED = """async () => {
   await frame();
 }"""
 """Waits for the end of all transitions, which a stopped machine may begin late."""
-LOOKS = 5
+CHECKS = 5
 """Number of axe runs; a finding counts only if every run reports it."""
 
 
@@ -195,7 +195,7 @@ def until(page: Page, condition: Callable[[], bool], seconds: float = SLOW_MS / 
 def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]]]:
     """What axe-core finds in the page as it is, in light and dark: rule, help and elements.
 
-    A finding counts if it is still there when axe has looked `LOOKS` times, a second apart: on a busy machine colours
+    A finding counts if it is still there in each of `CHECKS` runs of axe, a second apart: on a busy machine colours
     may be on their way from one scheme to the other.
 
     Args:
@@ -207,8 +207,8 @@ def accessibility_faults(page: Page, axe: str) -> list[tuple[str, str, list[str]
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme)
         until(page, lambda: bool(page.evaluate(f"matchMedia('(prefers-color-scheme: {scheme})').matches")))  # noqa: B023
-        for look in range(LOOKS):
-            page.wait_for_timeout(300 if look == 0 else 1000)
+        for check in range(CHECKS):
+            page.wait_for_timeout(300 if check == 0 else 1000)
             page.evaluate(COLOURS_HAVE_CHANGED)
             found = page.evaluate("async () => (await axe.run()).violations")
             if not found:

@@ -170,8 +170,8 @@ def moves(page: Page) -> None:
 
 def grain(image: NDArray[np.uint8]) -> float:
     """Mean difference of a pixel from its neighbours away from edges; small for flat paint."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(float)
-    return float(np.median(np.abs(cv2.Laplacian(grey, cv2.CV_64F))))
+    gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(float)
+    return float(np.median(np.abs(cv2.Laplacian(gray, cv2.CV_64F))))
 
 
 def saturation(image: NDArray[np.uint8]) -> float:

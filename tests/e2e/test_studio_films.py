@@ -64,10 +64,10 @@ def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, servi
     wide = make_clip(tmp_path / "wide.mp4", size=(1200, 640), frames=6)
     video = HTTP.post(f"{service}/v1/assets", files={"file": (wide.name, wide.read_bytes())}).json()["id"]
     open_project(page, service, video, "abstraction", frame=2)
-    note = page.locator(".stage-hint")
-    expect(note).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
+    hint = page.locator(".stage-hint")
+    expect(hint).to_have_text("Preview at 80 % of full size", timeout=SOON_MS)
     page.get_by_role("button", name="Show at full size").click()
-    expect(note).to_have_text("Preview at 100 % of full size", timeout=SOON_MS)
+    expect(hint).to_have_text("Preview at 100 % of full size", timeout=SOON_MS)
     expect(page.get_by_role("button", name="Show at full size")).to_be_hidden()
     page.get_by_role("button", name="Onion skin").click()
     expect(page.get_by_role("button", name="Onion skin")).to_have_attribute("aria-pressed", "true")

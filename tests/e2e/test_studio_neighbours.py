@@ -56,11 +56,11 @@ def test_a_frame_near_a_key_is_painted_at_full_size_when_one_rests_on_it(
     page = watched.page
     full: list[int] = []
 
-    def note(request: Request) -> None:
+    def record(request: Request) -> None:
         if request.url.endswith("/paint") and request.post_data_json["max_side_px"] == 1000:
             full.append(request.post_data_json["frame"])
 
-    page.on("request", note)
+    page.on("request", record)
     hint = page.locator(".stage-hint")
     paint_wide_key(page, service, tmp_path)
     page.keyboard.press("v")

@@ -79,13 +79,13 @@ def test_a_smudge_carries_paint_and_is_undone_exported_and_rendered(watched: Wat
 
 
 LATE_FRAMES = """
-const Real = window.VideoFrame, looks = new Map();
+const Real = window.VideoFrame, reads = new Map();
 window.VideoFrame = function (source, ...options) {
   const frame = new Real(source, ...options);
   if (!(source instanceof HTMLVideoElement)) return frame;
-  const at = source.currentTime, before = looks.get(source) ?? { at: -1, times: 0 };
+  const at = source.currentTime, before = reads.get(source) ?? { at: -1, times: 0 };
   const times = before.at === at ? before.times + 1 : 1;
-  looks.set(source, { at, times });
+  reads.set(source, { at, times });
   if (times > 3) return frame;
   const { width, height } = frame.visibleRect;
   frame.close();

@@ -30,8 +30,8 @@ def test_the_studio_names_the_damage_of_its_source(watched: Watched, service: st
     document = {"schema": 1, "name": "Cut", "assets": {"clip": {"id": upload(service, path)}}, "shots": [shot]}
     project = HTTP.post(f"{service}/v1/projects", json={"name": "Cut", "document": document}).json()["id"]
     page.goto(f"{service}/#/projects/{project}")
-    note = page.get_by_role("note").filter(has_text="The file is damaged: frames 11-23 of 24 are missing.")
-    expect(note).to_be_visible(timeout=SOON_MS)
+    notice = page.get_by_role("note").filter(has_text="The file is damaged: frames 11-23 of 24 are missing.")
+    expect(notice).to_be_visible(timeout=SOON_MS)
 
 
 def test_a_queued_job_tells_how_many_jobs_are_ahead(watched: Watched, service: str, tmp_path: Path) -> None:

@@ -280,7 +280,7 @@ def test_frames_sent_while_disconnected_are_counted_as_lost(
 
 
 def test_a_permanently_unavailable_service_ends_the_stream(relay: Relay, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("impasto.live.client.PATIENCE_S", 0.3)
+    monkeypatch.setattr("impasto.live.client.RECONNECT_S", 0.3)
     with client(relay.url) as live:
         one(live)
         relay.close()

@@ -19,7 +19,7 @@ SDP = {"Content-Type": "application/sdp"}
 
 
 class Camera(VideoStreamTrack):
-    """Grey frames; the brightness of the left half counts frames, in steps of 8 grey levels."""
+    """Gray frames; the brightness of the left half counts frames, in steps of 8 gray levels."""
 
     def __init__(self, size: tuple[int, int], fps: int) -> None:
         super().__init__()

@@ -49,7 +49,7 @@ class EchoSession:
         time.sleep(self.params.analyze_s)
         self.received += 1
         if self.params.fault == "analyze":
-            raise RuntimeError("the cat sat on the lens")
+            raise RuntimeError("injected fault in analyze")
         if self.params.fault == "die" and self.received == 3:
             os.kill(os.getpid(), signal.SIGKILL)
         return frame, self.received
@@ -58,7 +58,7 @@ class EchoSession:
         frame, number = analysis
         time.sleep(self.params.paint_s + self.params.per_pixel_s * frame.shape[0] * frame.shape[1])
         if self.params.fault == "paint":
-            raise RuntimeError("the cat sat on the easel")
+            raise RuntimeError("injected fault in paint")
         made = np.asarray(cv2.add(frame, np.full_like(frame, self.params.add)), np.uint8)
         made[0, 0] = (self.params.add, self.green, number % 256)
         return made

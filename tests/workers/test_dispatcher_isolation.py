@@ -34,13 +34,13 @@ def farm(open_farm: Callable[..., Farm]) -> Farm:
 class Faults:
     """Replaces a function and raises an error if it is called for the broken job."""
 
-    def __init__(self, about_it: Callable[..., bool]) -> None:
+    def __init__(self, applies: Callable[..., bool]) -> None:
         self.active, self.count = True, 0
-        self._about_it = about_it
+        self._applies = applies
 
     def around(self, act: Callable[..., Any]) -> Callable[..., Any]:
         def wrapped(*args: Any, **named: Any) -> Any:
-            if self.active and self._about_it(*args, **named):
+            if self.active and self._applies(*args, **named):
                 self.count += 1
                 raise RuntimeError("injected")
             return act(*args, **named)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workers.live.resolution import PATIENCE_S, SCALES, FrameCost, FrameRateMeter, ResolutionLadder, deadline_s, scaled
+from workers.live.resolution import FITTING_S, SCALES, FrameCost, FrameRateMeter, ResolutionLadder, deadline_s, scaled
 
 FPS = 30.0
 
@@ -112,7 +112,7 @@ def test_the_size_rises_again_after_the_load_ends() -> None:
     ladder = ResolutionLadder()
     drive(ladder, 3, by_side(0.08))
     assert ladder.scale < 1
-    drive(ladder, 4 * PATIENCE_S, by_side(0.02), start_s=3)
+    drive(ladder, 4 * FITTING_S, by_side(0.02), start_s=3)
     assert ladder.scale == 1.0
 
 

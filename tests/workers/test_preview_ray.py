@@ -61,8 +61,8 @@ def notes_at(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def notes(notes_at: Path) -> Path:
     """The empty folder to which engines write their notes."""
-    for note in notes_at.iterdir():
-        note.unlink()
+    for file in notes_at.iterdir():
+        file.unlink()
     return notes_at
 
 

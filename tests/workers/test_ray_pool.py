@@ -52,7 +52,7 @@ def test_a_chain_passes_its_state_without_the_blob_store(
     for far, most_bytes in ((True, 1 << 20), (True, 0), (False, 1 << 20)):
         fetched.unlink(missing_ok=True)
         monkeypatch.setattr(ray_farm._dispatcher._orders, "_shares_memory", far)
-        monkeypatch.setattr(pool, "_handed", SharedArtefacts(most_bytes))
+        monkeypatch.setattr(pool, "_shared", SharedArtefacts(most_bytes))
         job = finished(
             ray_farm, ray_farm.jobs.submit(request_on(ray_farm, data, params={"tasks": 6, "chain": True})).id, 60
         )

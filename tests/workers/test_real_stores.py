@@ -99,7 +99,7 @@ def test_readiness_answers_while_postgres_is_down(
 ) -> None:
     farm = opened(real, works=False)
     until(lambda: farm.ready() == {"store": "ok", "blobs": "ok"})
-    monkeypatch.setattr("workers.farm_parts.health.PATIENCE_S", 1.5)
+    monkeypatch.setattr("workers.farm_parts.health.TIMEOUT_S", 1.5)
     (backend,) = {
         row[0] for row in postgres.execute("SELECT pid FROM pg_stat_activity WHERE application_name='impasto'")
     }

@@ -382,11 +382,11 @@ def test_a_running_task_publishes_its_newest_frames(
     monkeypatch.setattr("workers.execution.preview_publisher.EVERY_S", 0.0)
     shown: list[np.ndarray[Any, Any]] = []
 
-    def look(done: float, preview: str = "") -> None:
+    def keep_preview(done: float, preview: str = "") -> None:
         if preview:
             shown.append(cv2.imdecode(np.frombuffer(blobs.get(preview), np.uint8), cv2.IMREAD_COLOR))
 
-    outcome = renderer.run(order_of(info, tasks_of(info)[0]), report=look)
+    outcome = renderer.run(order_of(info, tasks_of(info)[0]), report=keep_preview)
     assert len(shown) == RUN
     assert {picture.shape for picture in shown} == {(64, 96, 3)}
     assert np.abs(shown[0].astype(int) - shown[-1]).max() > 50, "another frame each time"
@@ -423,7 +423,7 @@ def test_inputs_are_read_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -
     blobs.put("assets/json", b'{"a": 1}')
     inputs: dict[str, Any] = {}
 
-    def look(task: Task, context: TaskContext) -> TaskResult:
+    def read_inputs(task: Task, context: TaskContext) -> TaskResult:
         found = context.images("masks")
         inputs.update(numbers=list(found), deep=found[7], colour=found[2], json=context.json("json"))
         inputs.update(first=context.image("video"), has=context.has("style"), wants=context.wants("svg"))
@@ -432,11 +432,11 @@ def test_inputs_are_read_as_images_and_json(info: MediaInfo, blobs: DiskBlobs) -
     def one(context: PlanContext) -> Sequence[Task]:
         return [Task("analyze")]
 
-    class Looker(Toy):
-        steps = (Step("invert", "Look", one, look),)
+    class Reader(Toy):
+        steps = (Step("invert", "Read", one, read_inputs),)
 
     inputs = {"video": "assets/video", "masks": "assets/masks", "json": "assets/json"}
-    with Renderer(blobs, None, lambda name: Looker()) as renderer:
+    with Renderer(blobs, None, lambda name: Reader()) as renderer:
         outcome = renderer.run(order_of(info, Task("analyze"), inputs=inputs))
     assert outcome.fault is None, outcome
     assert inputs["numbers"] == [2, 7]

@@ -26,7 +26,7 @@ class Model:
     error: Fault | None = None
     announced: list[RunState] = field(default_factory=list)
 
-    def about(self, event: machine.Happening, index: int | None = None) -> None:
+    def handle(self, event: machine.Happening, index: int | None = None) -> None:
         step = self.job.step
         task = None if index is None else self.tasks[index]
         after, effects = advance(State(self.job, task, Limits(2, 3)), event)
@@ -83,29 +83,29 @@ def _again(task: TaskSnapshot) -> TaskSnapshot:
 def _planned(model: Model, chain: bool) -> None:
     tasks = [TaskSnapshot(TaskState.WAITING, 1) if chain and i else TaskSnapshot(TaskState.READY) for i in range(TASKS)]
     waiting = sum(1 for task in tasks if task.blockers)
-    model.about(machine.Planned(TASKS - waiting, waiting))
+    model.handle(machine.Planned(TASKS - waiting, waiting))
     model.tasks = tasks
 
 
 def _try(model: Model, name: str, index: int, chain: bool) -> None:
     """Apply the event if it is possible."""
     index = index % len(model.tasks) if model.tasks else 0
-    about_task = model.tasks and name in ("claim", "done", "fail", "bad", "interrupt", "release", "requeue")
+    concerns_task = model.tasks and name in ("claim", "done", "fail", "bad", "interrupt", "release", "requeue")
     match name:
         case "plan":
             _planned(model, chain)
         case "plan-failed":
-            model.about(machine.PlanFailed(FAULT))
+            model.handle(machine.PlanFailed(FAULT))
         case "pause":
-            model.about(machine.Pause())
+            model.handle(machine.Pause())
         case "resume":
-            model.about(machine.Resume())
+            model.handle(machine.Resume())
         case "cancel":
-            model.about(machine.Cancel())
+            model.handle(machine.Cancel())
         case "retry":
-            model.about(machine.Retry(model.blocked(TaskState.FAILED), model.blocked(TaskState.CANCELLED)))
-        case _ if about_task:
-            model.about(_task_event(model, name, index), index)
+            model.handle(machine.Retry(model.blocked(TaskState.FAILED), model.blocked(TaskState.CANCELLED)))
+        case _ if concerns_task:
+            model.handle(_task_event(model, name, index), index)
 
 
 def _task_event(model: Model, name: str, index: int) -> machine.Happening:
@@ -172,7 +172,7 @@ def test_every_job_can_reach_a_final_state(story: list[tuple[str, int]], chain: 
 
 def _step_towards_the_end(model: Model, chain: bool) -> None:
     if model.job.run is RunState.PAUSED:
-        return model.about(machine.Resume())
+        return model.handle(machine.Resume())
     if model.job.run in (RunState.FAILED, RunState.CANCELLED):
         return _try(model, "retry", 0, chain)
     if model.job.run is RunState.SUCCEEDED:
@@ -182,8 +182,8 @@ def _step_towards_the_end(model: Model, chain: bool) -> None:
     running = [i for i, task in enumerate(model.tasks) if task.state is TaskState.RUNNING]
     ready = [i for i, task in enumerate(model.tasks) if task.state is TaskState.READY]
     if running:
-        return model.about(machine.Done(model.frees(running[0])), running[0])
-    return model.about(machine.Claimed(), ready[0])
+        return model.handle(machine.Done(model.frees(running[0])), running[0])
+    return model.handle(machine.Claimed(), ready[0])
 
 
 def test_attempts_and_interruptions_are_counted_separately() -> None:

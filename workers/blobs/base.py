@@ -32,10 +32,10 @@ class Blobs(Protocol):
         ...
 
     def put_if_absent(self, key: str, data: bytes) -> bool:
-        """Store only if there is nothing under `key`; say whether this call stored it.
+        """Store only if there is nothing under `key`; returns whether this call stored it.
 
-        Of several calls at the same instant one wins on disk and on servers that decide it in one place (Amazon's).
-        Nothing in Impasto relies on that: who is first is decided in the database.
+        Of several simultaneous calls one wins on a disk and on servers with a single point of decision (Amazon's).
+        Nothing in Impasto relies on that: the database decides which caller is first.
         """
         ...
 
@@ -66,7 +66,7 @@ class Blobs(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise StorageError if blobs cannot be written and read now (for readyz)."""
+        """Raise StorageError if blobs cannot be written and read now. Used by /readyz."""
         ...
 
     def check_free_space(self, wanted_bytes: int = 0) -> None:

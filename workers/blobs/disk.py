@@ -1,7 +1,8 @@
-"""Blobs in a folder. A blob is written beside its place, flushed, and renamed: whole or not there at all.
+"""Blobs in a folder. A blob is written to a temporary file, flushed, and renamed, so that it appears whole or not at
+all.
 
 root/<key>                   a committed blob
-root/~tmp/<random>           one being written; left behind only by a crash, swept at the next start
+root/~tmp/<random>           a blob that is being written; only a crash leaves one, which the next start removes
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _TEMPORARY = "~tmp"
 
 @dataclass(frozen=True)
 class DiskBlobs:
-    """The blobs under `root` (made if missing). A plain value: pickled to workers as it is.
+    """The blobs under `root` (made if missing). A plain value that is pickled to workers.
 
     Args:
         root: the folder; on one machine, or shared by all workers.
@@ -47,7 +48,7 @@ class DiskBlobs:
         place = self._place(key)
         with disk_errors(), self._written(data) as temporary:
             try:
-                _in_folder(place, lambda: place.hardlink_to(temporary))  # unlike rename, fails if there is one
+                _in_folder(place, lambda: place.hardlink_to(temporary))  # unlike rename, fails if the target exists
             except FileExistsError:
                 return False
             return True
@@ -106,7 +107,7 @@ class DiskBlobs:
             )
 
     def sweep(self, older_than_s: float = 3600.0) -> int:
-        """Remove old temporary files that a crash left behind; returns their number. Younger ones may be in use."""
+        """Remove old temporary files that a crash left; returns their number. Newer ones may be in use."""
         before = time.time() - older_than_s
         stale = [file for file in (self.root / _TEMPORARY).glob("*") if file.stat().st_mtime < before]
         for file in stale:
@@ -146,7 +147,7 @@ class DiskBlobs:
 
 
 def _walk(root: Path, folder: Path) -> Iterator[str]:
-    """Keys of all blobs under `folder`, in the order of keys: "a/b" before "a0", as S3 has it."""
+    """Keys of all blobs under `folder`, in the order of keys, like S3: "a/b" before "a0"."""
     try:
         found = [(f"{entry.name}/" if entry.is_dir() else entry.name, entry) for entry in os.scandir(folder)]
     except (FileNotFoundError, NotADirectoryError):
@@ -180,7 +181,8 @@ def _pieces(file: BinaryIO, start: int, stop: int | None, chunk: int) -> Iterato
 
 
 def _in_folder(place: Path, commit: Callable[[], object]) -> None:
-    """Commit a file to its folder; once more if a `delete` beside us has just removed the folder as empty."""
+    """Commit a file to its folder; try again if a concurrent `delete` has just removed the folder because it was
+    empty."""
     for last in (False, False, True):
         place.parent.mkdir(parents=True, exist_ok=True)
         try:

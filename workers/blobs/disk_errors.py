@@ -13,7 +13,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 @contextmanager
 def disk_errors() -> Iterator[None]:
-    """OSError becomes StorageFull or StorageError; FileExistsError and FileNotFoundError pass unchanged."""
+    """Convert OSError to StorageFull or StorageError; FileExistsError and FileNotFoundError pass unchanged."""
     try:
         yield
     except (FileNotFoundError, FileExistsError):

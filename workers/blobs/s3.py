@@ -29,9 +29,9 @@ from workers.ids import new_id
 
 _CHUNK = 1 << 20
 _AT_ONCE = 1000
-"""Keys in one request to delete: the protocol's bound."""
+"""Maximum number of keys in one delete request, set by the protocol."""
 _RESUMES = 4
-"""Most continuations of an interrupted read."""
+"""Maximum number of continuations of an interrupted read."""
 _SPOOL_BYTES = 32 << 20
 """Streams up to this size are kept in memory before they are sent, bytes."""
 _TAKEN = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
@@ -39,7 +39,7 @@ _TAKEN = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
 
 @dataclass(frozen=True)
 class S3Blobs:
-    """The blobs of a bucket under a prefix. A plain value: pickled to workers as it is, keys and all.
+    """The blobs of a bucket under a prefix. A plain value that is pickled to workers, credentials included.
 
     Args:
         options: address of the bucket, and credentials.
@@ -174,13 +174,13 @@ class S3Blobs:
             self._put_stream(name, cast("BinaryIO", file))
 
     def _put_stream(self, name: str, stream: BinaryIO) -> None:
-        """Upload in parts if it is long. A failed upload is aborted at once; one that a crash left, by `sweep`."""
+        """Upload long content in parts. A failed upload is aborted at once, one that a crash left by `sweep`."""
         part = self.options.part_bytes
         how = TransferConfig(multipart_threshold=part, multipart_chunksize=part, max_concurrency=4)
         self._client.upload_fileobj(stream, self.options.bucket, name, Config=how)
 
     def _open(self, name: str, start: int, stop: int | None, etag: str = "") -> Answer | None:
-        """The answer to a GET of [start, stop); None if the blob ends before that."""
+        """The answer to a GET of [start, stop); None if the blob ends before `start`."""
         more: dict[str, str] = {"IfMatch": etag} if etag else {}
         if start or stop is not None:
             more["Range"] = f"bytes={start}-{'' if stop is None else stop - 1}"

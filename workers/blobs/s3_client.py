@@ -39,8 +39,8 @@ class S3Options:
     Args:
         bucket: must exist.
         prefix: of every key, empty or ending in a slash; several farms may share a bucket.
-        endpoint_url: of a server that is not Amazon's; empty: Amazon's.
-        access_key, secret_key: empty: where boto3 looks by itself (environment, files, the machine's role).
+        endpoint_url: address of the server; empty: Amazon's.
+        access_key, secret_key: credentials; empty: those that boto3 finds (environment, files, the machine's role).
         addressing: "path" for servers without a name for each bucket, "virtual", or "auto".
         checksums: send and check CRCs of bodies; off for servers that do not know them.
         part_bytes: larger blobs are sent in parts of this size.
@@ -61,12 +61,12 @@ _lock = threading.Lock()
 S3Client: TypeAlias = Any
 """A client of boto3, which ships no types."""
 Answer: TypeAlias = dict[str, Any]
-"""What a call of boto3 returns."""
+"""Result of a boto3 call."""
 _clients: dict[tuple[int, S3Options, bool], S3Client] = {}
 
 
 def client_for(options: S3Options, hasty: bool = False) -> S3Client:
-    """This process's client; thread-safe. `hasty`: gives up after seconds, for health checks."""
+    """The client of this process; thread-safe. `hasty`: gives up after a few seconds, for health checks."""
     key = (os.getpid(), options, hasty)
     with _lock:
         if key not in _clients:
@@ -99,7 +99,7 @@ def _new_client(options: S3Options, hasty: bool) -> S3Client:
 
 @contextmanager
 def as_storage_error(key: str = "") -> Iterator[None]:
-    """Errors of S3 and its client become KeyError (no such blob), StorageFull or StorageError."""
+    """Convert errors of S3 and its client to KeyError (no such blob), StorageFull or StorageError."""
     try:
         yield
     except ClientError as error:

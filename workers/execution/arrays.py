@@ -22,14 +22,15 @@ from pipeline.methods.base import Arrays
 from pipeline.video.writer import zip_entry
 
 REPEATS = 0.9
-"""Part of an array's elements that equal the one before them, from which it is deflated: at ten megabytes a second a
-photograph that shrinks by a third would take longer to pack than to compute."""
+"""Least share of elements equal to the previous one for which an array is deflated. Deflating runs at ten megabytes a
+second: a photograph would shrink by a third, but take longer to pack than to compute."""
 PIECES, PIECE = 16, 4096
 """Number and length of the runs of elements that are sampled to decide whether an array is deflated."""
 ALIGNED = 64
 """Stored arrays begin at a multiple of this many bytes, as NumPy's own do."""
 _HEADS = 512
-"""Heads that are remembered: arrays of a shape come by the hundred, and a head takes longer than a small array."""
+"""Number of cached headers: hundreds of arrays have the same shape, and making a header takes longer than writing a
+small array."""
 _PADDING = 0xD935
 """Id of a field in an entry's header that only fills space, as `zipalign` uses it."""
 _LOCAL = struct.Struct("<26xHH")
@@ -71,7 +72,7 @@ def _head(shape: tuple[int, ...], dtype: np.dtype[Any]) -> bytes:
 
 
 def _padding(at: int) -> bytes:
-    """A field after which `at` plus its length is a multiple of `ALIGNED`."""
+    """A field of such a length that the position after it is a multiple of `ALIGNED`."""
     padding = -(at + 4) % ALIGNED
     return struct.pack("<HH", _PADDING, padding) + bytes(padding)
 
@@ -97,7 +98,7 @@ def read_arrays(data: bytes) -> dict[str, AnyArray]:
 
 
 def _member(source: zipfile.ZipFile, entry: zipfile.ZipInfo, whole: memoryview) -> memoryview:
-    """An entry's bytes, in place where they are stored."""
+    """An entry's bytes; a view, not a copy, if they are stored uncompressed."""
     if entry.compress_type != zipfile.ZIP_STORED:
         return memoryview(bytearray(source.read(entry)))
     name, fields = _LOCAL.unpack_from(whole, entry.header_offset)
@@ -117,7 +118,7 @@ def _array(data: memoryview) -> AnyArray:
 
 @lru_cache(_HEADS)
 def _announced(head: bytes) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of an array, from what its npy file begins with."""
+    """Shape and type of an array, from the header of its npy file."""
     stream = io.BytesIO(head)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("Arrays are stored as version 1.0 of the npy format.")

@@ -34,7 +34,7 @@ _COPY_BYTES = 1 << 20
 
 
 class Assembly:
-    """Makes a job's files from what its tasks have left. Its blobs go below its folder of the last step."""
+    """Makes a job's files from the results of its tasks. The files are blobs in the folder of the job's last step."""
 
     def __init__(self, order: TaskOrder, chosen: Method, blobs: Blobs, decoders: Decoders, scratch: Path) -> None:
         self._order = order
@@ -153,7 +153,7 @@ def _suffix(form: Format) -> str:
 
 
 def _add_part(target: zipfile.ZipFile, name: str, part: Path) -> None:
-    """A part that is a zip adds its entries, another is an entry itself."""
+    """Entries of one part: those of the zip, or the part itself if it is no zip."""
     for entry_name, stream in _entries(name, part):
         entry = zip_entry(entry_name)
         entry.compress_type = zipfile.ZIP_DEFLATED

@@ -115,14 +115,14 @@ class AttemptContext:
             self._ended_at = at
 
     def _kept(self, frames: Iterator[Frame], name: str, span: tuple[int, int | None]) -> Iterator[Frame]:
-        """The frames; where the first step reads the whole video, those that the quality report needs are saved."""
+        """Frames of an input. While the first step reads the whole video, frames for the quality report are saved."""
         if name != "video" or span != (0, None) or self._order.results or self._order.emits:
             return frames
         self.reads.record("report")
         return keep_pairs(frames, set(self.report_pairs), self.save)
 
     def _source_span(self, name: str, start: int, stop: int | None) -> tuple[int, int | None]:
-        """Frames [start, stop) of an input as its file counts them."""
+        """Frames [start, stop) of an input, in frame numbers of its file."""
         window = self._order.frames
         moving = int(self._order.input_info[name].get("frames", 0)) > 1
         if window is None or name not in self._aligned or not (moving or name == "video"):
@@ -194,8 +194,8 @@ class AttemptContext:
             return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
-        """Keep a file for the user. A name `<artefact>-...` of an artefact that the job asked for is a part of it:
-        the last step joins all parts (the entries of those that are zips) to one zip, named as the artefact."""
+        """Keep a file for the user. If its name is `<artefact>-...` with an artefact that the job requested, it is a
+        part of that artefact: the last step joins all parts (of zips: their entries) to one zip of that name."""
         key = self._key(f"files/{_checked(name)}")
         with self.stages.waiting("store"):
             self._blobs.put(key, data)

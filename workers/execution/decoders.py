@@ -22,14 +22,14 @@ class _Open:
     key: str
     reader: GuardedReader
     exit_stack: ExitStack
-    """Closes the reader, then lets go of the local file."""
+    """Closes the reader, then releases the local file."""
 
 
 class Decoders:
     """Readers of blobs. An idle reader serves one user at a time; the least recently used are closed.
 
     Args:
-        idle: most readers that stay open without a user.
+        idle: maximum number of idle readers that stay open.
     """
 
     def __init__(self, blobs: Blobs, limits: Limits | None = None, idle: int = 3) -> None:
@@ -41,7 +41,7 @@ class Decoders:
 
     @contextmanager
     def reader(self, key: str, start: int = 0) -> Iterator[GuardedReader]:
-        """A reader of the blob, if possible one that stands at frame `start`. Raises KeyError, BadMedia."""
+        """A reader of the blob, preferably one whose next frame is `start`. Raises KeyError, BadMedia."""
         borrowed = self._take(key, start) or self._open(key)
         try:
             yield borrowed.reader

@@ -1,4 +1,4 @@
-"""Frames that a task emits: checked, encoded as one segment, and a picture of how far it has come."""
+"""Checks and encodes the frames that a task emits as one segment, and makes a preview picture."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pipeline.video.writer import SegmentSpec, SegmentWriter, segment_writer
 
 _PREVIEW_PX = 960
 _MOST_WAITING = 3
-"""Frames that wait for the encoder, at most; then `take` waits. They bound the memory."""
+"""Maximum number of frames that wait for the encoder, to bound the memory; `take` then waits."""
 _THREAD_PX = 640 * 480
 """Frames of at least this size, px, are encoded in a separate thread. At 352x288 a thread would gain nothing."""
 
 
 class EmitError(ImpastoError):
-    """A method emitted other frames than its task announced. An error of the method, not of the user."""
+    """A method emitted other frames than its task announced: an error of the method, not of the user."""
 
     code = "bad-emission"
 
@@ -50,17 +50,17 @@ class Emission:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="encoder") if large else None
         self._waiting: deque[Future[None]] = deque()
         self.next = self._start
-        """Index of the frame that must come next; in the end, one past the last that came."""
+        """Index of the next frame; at the end, one past the last frame."""
 
     def take(self, index: int, frame: Frame) -> None:
-        """Encode frame `index`; of the frame, a copy is kept.
+        """Encode frame `index`; keeps a copy of the frame.
 
-        Raises: EmitError (out of order or range), BadFrame (not a frame of this video); those of the encoder may come
-            with a later frame or in `finish`.
+        Raises: EmitError (out of order or range), BadFrame (not a frame of this video). Errors of the encoder may be
+        raised with a later frame or in `finish`.
         """
         if index != self.next or index >= self._stop:
             raise EmitError(
-                f"Frame {self.next} of [{self._start}, {self._stop}) is to be emitted next.", field="emit", value=index
+                f"Frame {self.next} of [{self._start}, {self._stop}) must be emitted next.", field="emit", value=index
             )
         kept = same_size(check_frame(frame), self._spec.size).copy()
         if self._thread is None:

@@ -1,4 +1,5 @@
-"""Damage of the inputs that an attempt reads: collected for a warning, or an error if the job asked for that."""
+"""Damage of the inputs that an attempt reads: collected for a warning, or raised as an error if the job requests
+that."""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ class InputDamage:
         self._unreadable: dict[str, tuple[Index, set[int]]] = {}
 
     def record(self, name: str, index: Index, unreadable: Iterable[int]) -> None:
-        """Note what a reader of the input `name` has found so far. Raises DamagedMedia."""
+        """Record the damage that a reader of the input `name` has found so far. Raises DamagedMedia."""
         found = self._unreadable.setdefault(name, (index, set()))[1]
         found.update(unreadable)
         if self._fails and (found or index.missing):
@@ -41,6 +42,6 @@ class InputDamage:
             )
 
     def warnings(self) -> tuple[JobWarning, ...]:
-        """One for each damaged input."""
+        """One warning for each damaged input."""
         found = {name: damage_of(index, unreadable) for name, (index, unreadable) in self._unreadable.items()}
         return tuple(damage_warning(name, damage) for name, damage in found.items() if damage)

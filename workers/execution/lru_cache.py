@@ -1,4 +1,4 @@
-"""A cache of a few values."""
+"""A cache of a fixed number of values, in memory."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ T = TypeVar("T")
 
 
 class LruCache(Generic[T]):
-    """The last `size` values by key. Thread-safe; a value asked for twice at once may be made twice."""
+    """The `size` most recently used values by key. Thread-safe; two threads that need a missing value may both make
+    it."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -19,7 +20,7 @@ class LruCache(Generic[T]):
         self._lock = threading.Lock()
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """The value of `key`, made if it is not among the last ones."""
+        """The value of `key`; `make` is called if it is not cached."""
         with self._lock:
             if key in self._values:
                 self._values.move_to_end(key)

@@ -27,7 +27,7 @@ from workers.model import Asset, JobRequest, Json, asset_key
 
 _REFERENCE_FRAMES = 24
 _LEAD_FRAMES = 2
-"""Frames before the asked one that a causal method sees first, so that motion and memory count."""
+"""Number of earlier frames that a causal method processes first, so that motion and temporal filters have an effect."""
 
 
 _Lead = tuple[list[Frame], int, int]
@@ -39,7 +39,7 @@ class PreviewAsk:
     """The frame to preview, and replacements of the request's inputs.
 
     Attributes:
-        frame: of a shorter video, its last.
+        frame: number of the frame; the last one of a shorter video.
         max_side_px: longest side of the result; frames are never enlarged.
         documents: JSON documents that replace the inputs of these names.
         artefacts: artefacts of an earlier job: name -> blob key of a zip.

@@ -13,7 +13,7 @@ EVERY_S = 2.0
 SIDE_PX = 640
 """Longest side: 360 lines of a wide picture. Scaling and coding take about 1 ms at 720p; 854 px would take 4."""
 KEPT = 3
-"""Number of pictures kept: a client that was told of one may still fetch it."""
+"""Number of pictures kept, so that a client can still fetch a picture that was announced to it."""
 
 
 class PreviewPublisher:
@@ -30,7 +30,7 @@ class PreviewPublisher:
         return time.monotonic() >= self._next
 
     def put(self, frame: Frame) -> str:
-        """Keep a picture of `frame`; its blob key. Those before the last few are removed."""
+        """Store a picture of `frame` and return its blob key. Old pictures are removed."""
         self._blobs.put(self._key(self._count), encode_jpeg(fit(frame, SIDE_PX)))
         self._count += 1
         if self._count > KEPT:

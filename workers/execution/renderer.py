@@ -44,8 +44,9 @@ SWITCH_INTERVAL_S = 0.0005
 def prepare_process() -> None:
     """Prepare a process for rendering.
 
-    One OpenCV thread: parallel work is ours to spread. Short switch intervals of the interpreter: a method's threads
-    return to it after every kernel, and a kernel of a small frame takes a tenth of Python's default interval.
+    One OpenCV thread, because our own threads provide the parallelism. Short switch intervals of the interpreter: a
+    method's threads return to it after every kernel, and a kernel of a small frame takes a tenth of Python's default
+    interval.
     """
     cv2.setNumThreads(1)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
@@ -55,12 +56,12 @@ def prepare_process() -> None:
 
 
 class Renderer:
-    """Runs orders one after another, keeping decoders open from one to the next. Not thread-safe: one a thread.
+    """Runs orders one after another, keeping decoders open from one to the next. Not thread-safe.
 
     Args:
         blobs: where inputs are and results go.
         scratch: folder for files while they are written; None: the system's.
-        find: finds a method by name (the registry; a test may bring its own).
+        find: finds a method by name; by default, the registry.
         warms_up: whether `warm_up` does anything.
     """
 
@@ -91,7 +92,7 @@ class Renderer:
         self._decoders.close()
 
     def warm_up(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Load what methods need before their first frame, once a process. From any thread; never raises."""
+        """Load kernels before the first frame, once per process. May be called from any thread; never raises."""
         if self._warms_up:
             warm_up_process(stopped)
 

@@ -25,7 +25,7 @@ from workers.scheduling.planning import video_info
 
 
 def report_pairs(order: TaskOrder, chosen: Method) -> list[int]:
-    """Second frames of the pairs that the job's report measures; none if it has no report."""
+    """Second frames of the frame pairs that the job's report measures; empty without a report."""
     video: VideoInfo = video_info(order.input_info["video"])
     if not order.output.report or video.frames < 2:
         return []
@@ -43,7 +43,7 @@ class ResultQuality:
     """Measures the result of a job.
 
     Args:
-        order: of the job's last step.
+        order: order of the job's last step.
         scratch: a folder for files while they are used.
 
     Attributes:
@@ -76,7 +76,7 @@ class ResultQuality:
         return report
 
     def _source(self, frame: int) -> tuple[Frame, ...]:
-        """Source frames `frame` - 1 and `frame`: kept by the first step, or decoded where it kept none."""
+        """Source frames `frame` - 1 and `frame`, as the first step saved them, otherwise decoded."""
         key = self._kept.get(pair_name(frame))
         if key is not None:
             arrays = read_arrays(self._blobs.get(key))
@@ -120,7 +120,7 @@ class ResultQuality:
         )  # fmt: skip
 
     def _palette(self, params: AnyParams) -> PictureColours | None:
-        """Colours of the input that the method names for it, if it is given."""
+        """Colours of the input that the method names as the source of colours, if it is given."""
         name = self._method.palette_input
         if name not in self._order.inputs:
             return None

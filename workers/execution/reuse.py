@@ -1,10 +1,10 @@
 """Reuse of task results: a task whose inputs are those of the same task of an earlier job is not run again.
 
-A task is a pure function of its order and of what it reads through its context. While it runs, the context records
-every read and a digest of what it got: whether an input is given, the frames of an image sequence, single images,
-artefacts of earlier tasks. When a later job has a task of the same step and key, its worker compares the two orders and
-looks up each recorded read in the new job. If nothing differs, the task would make the same bytes, and gets the earlier
-result.
+A task is a pure function of its order and of the data that it reads through its context. While it runs, the context
+records every read and a digest of the result: whether an input is given, the frames of an image sequence, single
+images, artefacts of earlier tasks. When a later job has a task of the same step and key, its worker compares the two
+orders and looks up each recorded read in the new job. If nothing differs, the task would make the same bytes, and gets
+the earlier result.
 
 Source: verifying traces of Mokhov, Mitchell, Peyton Jones: Build systems a la carte (ICFP 2018), section 4.2.2.
 """
@@ -47,8 +47,8 @@ def _digest(value: object) -> str:
 
 
 def signature(order: TaskOrder) -> str:
-    """Digest of what a task gets without reading: the version, its place in the plan, parameters, facts of the video,
-    and how emitted frames are encoded."""
+    """Digest of the data that a task has without reading: program version, place in the plan, parameters, facts of the
+    video, and encoding of emitted frames."""
     output = order.output
     return _digest(
         [version(), order.method, order.step, order.key, order.args, order.after, order.emits, order.params, order.seed,
@@ -62,12 +62,12 @@ Images = Callable[[str], Mapping[int, AnyArray]]
 
 @dataclass
 class Reads:
-    """The reads of a task, as far as it has run.
+    """The reads of a task so far.
 
     Attributes:
         order: of the task.
         images: opens an input.
-        digests: by read, see `current`.
+        digests: read (see `current`) -> digest.
     """
 
     order: TaskOrder
@@ -75,7 +75,7 @@ class Reads:
     digests: dict[str, str]
 
     def record(self, read: str, digest: str | None = None) -> None:
-        """Record a read. `digest`: if it is known; else it is looked up."""
+        """Record a read. `digest`: None: computed here."""
         if read not in self.digests:
             self.digests[read] = self.current(read) if digest is None else digest
 
@@ -141,7 +141,7 @@ class RecordedImages(Mapping[int, AnyArray]):
 
 
 def reused(reads: Reads, earlier: EarlierTask, blobs: Blobs) -> TaskOutcome | None:
-    """The outcome of the same task of an earlier job, if this one would make the same; None if it must run."""
+    """The outcome of the same task of an earlier job if this task would give the same; None if it must run."""
     trace, order = earlier.trace, reads.order
     if trace["signature"] != signature(order):
         return None

@@ -10,7 +10,7 @@ from workers.model import Asset, asset_key
 
 
 class SourceFrames:
-    """Decodes single frames. Thread-safe; decoders stay open, so that frames asked for in order cost no seek."""
+    """Decodes single frames. Thread-safe; decoders stay open, so that frames requested in order need no seek."""
 
     def __init__(self, blobs: Blobs) -> None:
         self._decoders = Decoders(blobs, idle=4)

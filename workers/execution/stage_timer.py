@@ -13,8 +13,9 @@ METHOD = "method"
 class StageTimer:
     """Wall seconds by stage of one attempt, run by the thread that makes this object.
 
-    "method" is the wall time of the step function less what its own thread spent waiting for the platform (decode,
-    encode, store). What other threads of the method wait for costs the method nothing, and counts only in its stage.
+    "method" is the wall time of the step function minus the time for which its own thread waited for the platform
+    (decode, encode, store). Waiting of the method's other threads does not delay the method and counts only in its
+    stage.
     """
 
     def __init__(self) -> None:
@@ -34,7 +35,7 @@ class StageTimer:
 
     @contextmanager
     def waiting(self, stage: str) -> Iterator[None]:
-        """Time a stage of the platform, which is not the method's."""
+        """Time a stage of the platform, which does not count for the method."""
         begin = time.perf_counter()
         try:
             yield

@@ -20,7 +20,7 @@ class AttemptUsage:
     """Filled in when the attempt has ended."""
 
     cpu_s = 0.0
-    """CPU seconds of this process while the attempt ran, shared equally with attempts that ran beside it. Decoders of
+    """CPU seconds of this process while the attempt ran, divided equally among concurrent attempts. Decoders of
     untrusted files run in processes of their own and are not counted."""
     peak_bytes = 0
     """Largest resident memory of this process while the attempt ran, bytes."""

@@ -64,7 +64,7 @@ def begin_warm_up(chosen: Method, params: Params) -> None:
 
 
 def finish_warm_up() -> None:
-    """Wait for what `begin_warm_up` began, so that a step that paints is timed alone."""
+    """Wait for the thread of `begin_warm_up`, so that the time of a painting step does not include loading."""
     for thread in _begun:
         thread.join()
 
@@ -76,7 +76,7 @@ def _load_and_practise(chosen: Method, params: Params) -> None:
 
 
 def _practise(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
-    """`warm_up` that never raises: an error of a method shows when it is used."""
+    """`warm_up` without errors: a method that has one raises it when it is used."""
     try:
         warm_up(chosen, params, stopped)
     except Exception:

@@ -72,7 +72,7 @@ class FarmAssets:
         return self._store.assets.page(owner, cursor, limit)
 
     def delete(self, asset_id: str, owner: str | None = None) -> None:
-        """Delete the asset, or with `owner` only that owner's claim to it.
+        """Delete the asset, or with `owner` only that owner's entry.
 
         Raises:
             Conflict: a job that is not final (of that owner) uses the asset.
@@ -89,7 +89,7 @@ class FarmAssets:
 
         Raises:
             BadMedia: the frame cannot be decoded.
-            NotFound: the asset is gone.
+            NotFound: the asset does not exist.
         """
         asset = self.get(asset_id)
         try:

@@ -1,7 +1,7 @@
 """`farm.exports`: a finished film in other formats. An export is a job of the platform's method `convert`.
 
-The film becomes an asset that belongs to the finished job, not to its owner: it counts for no quota and is in no
-listing, and goes with the job.
+The film becomes an asset that belongs to the finished job, not to its owner: it counts for no quota, appears in no
+listing, and is deleted with the job.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ EXPORT_LABEL = "export"
 """Label of an export: the id of the job whose film it is."""
 CONVERT, FILM = "convert", "film"
 SOURCES = ("mp4", "webm", "png")
-"""Formats of films that can be exported: a GIF has lost too much."""
+"""Formats of films that can be exported. A GIF has lost too much quality."""
 _MOST = 50
 
 
@@ -27,14 +27,14 @@ class FarmExports:
         self._jobs, self._assets, self._files = jobs, assets, files
 
     def make(self, job_id: str, output: OutputSpec, max_active: int | None = None) -> Job:
-        """The export in this format: the one there is, unless it has failed, or a new one.
+        """The export in this format: the existing one, unless it has failed, otherwise a new one.
 
         Args:
             max_active: unfinished jobs that the owner may have; None: any number.
 
         Raises:
             Conflict: the job has not succeeded, or its film cannot be exported.
-            NotFound: the job, or the source video of its film, is gone.
+            NotFound: the job, or the source video of its film, no longer exists.
             QuotaExceeded, StorageFull.
         """
         job = self._jobs.get(job_id)

@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping
 
 from pipeline.errors import ImpastoError
 
-PATIENCE_S = 4.0
+TIMEOUT_S = 4.0
 
 Check = Callable[[], None]
 """Raises ImpastoError or OSError if the part does not work."""
 
 
 class HealthChecks:
-    """Asks every part at the same time. A part that does not answer is not asked again before it has."""
+    """Checks all parts at the same time. A part whose check has not ended is not checked again."""
 
     def __init__(self, parts: Mapping[str, Check]) -> None:
         self._parts = dict(parts)
@@ -29,7 +29,7 @@ class HealthChecks:
                 if name not in self._asking or self._asking[name].answered.is_set():
                     self._asking[name] = _PendingCheck(check)
             asked = dict(self._asking)
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         return {name: question.verdict(deadline) for name, question in asked.items()}
 
 

@@ -29,7 +29,7 @@ class FarmJobs:
         collector: deletes the blobs of deleted jobs.
         wake: called after every change that may let a task start.
         images: cache of encoded previews.
-        previews: makes those that are not in it.
+        previews: makes the previews that are not cached.
     """
 
     def __init__(
@@ -55,10 +55,10 @@ class FarmJobs:
         max_active: int | None = None,
         base_id: str | None = None,
     ) -> Submitted:
-        """Validate the request and accept the job durably. The same idempotency key and request: the job of before.
+        """Validate the request and accept the job durably. The same idempotency key and request return the earlier job.
 
         Args:
-            admit: called before a new job is validated. What it raises is raised, and there is no job.
+            admit: called before a new job is validated; may raise an error to refuse the job.
             max_active: unfinished jobs that the owner may have, this one included; None: any number.
             base_id: see `workers.store.jobs.Jobs.add`.
 
@@ -83,7 +83,7 @@ class FarmJobs:
         return {name: self._input(name, asset_id) for name, asset_id in request.inputs.items()}
 
     def _input(self, name: str, asset_id: str) -> Asset:
-        """The asset; the error names the input for which it was given."""
+        """The asset; an error names the input that refers to it."""
         try:
             return self._store.assets.get(asset_id)
         except NotFound as error:
@@ -153,7 +153,7 @@ class FarmJobs:
         self._store.jobs.remove(job_id)
         try:
             self._collector.job(job_id)
-        except StorageError:  # the job is deleted; its blobs follow when the blob store answers again
+        except StorageError:  # the job is deleted; its blobs are deleted when the blob store answers again
             self._collector.later(job_id)
 
     def events(self, job_id: str, after: int = 0, limit: int = 500) -> tuple[Sequence[Event], bool]:
@@ -172,7 +172,7 @@ class FarmJobs:
 
         Args:
             design: a design document in place of the request's input of that name.
-            artefacts_of: id of a finished job of the same method; the preview uses the artefacts that it made.
+            artefacts_of: id of a finished job of the same method, whose artefacts the preview uses.
         """
         assets = self._inputs(request)
         params = check_request(request, assets).params

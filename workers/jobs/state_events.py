@@ -1,6 +1,6 @@
 """Input and output of the state machine of jobs and tasks: events and effects.
 
-`advance` of `workers.jobs.state_machine` takes an event and returns effects; the store carries them out in the same
+`advance` of `workers.jobs.state_machine` takes an event and returns effects; the store applies them in the same
 transaction.
 """
 
@@ -29,19 +29,19 @@ class PlanFailed:
 
 @dataclass(frozen=True)
 class Claimed:
-    """A dispatcher took the task; an attempt begins."""
+    """A dispatcher claimed the task; an attempt begins."""
 
 
 @dataclass(frozen=True)
 class Done:
-    """The attempt succeeded, and `frees` tasks have nothing left to wait for."""
+    """The attempt succeeded, and `frees` tasks are no longer blocked."""
 
     frees: int = 0
 
 
 @dataclass(frozen=True)
 class Failed:
-    """The attempt failed or its worker died. `final`: trying again cannot help."""
+    """The attempt failed or its worker died. `final`: another attempt would fail, too."""
 
     fault: Fault
     final: bool = False
@@ -74,7 +74,7 @@ class Cancel:
 
 @dataclass(frozen=True)
 class Retry:
-    """Start what failed or was cancelled again; `blocked_failed` and `blocked_cancelled` of those must wait."""
+    """Start failed and cancelled tasks again; `blocked_failed` and `blocked_cancelled` of them must wait for others."""
 
     blocked_failed: int = 0
     blocked_cancelled: int = 0
@@ -95,12 +95,12 @@ StateEvent: TypeAlias = (
 
 @dataclass(frozen=True)
 class FreeDependents:
-    """Tasks that waited for this one only become ready."""
+    """Tasks that waited only for this one become ready."""
 
 
 @dataclass(frozen=True)
 class CancelTasks:
-    """Every unfinished task of the step becomes cancelled; running attempts end here and are told."""
+    """Every unfinished task of the step becomes cancelled; running attempts end in the store and are asked to stop."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class SetError:
 
 @dataclass(frozen=True)
 class ClearError:
-    """The job has no error any more."""
+    """The job's error is removed."""
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ A task (`TaskState`); its attempts are counted, and a late answer never gets her
 
 Steps run one after the other: a step is planned once every task of the step before it is done. The last step of every
 job is the platform's own (`ASSEMBLE`). A job that is `doomed` (a task has failed for good) starts nothing new, lets
-what runs end, because its results are kept, and then fails. Pausing, too, lets running attempts end.
+running attempts end, because their results are kept, and then fails. Pausing, too, lets running attempts end.
 
-The machine looks at the current step only: all tasks of earlier steps have succeeded, later ones have none yet. So its
-state is a handful of numbers, whatever the size of the job.
+The machine depends on the current step only: all tasks of earlier steps have succeeded, and later steps have no tasks
+yet. Its state is therefore a few numbers, independent of the size of the job.
 """
 
 from __future__ import annotations
@@ -106,9 +106,9 @@ ASSEMBLE = "assemble"
 @dataclass(frozen=True)
 class Limits:
     attempts: int = 3
-    """Failures after which a task fails for good."""
+    """Number of failures after which a task fails for good."""
     interruptions: int = 20
-    """The same for attempts that died with their whole process: a task that kills its host must end, too."""
+    """The same for attempts that died with their whole process, because a task that kills its process must end, too."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class JobSnapshot:
     planned: bool = False
     """Whether the tasks of the current step exist."""
     doomed: bool = False
-    """A task has failed for good since the job was last started: nothing new begins."""
+    """Whether a task has failed for good since the job was last started; nothing new begins then."""
     counts: Counts = Counts()
 
 
@@ -156,7 +156,7 @@ class TaskSnapshot:
 
     state: TaskState
     blockers: int = 0
-    """Tasks of its step that must be done first and are not."""
+    """Number of unfinished tasks of its step that it waits for."""
     failures: int = 0
     interruptions: int = 0
 
@@ -171,7 +171,7 @@ class State:
 
 
 def advance(state: State, event: StateEvent) -> tuple[State, Effects]:
-    """The state after `event`, and what is to be done about it.
+    """The state after `event`, and the effects that the store must apply.
 
     Raises:
         Conflict: the event is not possible in this state; nothing has changed.

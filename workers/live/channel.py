@@ -1,9 +1,9 @@
 """Sends frames to a worker in another process and back over a separate socket instead of Ray's actor calls.
 
-A call of a Ray actor costs 2 ms of latency and 1.5 ms of processor time on both sides (measured with Ray 2.60; a frame
-needs two); a message here costs a tenth of that. A frame is one message with two answers: the first when it has been
-analyzed, the second with the painted frame or the error. A connection starts with a secret that the service gave to the
-process; without it the connection is closed.
+A call of a Ray actor costs 2 ms of latency and 1.5 ms of processor time on both sides (measured with Ray 2.60), and a
+frame needs two calls. A message here costs a tenth of that. A frame is one message with two answers: the first when it
+has been analyzed, the second with the painted frame or the error. A connection starts with a secret that the service
+gave to the process; without it the connection is closed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _BUFFER_BYTES = 1 << 22
 
 
 class FrameStages(Protocol):
-    """The two halves of a `LivePainter`."""
+    """The two stages of a frame."""
 
     def analyze(self, work: FrameRequest) -> None: ...
     def paint(self) -> RenderedFrame: ...
@@ -58,7 +58,7 @@ class LiveWorkerServer:
         return str(host), int(port)
 
     def close(self) -> None:
-        """Take no more connections."""
+        """Accept no more connections."""
         with contextlib.suppress(OSError):  # some systems refuse to shut down a listener; closing it is enough there
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
@@ -124,7 +124,7 @@ def _family(host: str) -> socket.AddressFamily:
 
 
 class LiveWorkerClient:
-    """The service's end. For one loop only. Made by `connect`."""
+    """The service's end, made by `connect`. For one event loop only."""
 
     def __init__(self, reader: StreamReader, writer: StreamWriter) -> None:
         self._writer = writer
@@ -142,7 +142,8 @@ class LiveWorkerClient:
         return cls(reader, writer)
 
     def analyze(self, work: FrameRequest) -> Future[None]:
-        """Send a frame; done when it has been analyzed. Raises LiveWorkerLost if the other end is gone."""
+        """Send a frame. The future is done when the frame has been analyzed; it raises LiveWorkerLost if the connection
+        is lost."""
         loop = asyncio.get_running_loop()
         self._analyses.append(analyzed := loop.create_future())
         self._paints.append(painted := loop.create_future())
@@ -154,7 +155,8 @@ class LiveWorkerClient:
         return analyzed
 
     def paint(self) -> Future[RenderedFrame]:
-        """Painting of the oldest frame that has not been requested yet. Raises its error, or LiveWorkerLost."""
+        """Future of the painting of the oldest frame that has not been requested yet. It raises the frame's error, or
+        LiveWorkerLost."""
         return self._asked.popleft()
 
     def close(self) -> None:
@@ -188,10 +190,10 @@ class LiveWorkerClient:
 
 
 def _end(future: Future[Any], result: object) -> None:
-    if future.done():  # whoever waited was cancelled
+    if future.done():  # the waiting task was cancelled
         return
     if isinstance(result, Exception):
         future.set_exception(result)
-        future.exception()  # seen: nobody may be waiting
+        future.exception()  # mark the exception as retrieved: perhaps no task waits for it
     else:
         future.set_result(result)

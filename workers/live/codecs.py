@@ -1,6 +1,6 @@
 """Frames to bytes and back, without delay: one payload in, one frame out.
 
-Still codecs (JPEG, WebP, raw) know nothing of other frames. Video codecs (H.264, VP8) are set up so that nothing waits:
+Still codecs (JPEG, WebP, raw) encode each frame independently. Video codecs (H.264, VP8) are configured without delay:
 no reordering, no look-ahead, one thread. Colour is converted as in `pipeline.video`: BT.709 from 720 lines up, BT.601
 below, with tags; VP8 is always BT.601.
 """
@@ -26,7 +26,7 @@ from pipeline.video.headers import image_header, sniff
 from workers.live.model import Size, WireFormat
 
 BUILT_ON = frozenset({"h264", "vp8"})
-"""Codecs whose frames are built on earlier ones."""
+"""Codecs whose frames depend on earlier ones."""
 CODECS = ("h264", "vp8", "jpeg", "webp", "raw")
 """Every codec, for receiving and sending."""
 KEY_EVERY_S = 3
@@ -116,7 +116,7 @@ class _StillDecoder:
         except ImpastoError:
             header, codec = None, "not a picture"
         if header is None:
-            raise BadFrame(f"A frame is to be one {self._codec} picture.", field="payload", value=codec)
+            raise BadFrame(f"A frame must be one {self._codec} picture.", field="payload", value=codec)
         _same_size((header.width, header.height), size)
         if self._codec == "jpeg" and payload.rfind(b"\xff\xd9", max(0, len(payload) - 1024)) < 0:
             raise _undecodable(self._codec)
@@ -151,7 +151,7 @@ class _VideoDecoder:
             raise _undecodable(self._codec)
         picture = pictures[0]
         stored = (picture.width, picture.height)
-        if stored != size:  # an odd side is sent with one more row or column
+        if stored != size:  # an odd side is extended by one row or column
             _same_size(stored, (size[0] + size[0] % 2, size[1] + size[1] % 2))
         frame = to_frame(picture, Geometry(stored))
         return np.ascontiguousarray(frame[: size[1], : size[0]])

@@ -1,5 +1,5 @@
-"""Live workers in this process, two threads each. For tests, and for a farm without Ray: a crash ends the service
-too."""
+"""Live workers in this process, two threads each. For tests, and for a farm without Ray: a crash also ends the
+service."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class LocalLiveWorker:
         self._paint = ThreadPoolExecutor(1, thread_name_prefix="impasto-live-paint")
 
     def open(self, order: LiveOrder) -> Awaitable[None]:
-        self._here(self._analyze, self._painter.warm_up)  # waits where the pool's practice is not done yet
+        self._here(self._analyze, self._painter.warm_up)  # waits if the warm-up of the pool is still running
         return self._here(self._analyze, self._painter.open, order)
 
     def analyze(self, work: FrameRequest) -> Awaitable[None]:
@@ -47,7 +47,7 @@ class LocalLiveWorker:
         return self._here(self._analyze, self._painter.change, order)
 
     async def leave(self) -> None:
-        with contextlib.suppress(RuntimeError):  # the threads are gone already
+        with contextlib.suppress(RuntimeError):  # the threads have already ended
             await self._here(self._analyze, self._painter.close)
         self._analyze.shutdown(wait=False)
         self._paint.shutdown(wait=False)

@@ -31,13 +31,13 @@ class WireFormat:
     """Encoding of frames on one connection."""
 
     send: str
-    """Codec of the client's frames."""
+    """Codec of the frames that the client sends."""
     receive: str
     """Codec of the painted frames."""
     quality: int = 85
     """Quality of the painted frames, 1 to 100."""
     fps: float = 30.0
-    """Nominal rate, for encoders."""
+    """Nominal frame rate, for encoders."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class LiveOrder:
     """(width, height) at which frames are analyzed, px."""
     wire: WireFormat
     max_side_px: int = 1920
-    """Longest side of a picture that is decoded."""
+    """Maximum side of a decoded picture, px."""
     filter: FilterOrder | None = None
 
 
@@ -73,7 +73,7 @@ class FrameRequest:
     """One frame to paint."""
 
     payloads: tuple[bytes, ...]
-    """Payloads: last the frame to paint; before it the frames that it is built on and that are not painted (video
+    """Payloads: the frame to paint is the last one; the others are unpainted frames on which it depends (video
     codecs)."""
     size: Size
     """(width, height) of the frame, px."""

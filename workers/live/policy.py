@@ -5,9 +5,10 @@
                   ▼
                dropped
 
-A frame may begin if no finished answer is still unsent and at most one other frame is in work, past its `analyze`. The
-analysis of a frame may overlap the painting of the frame before; there is no queue. While frames are painted faster
-than they arrive, a frame begins only after the one before is painted, because two at once would slow each other down.
+A frame may begin if no finished answer is still unsent and at most one other frame is in progress, whose `analyze` is
+done. The analysis of a frame may overlap the painting of the frame before; there is no queue. While frames are painted
+faster than they arrive, a frame begins only after the previous one is painted, because two at once would slow each
+other down.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from dataclasses import dataclass, field
 from workers.live.model import Packet
 
 MAX_BUILT_ON = 60
-"""Dropped frames kept because a later one is built on them."""
+"""Maximum number of dropped frames that are kept because a later one depends on them."""
 MAX_BUILT_ON_BYTES = 8 << 20
 
 
 @dataclass(frozen=True)
 class Start:
-    """Begin with `packets[-1]`; the others are decoded only."""
+    """Begin `packets[-1]`; the other packets are only decoded."""
 
     packets: tuple[Packet, ...]
 
@@ -37,7 +38,7 @@ class Start:
 class FramePolicy:
     """
     Args:
-        built_on: frames are built on earlier ones (a video codec), so that none can be left out in decoding.
+        built_on: whether frames depend on earlier ones (a video codec), so that every frame must be decoded.
     """
 
     built_on: bool = False
@@ -48,7 +49,7 @@ class FramePolicy:
     alone: bool = True
     """Whether frames are processed one at a time."""
     _waiting: list[Packet] = field(default_factory=list)
-    _looking: Packet | None = None
+    _analyzing: Packet | None = None
     _painting: deque[Packet] = field(default_factory=deque)
     unsent: int = 0
     """Number of finished answers that have not been sent yet."""
@@ -58,7 +59,7 @@ class FramePolicy:
     @property
     def working(self) -> int:
         """Number of frames being analyzed or painted."""
-        return len(self._painting) + (self._looking is not None)
+        return len(self._painting) + (self._analyzing is not None)
 
     @property
     def pending(self) -> int:
@@ -67,7 +68,7 @@ class FramePolicy:
 
     @property
     def idle(self) -> bool:
-        """Whether every frame that came is answered or dropped."""
+        """Whether every received frame is answered or dropped."""
         return not self.pending and not self.unsent
 
     def arrive(self, packet: Packet) -> bool:
@@ -97,37 +98,37 @@ class FramePolicy:
         self._waiting = []
 
     def _ask(self) -> bool:
-        """Ask for a key frame; once, until one arrives."""
+        """Whether to ask for a key frame: once, until one arrives."""
         asked, self._asked = self._asked, True
         return not asked
 
     def start(self) -> Start | None:
-        """The frame to begin now, which is then being analyzed; None: none yet."""
+        """Begin the analysis of a frame and return it; None: no frame may begin now."""
         if (
             self.suspended
             or not self._waiting
             or self.unsent
-            or self._looking
+            or self._analyzing
             or len(self._painting) > (not self.alone)
         ):
             return None
         begun = Start(tuple(self._waiting))
         self._waiting.clear()
-        self._looking = begun.frame
+        self._analyzing = begun.frame
         return begun
 
     def analyzed(self, begun: Start) -> None:
         """The analysis of a frame is done. No effect if the frame has been lost or finished since."""
-        if self._looking is begun.frame:
+        if self._analyzing is begun.frame:
             self._painting.append(begun.frame)
-            self._looking = None
+            self._analyzing = None
 
     def painted(self) -> None:
         """The oldest frame in work is finished; its answer waits to be sent."""
         if self._painting:
             self._painting.popleft()
-        else:  # the message that it was analyzed comes later
-            self._looking = None
+        else:  # the message about its analysis arrives later
+            self._analyzing = None
         self.unsent += 1
 
     def sent(self) -> None:
@@ -135,9 +136,9 @@ class FramePolicy:
         self.unsent = max(0, self.unsent - 1)
 
     def lost(self) -> bool:
-        """The worker died with all that it had in work. True: ask the client for a key frame."""
+        """The worker died, and its frames are lost. True: ask the client for a key frame."""
         self.dropped += self.working
-        self._looking = None
+        self._analyzing = None
         self._painting.clear()
         return self.restart()
 

@@ -1,9 +1,9 @@
 """Workers on a Ray cluster: one dedicated actor per session, so that a crash or load of one session affects no other.
 
-Actors are kept warm: before a session takes one, it has imported everything and run its methods once. So a session
-starts at once, and a session whose actor has died continues within a second. `spares` actors are started at first, and
-another whenever the last one is taken, because a start costs the running sessions a second of processor time. A
-returned actor is used again.
+Actors are kept warm: before a session takes one, it has imported everything and run its methods once. Therefore a
+session starts at once, and a session whose actor has died continues within a second. `spares` actors are started in
+advance, and another one when the last is taken, but no more: a start takes a second of processor time from the running
+sessions. Returned actors are reused.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ async def _answer(ref: ObjectRef) -> Any:
     """The return value of an actor's method, or the error that it raised; LiveWorkerLost if the actor has died."""
     try:
         return await ref
-    except RayTaskError as error:  # the actor lives; our own code has raised
+    except RayTaskError as error:  # the actor is alive; our own code has raised the error
         raise error.cause or error from None
     except RayError as error:
         raise LiveWorkerLost("The process that painted has died.", value=type(error).__name__) from None
@@ -89,9 +89,9 @@ async def _answer(ref: ObjectRef) -> Any:
 class RayLiveWorkers:
     """
     Args:
-        blobs: pickled to the actors as it is; on several machines its folder must be shared by them.
-        spares: warm actors to begin with.
-        make_painter: made once an actor; None: a LiveRenderer over `blobs`.
+        blobs: pickled to the actors; several machines must share its folder.
+        spares: number of warm actors that are started in advance.
+        make_painter: makes the renderer of an actor; None: a LiveRenderer over `blobs`.
     """
 
     kind = "ray"
@@ -108,7 +108,7 @@ class RayLiveWorkers:
         self._stopped = False
 
     def start(self) -> None:
-        """Ray must be connected: the pool starts first."""
+        """Ray must be connected, so start the pool first."""
         self._refill(self._spares)
 
     async def take(self) -> LiveWorker:
@@ -150,7 +150,8 @@ class RayLiveWorkers:
         return _Warm(actor, actor.warm_up.remote())
 
     def _given_back(self, warm: _Warm, sound: bool) -> None:
-        """Keep the actor for the next session: one more than `spares`, so that short sessions start no actor."""
+        """Keep the actor for the next session. One more than `spares` are kept, so that short sessions start no
+        actor."""
         with self._lock:
             kept = sound and not self._stopped and len(self._idle) <= self._spares
             if kept:

@@ -54,8 +54,8 @@ class LiveRenderer:
     """
     Args:
         blobs: where references are.
-        find: finds a method by name (the registry; a test may bring its own).
-        threads: OpenCV's, in this whole process. More than one finish a frame sooner, with the same bytes.
+        find: finds a method by name; by default, the registry.
+        threads: number of OpenCV's threads in this process. More threads finish a frame sooner, with the same bytes.
     """
 
     def __init__(self, blobs: Blobs, find: Callable[[str], Method] = method, threads: int = 1) -> None:
@@ -65,7 +65,7 @@ class LiveRenderer:
         self._decoders = Decoders(blobs)
         self._helper = ThreadPoolExecutor(1, thread_name_prefix="impasto-aside")
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="impasto-filter")
-        self._handed: Queue[_Analysis | Exception] = Queue(_AHEAD)
+        self._analyses: Queue[_Analysis | Exception] = Queue(_AHEAD)
         self._news = threading.Condition()
         self._ahead = 0
         """Number of frames analyzed and not yet painted."""
@@ -78,7 +78,7 @@ class LiveRenderer:
         self._output_size: Size = (0, 0)
 
     def warm_up(self) -> None:
-        """Load what methods need before their first frame, once a process. Never raises."""
+        """Load kernels before the first frame, once per process. Never raises."""
         cv2.setNumThreads(self._threads)
         warm_up_process()
 
@@ -100,8 +100,8 @@ class LiveRenderer:
         self._decoder, self._encoder = decoder(order.wire.send, order.max_side_px), None
 
     def _renew_threads(self) -> None:
-        """OpenCV's helpers have the priority of the thread that first needed them: the warm-up's, the lowest. A frame
-        whose helper waits for a core is late."""
+        """Restart OpenCV's threads with the priority of this thread. They inherit the priority of the thread that
+        started them, which was the warm-up's, the lowest; frames would then be late on a busy machine."""
         cv2.setNumThreads(1)
         cv2.setNumThreads(self._threads)
 
@@ -115,7 +115,7 @@ class LiveRenderer:
         return session
 
     def analyze(self, work: FrameRequest) -> None:
-        """First half of a frame: decode, scale and `session.analyze`."""
+        """First stage of a frame: decode, scale and `session.analyze`."""
         result: _Analysis | Exception
         try:
             result = self._analyze(work)
@@ -123,14 +123,14 @@ class LiveRenderer:
             result = error
         with self._news:
             self._ahead += 1
-        self._handed.put(result)
+        self._analyses.put(result)
 
     def paint(self) -> RenderedFrame:
-        """Second half of the oldest analyzed frame; waits for its analysis.
+        """Second stage of the oldest analyzed frame; waits for its analysis.
 
-        Raises: BadFrame (a payload is not a frame), or whatever the method raises.
+        Raises: BadFrame (a payload is not a frame), and the errors of the method.
         """
-        result = self._handed.get()
+        result = self._analyses.get()
         try:
             if isinstance(result, Exception):
                 raise result
@@ -141,8 +141,8 @@ class LiveRenderer:
                 self._news.notify_all()
 
     def change(self, order: LiveOrder) -> None:
-        """Go on with the parameters, references and filter of this order, from the next frame on; or raise, as `open`,
-        and change nothing."""
+        """Apply the parameters, references and filter of this order from the next frame on. Raises like `open`; nothing
+        is changed then."""
         before = self._order
         assert before is not None and self._session is not None
         params = parse_params(self._find(before.method), order.params)
@@ -159,7 +159,7 @@ class LiveRenderer:
         self._order = self._session = self._filter = self._decoder = self._encoder = None
 
     def _filter_of(self, order: FilterOrder | None, before: FilterOrder | None) -> LiveFilter | None:
-        """The filter of an order; it continues the present one, which was made for `before`, if it is of its method."""
+        """The filter of an order. The present filter, made for `before`, is continued if it has the same method."""
         if order is None or order == before:
             return self._filter if order else None
         chosen = self._find(order.method)
@@ -267,8 +267,8 @@ def _painting(order: LiveOrder) -> tuple[object, ...]:
 
 
 def _filtered(live_filter: LiveFilter, analysis: object, painted: Frame, size: Size) -> Frame:
-    """The painted frame behind the filter. The filter works at the working size `size`. What it changes is interpolated
-    to the size of a larger painted frame, so that borders and lines keep their width."""
+    """Apply the filter to a painted frame. The filter works at the working size `size`. Its change of the picture is
+    interpolated to the size of a larger painted frame, so that borders and lines keep their width."""
     if painted.shape[1::-1] == size:
         return live_filter.apply(analysis, painted)
     small = _resized(painted, size)
@@ -278,7 +278,8 @@ def _filtered(live_filter: LiveFilter, analysis: object, painted: Frame, size: S
 
 
 def _resized(frame: Frame, size: Size) -> Frame:
-    """Halved while that is too large, the rest bilinear: three times quicker than a mean over any area."""
+    """Scale a frame: halve it while it is at least twice too large, then interpolate bilinearly. This is three times as
+    fast as a mean over an arbitrary area."""
     while frame.shape[1] >= 2 * size[0] and frame.shape[0] >= 2 * size[1]:
         half = (frame.shape[1] // 2, frame.shape[0] // 2)
         frame = np.asarray(cv2.resize(frame, half, interpolation=cv2.INTER_AREA), np.uint8)

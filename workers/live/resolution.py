@@ -2,11 +2,11 @@
 
 Step down: after two consecutive frames that took more than two periods; or when more than two frames and more than one
 in twenty of the last two seconds were late, or more than three and one in a hundred of the last ten seconds; or when
-one half of the work (analysis, painting) takes longer than a period, at the median of half a second, so that frames are
-dropped. One step may skip rungs.
+one stage (analysis, painting) takes longer than a period, at the median of half a second, so that frames are dropped. A
+step down may skip rungs.
 
-Step up by one rung: when the next larger size is expected to fit for some seconds, its slowest twentieth of frames
-included; the time doubles with each failed attempt at that size.
+Step up by one rung: when the next larger size has been expected to fit for some seconds, including its slowest
+twentieth of frames. This time doubles with each failed attempt at that size.
 
 The cost of a frame without decoding is assumed to grow with the side length to the power of 1.2. Measured between
 352x288 and 640x480, it grows with the number of pixels to the power of 0.5 to 0.7. If one step down does not suffice,
@@ -50,14 +50,16 @@ RECENT_S = 0.5
 LATE_WINDOWS = ((2.0, 2, 0.05), (10.0, 3, 0.01))
 """(seconds, late frames, share of all frames): in the long run less than one frame in a hundred is late."""
 MARGIN = 0.85
-"""A size fits if its frames are expected to take at most this share of the time they may take."""
+"""A size fits if its frames are expected to take at most this share of the available time."""
 TAIL = 0.95
 AIM = 0.9
 """Frames that took longer than this share of the deadline count as late, because sending and attempts at a larger size
 need time as well."""
-PATIENCE_S, MOST_PATIENCE_S = 3.0, 120.0
+FITTING_S, MOST_FITTING_S = 3.0, 120.0
+"""Time for which the next larger size must be expected to fit before a step up, judged by the frames of that time, and
+its maximum after failures, seconds."""
 STABLE_S = 60.0
-"""Seconds. A step up that is taken back earlier has failed; one that lasts this long clears the earlier failures."""
+"""Seconds. A step up that is reversed before this time has failed; one that lasts longer clears earlier failures."""
 ENOUGH = 4
 """Frames needed for a median."""
 MIN_SIDE_PX = 16
@@ -74,7 +76,7 @@ def deadline_s(period_s: float) -> float:
 
 
 def scaled(size: Size, scale: float) -> Size:
-    """`size` at a rung; even sides below full size, which all codecs take."""
+    """`size` at a rung. Below full size, sides are even, as all codecs accept."""
     if scale >= 1.0:
         return size
     width, height = (max(MIN_SIDE_PX, 2 * round(side * scale / 2)) for side in size)
@@ -95,7 +97,7 @@ class FrameRateMeter:
 
     @property
     def period_s(self) -> float:
-        """Seconds from a frame to the next; never less than one over the rate that was announced."""
+        """Seconds from a frame to the next, at least the period of the announced rate."""
         if len(self._times) < 3:
             return 1.0 / self._most
         spread = self._times[-1] - self._times[0]
@@ -119,7 +121,7 @@ class FrameCost:
 
     @property
     def half_s(self) -> float:
-        """The longer of the two halves, which bounds the rate."""
+        """The longer of the two stages, which limits the frame rate."""
         return max(self.decode_s + self.analyze_s, self.paint_s)
 
     @property
@@ -127,7 +129,7 @@ class FrameCost:
         return self.decode_s + self.analyze_s + self.paint_s
 
     def at(self, factor: float) -> FrameCost:
-        """Expected when the sides of the size worked at change by `factor`."""
+        """Expected cost if the sides of the working size change by `factor`."""
         growth = factor**_GROWTH
         return FrameCost(self.decode_s, self.analyze_s * growth, self.paint_s * growth)
 
@@ -231,8 +233,8 @@ class ResolutionLadder:
     def _has_spare_time(self, now_s: float, period_s: float) -> bool:
         if self.rung == 0 or self._since_s is None:
             return False
-        patience_s = min(PATIENCE_S * 2 ** self._fails[self.rung - 1], MOST_PATIENCE_S)
-        if now_s - self._since_s < patience_s:
+        fitting_s = min(FITTING_S * 2 ** self._fails[self.rung - 1], MOST_FITTING_S)
+        if now_s - self._since_s < fitting_s:
             return False
         growth = SCALES[self.rung - 1] / self.scale
         usual = self._usual(0.75, now_s)
@@ -240,12 +242,12 @@ class ResolutionLadder:
 
     def _tail_s(self, now_s: float) -> float:
         """95th percentile of the latency of recent frames, from arrival to answer."""
-        latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - PATIENCE_S)
+        latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - FITTING_S)
         return latest[int(TAIL * (len(latest) - 1))]
 
     def _usual(self, part: float, now_s: float) -> FrameCost:
         """The quantile `part` of the latest frame times."""
-        latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - PATIENCE_S]
+        latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - FITTING_S]
         costs = sorted(latest, key=lambda cost: cost.whole_s)
         return costs[int(part * (len(costs) - 1))]
 
@@ -258,7 +260,7 @@ class ResolutionLadder:
         return "slow"
 
     def _fitting(self, now_s: float, period_s: float) -> int:
-        """The first lower rung at which frames are expected to meet the deadline."""
+        """The highest lower rung at which frames are expected to meet the deadline."""
         usual = self._usual(0.5, now_s)
         below = range(self.rung + 1, len(SCALES))
         return next((r for r in below if usual.at(SCALES[r] / self.scale).fits(period_s)), len(SCALES) - 1)

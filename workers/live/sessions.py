@@ -1,5 +1,5 @@
-"""The live sessions of a service: methods, limits, free places, and a `Stream` for a checked order. For one event loop,
-except for reading numbers."""
+"""The live sessions of a service: methods, limits, reserved slots, and a `Stream` for a checked order. Numbers may be
+read in any thread; everything else is for one event loop."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LiveLimits:
 
 
 class SessionSlot:
-    """A reserved place for one session."""
+    """A reserved slot for one session."""
 
     def __init__(self, live: LiveSessions) -> None:
         self._live: LiveSessions | None = live
@@ -53,8 +53,8 @@ class LiveSessions:
     """All live sessions of this process.
 
     Args:
-        workers: where sessions are painted.
-        settings: the number of sessions, and the limits of their frames.
+        workers: source of the sessions' workers.
+        settings: maximum number of sessions, and the limits of their frames.
     """
 
     receives = CODECS
@@ -65,7 +65,7 @@ class LiveSessions:
         self.capacity = settings.live_sessions
         self.limits = LiveLimits(settings.live_max_side_px, settings.live_max_fps, settings.live_frame_bytes)
         self.sessions = 0
-        """Places taken."""
+        """Number of reserved slots."""
 
     def start(self) -> None:
         """Start the workers. Call on the main thread."""
@@ -84,11 +84,11 @@ class LiveSessions:
         return tuple(name for name, found in methods().items() if _causal(found))
 
     def filters(self) -> tuple[str, ...]:
-        """Names of the methods that can filter what a live method paints."""
+        """Names of the methods that can filter the frames that a live method paints."""
         return tuple(name for name, found in methods().items() if _filters(found))
 
     def place(self) -> SessionSlot:
-        """Reserve a place for a session. Raises NoLiveWorker if all are taken."""
+        """Reserve a slot for a session. Raises NoLiveWorker if all are reserved."""
         if not self.free:
             raise NoLiveWorker(
                 f"All {self.capacity} live sessions are taken.",
@@ -136,7 +136,7 @@ class LiveSessions:
 
     @staticmethod
     def inputs(name: str, assets: Mapping[str, Asset]) -> dict[str, str]:
-        """Blob keys by input name. Raises BadParameter: not an input that a live session can have."""
+        """Blob keys by input name. Raises BadParameter for an input that a live session cannot have."""
         specs = {spec.name: spec for spec in method(name).inputs if spec.name != "video" and spec.kind in _FITS}
         for given, asset in assets.items():
             if given not in specs:
@@ -148,13 +148,13 @@ class LiveSessions:
             fits = _FITS[specs[given].kind]
             if asset.kind not in fits:
                 raise BadParameter(
-                    f"The input {given!r} is to be {specs[given].kind}, and this asset is {asset.kind}.",
+                    f"The input {given!r} needs an asset of kind {specs[given].kind}; this one has kind {asset.kind}.",
                     field=f"inputs.{given}", value=asset.id, remedy=f"Use an asset of kind: {', '.join(fits)}.",
                 )  # fmt: skip
         return {given: asset_key(asset.id) for given, asset in assets.items()}
 
     def stream(self, order: LiveOrder, adaptive: bool) -> Stream:
-        """A session to be opened. Its place has been reserved before."""
+        """A stream that can be opened. Its slot has been reserved before."""
         return Stream(self._workers, order, adaptive)
 
     def _check_size(self, size: Size) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from workers.model import Json
 
 FIRST_S, LAST_S, GROWTH = 1e-4, 20.0, 1.02
-"""Edges of a histogram's bins: percentiles are right to 2 %."""
+"""Edges of a histogram's bins; percentiles have an error of at most 2 %."""
 _LOG_GROWTH = math.log(GROWTH)
 _BINS = math.ceil(math.log(LAST_S / FIRST_S) / _LOG_GROWTH) + 1
 PERCENTILES = (50, 95, 99)

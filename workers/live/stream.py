@@ -24,7 +24,7 @@ from workers.model import Json
 log = logging.getLogger(__name__)
 
 WORKER_WITHIN_S = 60.0
-"""Seconds until a worker must be ready. On a machine that has never run the kernels, they are compiled first."""
+"""Seconds within which a worker must be ready. On a new machine this includes compiling the kernels."""
 LEAVE_WITHIN_S = 10.0
 
 
@@ -56,7 +56,7 @@ class Replaced:
 
 @dataclass(frozen=True)
 class KeyframeNeeded:
-    """The client is to send a key frame."""
+    """The client must send a key frame."""
 
     reason: str
 
@@ -68,10 +68,10 @@ class Stream:
     """One session.
 
     Args:
-        workers: the source of the session's worker, and of another if that dies.
-        order: what to paint; its size is that of the frames to come.
+        workers: source of the session's worker, and of a new one if that dies.
+        order: method, parameters and size of the first frames.
         adaptive: whether frames may be painted at a smaller size.
-        clock: seconds; `Packet.at_s` is of the same clock.
+        clock: seconds; `Packet.at_s` has the same clock.
     """
 
     def __init__(
@@ -100,16 +100,16 @@ class Stream:
         self._failure: Exception | None = None
         self.total, self._second = FrameStatistics(clock()), FrameStatistics(clock())
         self._counted = (0, 0)
-        """Received and dropped at the last full second."""
+        """Counts of received and dropped frames at the last full second."""
 
     # -- life
 
     async def open(self) -> None:
-        """Take a worker and begin. Raises NoLiveWorker, or what `LiveRenderer.open` raises."""
+        """Take a worker and begin. Raises NoLiveWorker, and the errors of `LiveRenderer.open`."""
         self._worker = await self._take()
 
     async def aclose(self) -> None:
-        """Stop and give the worker back, after it has finished the frames in work (their answers are dropped)."""
+        """Stop, and return the worker after it has finished its frames, whose answers are dropped."""
         self._suspend("closed")
         self._wake()
         if self._replacing is not None:
@@ -121,14 +121,15 @@ class Stream:
             await worker.leave()
 
     def detach(self) -> None:
-        """The connection is lost: drop the waiting frame; frames in work are finished and their answers dropped."""
+        """The connection is lost: drop the waiting frame. Frames in progress are finished, and their answers
+        dropped."""
         self._suspend("away")
         self._items.clear()
         self._policy.leave()
         self._wake()
 
     async def attach(self, wire: WireFormat, size: Size, adaptive: bool) -> None:
-        """Continue for another connection with its codecs and frames. Raises as `open`."""
+        """Continue for another connection with its codecs and frame sizes. Raises like `open`."""
         self._suspend("away")
         order = replace(self.order, wire=wire)
         await self._on_worker(lambda worker: worker.open(order), order)
@@ -162,7 +163,7 @@ class Stream:
         return self._items.popleft() if self._items else None
 
     def sent(self, answer: Answer, latency_s: float) -> None:
-        """The answer is on its way, `latency_s` after its frame came."""
+        """The answer was sent, `latency_s` after its frame arrived."""
         stages = {"wait": answer.waited_s, **answer.painted.stages_s}
         for figures in (self.total, self._second):
             figures.answered(latency_s, stages)
@@ -171,7 +172,7 @@ class Stream:
         self._pump()
 
     async def finish(self) -> None:
-        """Wait until every frame that came is answered or dropped."""
+        """Wait until every received frame is answered or dropped."""
         await self._until(lambda: self._policy.idle)
 
     def figures(self) -> Json:
@@ -180,7 +181,7 @@ class Stream:
         return self.total.as_json(self._clock()) | self._shown()
 
     def second(self) -> Json:
-        """Figures since the last call."""
+        """Statistics since the last call."""
         received, dropped = self._counted
         self._counted = (self._policy.received, self._policy.dropped)
         self._second.received, self._second.dropped = self._counted[0] - received, self._counted[1] - dropped
@@ -198,11 +199,12 @@ class Stream:
     # -- changes
 
     async def change(self, order: LiveOrder) -> None:
-        """Go on with the parameters, references and filter of this order, or raise and change nothing."""
+        """Apply the parameters, references and filter of this order. Raises like `LiveRenderer.change`; nothing is
+        changed then."""
         await self._on_worker(lambda worker: worker.change(order), order)
 
     async def _on_worker(self, call: Callable[[LiveWorker], Awaitable[None]], order: LiveOrder) -> None:
-        """Call the worker while no frame is in work; then `order` is in force. If the worker dies in the call, the call
+        """Call the worker while no frame is in progress; then use `order`. If the worker dies in the call, the call
         is repeated on a new worker, which starts with the previous order."""
         async with self._idle():
             try:
@@ -215,7 +217,7 @@ class Stream:
 
     @asynccontextmanager
     async def _idle(self) -> AsyncIterator[None]:
-        """Wait until no frame is in work, and begin none until the block ends."""
+        """Wait until no frame is in progress, and begin none until the block ends."""
         async with self._changing:
             self._suspend("change")
             try:
@@ -240,7 +242,8 @@ class Stream:
         return FrameRequest(tuple(packet.data for packet in start.packets), start.frame.size, self.size, key)
 
     async def _paint(self, start: Start, work: FrameRequest, before: asyncio.Task[None] | None) -> None:
-        """A frame from its analysis to its answer. It waits for the task `before`: answers keep the order of frames."""
+        """Process a frame from its analysis to its answer. It waits for the task `before`, so that answers keep the
+        order of frames."""
         began, rung, worker = self._clock(), self._ladder.rung, self._open_worker()
         analyzing, painting = asyncio.ensure_future(worker.analyze(work)), asyncio.ensure_future(worker.paint())
         analyzing.add_done_callback(lambda done: self._analyzed(done, start))
@@ -254,7 +257,7 @@ class Stream:
             self._fail(error)
         else:
             if worker is not self._worker:
-                return  # counted as lost with its worker
+                return  # already counted as lost with its worker
             self._finished(Answer(start.frame, painted, began - start.frame.at_s), work.work_size, rung)
 
     def _analyzed(self, done: asyncio.Future[None], start: Start) -> None:
@@ -310,7 +313,7 @@ class Stream:
             raise NoLiveWorker("No live worker got ready in time.", remedy="Try again in a minute.") from None
 
     def _lose(self, worker: LiveWorker, reason: str) -> None:
-        """The worker has died: drop its frames and take another. Called once by each of its frames."""
+        """The worker has died: drop its frames and take a new worker. Called once by each of its frames."""
         if worker is not self._worker or "closed" in self._suspended_by:
             return
         self._worker = None

@@ -27,9 +27,9 @@ class NoLiveWorker(ImpastoError):
 
 
 class LiveWorker(Protocol):
-    """A `LiveRenderer` in this process or another. For one event loop only.
+    """A `LiveRenderer` in this or another process. For one event loop only.
 
-    Calls start at once and run in order. They raise what the renderer raises, or `LiveWorkerLost`. `analyze` and
+    Calls start at once and run in order. They raise the renderer's errors, or `LiveWorkerLost`. `analyze` and
     `paint` of a frame are called together; `paint` waits for `analyze` in the worker.
     """
 

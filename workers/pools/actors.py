@@ -45,12 +45,12 @@ _ENDED_RUNS = 1000
 def _lower_priority() -> None:
     """Raise the niceness of this thread, and of threads that it starts, to `NICENESS`."""
     thread = threading.get_native_id()
-    with contextlib.suppress(OSError):  # of a thread on Linux; elsewhere it may not be possible
+    with contextlib.suppress(OSError):  # Linux sets the priority of a thread; other systems may refuse
         os.setpriority(os.PRIO_PROCESS, thread, max(NICENESS, os.getpriority(os.PRIO_PROCESS, thread)))
 
 
 class _RenderActor:
-    """Runs one order at a time; another thread answers questions about its progress."""
+    """Runs one order at a time; another thread answers queries about its progress."""
 
     def __init__(self, make_runner: Callable[[Blobs], TaskRunner], blobs: Blobs) -> None:
         _lower_priority()
@@ -64,10 +64,14 @@ class _RenderActor:
     def run(
         self, order: TaskOrder, given: Mapping[str, ObjectRef]
     ) -> tuple[TaskOutcome, dict[str, tuple[ObjectRef, int]]]:
-        """The outcome; and of what others of its step will load, by blob key: a reference, and how many bytes.
+        """Run an order.
 
         Args:
-            given: by blob key, references that orders before it have left.
+            given: blob key -> reference to an artefact of an earlier order.
+
+        Returns:
+            The outcome; and the artefacts that other tasks of the step will load: blob key -> (reference, number of
+            bytes).
         """
         self._cache.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.leads)
         outcome = self._monitor.run(self._runner, order)
@@ -97,11 +101,12 @@ def _fetch(reference: ObjectRef) -> bytes | None:
 
 
 class _LiveActor:
-    """An actor with a `LiveRenderer`. Frames use its `LiveWorkerServer` and its threads; everything else is a call.
+    """An actor with a `LiveRenderer`. Frames use its `LiveWorkerServer` and its threads; everything else uses actor
+    calls.
 
     Args:
         make_painter: pickled, so that its imports happen in `warm_up`.
-        secret: what connections must send first.
+        secret: bytes that a connection must send first.
     """
 
     def __init__(self, make_painter: bytes, secret: bytes) -> None:
@@ -113,9 +118,9 @@ class _LiveActor:
     def warm_up(self) -> Address:
         """Import and compile everything; then return the address of the frame server.
 
-        Kernels are loaded at a low priority, since seconds of it would delay the frames of running sessions. Imports
-        are not: at a low priority, beside programs that use all processors, they take more than a minute, and a session
-        may be waiting for this actor.
+        Kernels are loaded at a low priority, because loading takes seconds and would delay the frames of running
+        sessions. Imports have the normal priority: at a low one, on a busy machine, they take more than a minute, and a
+        session may be waiting for this actor.
         """
         thread = threading.Thread(target=self._get_ready, name=WARM_UP_THREAD)
         thread.start()
@@ -128,7 +133,7 @@ class _LiveActor:
         _lower_priority()
         painter.warm_up()
         gc.collect()
-        gc.freeze()  # imported objects are never garbage; scanning them takes a tenth of a second
+        gc.freeze()  # imported objects never become garbage; scanning them takes a tenth of a second
         self._painter = painter
 
     @property
@@ -147,7 +152,7 @@ class _LiveActor:
 
 
 class _PreviewActor:
-    """Answers preview queries over warm state of its own, one record a call.
+    """Answers preview queries from its own cached state, one record per call.
 
     Args:
         make_engine: pickled; makes a `PreviewEngine`.
@@ -167,10 +172,10 @@ class _PreviewActor:
         self._engine.warm_up()
 
     def next_record(self, run_id: int, query: PreviewQuery | None) -> Record | None:
-        """The next record of a run; None after the last one, and of an ended run.
+        """The next record of a run; None after the last one, and for a run that was ended.
 
         Args:
-            query: begins the run; None: it has begun.
+            query: starts the run; None: the run has been started.
         """
         if query is not None:
             self._runs[run_id] = self._engine.run(query, partial(self._check, run_id))
@@ -191,7 +196,7 @@ class _PreviewActor:
 
     def _close(self, run_id: int) -> None:
         records = self._runs.get(run_id)
-        with contextlib.suppress(ValueError):  # it is at work: `next_record` closes it afterwards
+        with contextlib.suppress(ValueError):  # `next_record` is using it, and closes it afterwards
             if records is not None:
                 records.close()
                 self._runs.pop(run_id, None)

@@ -1,8 +1,8 @@
-"""Artefacts passed between the tasks of a step in memory. Blobs remain the truth; this saves fetching them.
+"""A cache of the artefacts that tasks of a step pass to each other. Blobs remain authoritative.
 
 A chain of tasks passes its state on: an artefact that one task saves is loaded by the next, often on another machine.
-Where there is a faster way than the blob store (Ray's shared memory), the bytes use it as well. If they are lost there,
-the blob is read, so only speed depends on the cache.
+If a pool has a faster way than the blob store (Ray's shared memory), the bytes use both. If they are lost in memory,
+the blob is read: the cache affects speed only.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class ArtefactCache(Blobs):
 
         Args:
             given: blobs in memory, by key.
-            keep: whether other tasks wait for its artefacts.
+            keep: whether other tasks wait for the attempt's artefacts.
         """
         self._given = given
         self._made = {} if keep else None
@@ -122,7 +122,7 @@ class SharedArtefacts:
     """References to the artefacts of recent attempts, up to a total number of bytes. Thread-safe.
 
     Args:
-        most_bytes: of all together.
+        most_bytes: maximum of their total size.
     """
 
     def __init__(self, most_bytes: int) -> None:

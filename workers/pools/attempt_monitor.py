@@ -1,4 +1,4 @@
-"""Progress and cancellation of an attempt, used from another thread than the one that runs it."""
+"""Progress and cancellation of an attempt, for a thread other than the one that runs it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class AttemptMonitor:
         return runner.run(order, self._report, lambda: self._is_cancelled(order.attempt_id))
 
     def progress(self) -> tuple[str, float, str]:
-        """(attempt id, 0..1, blob key of its newest frame) of what ran last."""
+        """(attempt id, 0..1, blob key of its newest frame) of the latest attempt."""
         with self._lock:
             return self._attempt_id, self._done, self._preview
 

@@ -1,7 +1,7 @@
 """The interface of pools, which run attempts: `local_pool` in this process, `ray_pool` on a Ray cluster.
 
-A pool delivers at least once and stores nothing: it may lose an attempt (its `Report` then says so), and after a
-restart it knows none. The database is the truth; attempt ids reject late answers.
+A pool delivers at least once and stores nothing: it may lose an attempt (and reports that), and after a restart it has
+none. The database is authoritative; attempt ids reject late answers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Report:
     attempt_id: str
     progress: float = 0.0
     outcome: TaskOutcome | None = None
-    """Set once, at the end."""
+    """Set in the last report only."""
     lost: bool = False
     """The worker died; the attempt will never answer."""
     worker: str = ""
@@ -46,12 +46,12 @@ class Pool(Protocol):
 
     @property
     def capacity(self) -> int:
-        """Attempts that may run at once; may change."""
+        """Number of attempts that may run at once; it may change."""
         ...
 
     @property
     def free(self) -> int:
-        """Attempts that may begin now."""
+        """Number of attempts that may begin now."""
         ...
 
     @property
@@ -72,15 +72,15 @@ class Pool(Protocol):
     def submit(self, order: TaskOrder) -> None: ...
 
     def cancel(self, attempt_id: str) -> None:
-        """Ask a running attempt to stop; it answers with an outcome that is `cancelled` within a second."""
+        """Ask a running attempt to stop; within a second it reports a cancelled outcome."""
         ...
 
     def abandon(self, attempt_id: str) -> None:
-        """Stop waiting for an attempt that reports nothing any more; its worker is replaced."""
+        """Give up an attempt that no longer reports; its worker is replaced."""
         ...
 
     def describe(self) -> dict[str, object]:
-        """Kind, workers, what each is doing: for the ops page."""
+        """Kind, workers, and their current attempts, for the operations page."""
         ...
 
     def stop(self, grace_s: float = 5.0) -> None: ...

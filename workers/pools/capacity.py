@@ -21,7 +21,7 @@ class Capacity:
     memory_bytes: int
 
     def covers(self, other: Capacity) -> bool:
-        """Whether any demand that fits into `other` fits into this one."""
+        """Whether every demand that fits into `other` fits into this capacity."""
         return self.cpus >= other.cpus and self.gpus >= other.gpus and self.memory_bytes >= other.memory_bytes
 
     def __str__(self) -> str:
@@ -31,12 +31,12 @@ class Capacity:
 
 
 def default_capacity(settings: FarmSettings) -> Capacity:
-    """Capacity of an idle worker. No GPU: it would be blocked for others, or unused."""
+    """Capacity of an idle worker. It has no GPU, which would be unused or unavailable to others."""
     return Capacity(settings.task_cpus, 0.0, settings.task_memory_bytes)
 
 
 def capacity_for(resources: Resources | None, settings: FarmSettings) -> Capacity:
-    """Capacity for a task: what it declares, and the farm's settings for the rest. Memory is rounded up, to at least
+    """Capacity for a task: its declared resources, otherwise the farm's settings. Memory is rounded up, to at least
     the farm's value for every task."""
     given = resources or Resources()
     return Capacity(
@@ -47,7 +47,7 @@ def capacity_for(resources: Resources | None, settings: FarmSettings) -> Capacit
 
 
 def _rounded(size: int) -> int:
-    """The smallest reservable size of at least this; 0 for 0."""
+    """The smallest reservable amount of memory that is at least this large; 0 for 0."""
     if size <= 0:
         return 0
     given = _LEAST_BYTES
@@ -66,12 +66,14 @@ def machines_with(wanted: Capacity, machines: Machines) -> set[str]:
 
 
 def has_capacity(wanted: Capacity, machines: Machines, taken: Iterable[tuple[str, Capacity]]) -> bool:
-    """Whether a machine has this capacity beside what is taken of it: `taken` has names of machines, too."""
+    """Whether a machine has this capacity left. `taken`: (name of a machine, capacity in use)."""
     parts = list(taken)
-    return any(_rest(machine, [part for at, part in parts if at == name]).covers(wanted) for name, machine in machines)
+    return any(
+        _remaining(machine, [part for at, part in parts if at == name]).covers(wanted) for name, machine in machines
+    )
 
 
-def _rest(machine: Capacity, taken: Iterable[Capacity]) -> Capacity:
+def _remaining(machine: Capacity, taken: Iterable[Capacity]) -> Capacity:
     cpus, gpus, memory_bytes = machine.cpus, machine.gpus, machine.memory_bytes
     for part in taken:
         cpus, gpus, memory_bytes = cpus - part.cpus, gpus - part.gpus, memory_bytes - part.memory_bytes

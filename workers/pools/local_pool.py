@@ -1,4 +1,4 @@
-"""Attempts in threads of this process. The work itself leaves Python's lock: NumPy, OpenCV, OpenCL, Numba."""
+"""Runs attempts in threads of this process. NumPy, OpenCV, OpenCL and Numba release Python's interpreter lock."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class TaskRunner(Protocol):
 
 
 class LocalPool:
-    """Threads, each of which makes its own runner at its first order.
+    """A pool of threads. Each makes its runner at its first order.
 
     Args:
-        workers: attempts that run at once, at most.
-        machine: decides how many of them run at once by what they need; None: always `workers`.
-        task_memory_bytes: memory of a process with a task that declares none.
+        workers: maximum number of attempts that run at once.
+        machine: admits attempts by the resources that they need; None: always `workers` at once.
+        task_memory_bytes: memory of a process with a task that declares no memory.
     """
 
     shares_memory = False
@@ -106,7 +106,7 @@ class LocalPool:
                 stop.set()
 
     def abandon(self, attempt_id: str) -> None:
-        """Stop waiting for an attempt that does not answer. A thread cannot be killed: another takes its place."""
+        """Give up an attempt that does not answer. A thread cannot be killed, so another one takes its place."""
         self.cancel(attempt_id)
         with self._lock:
             if attempt_id not in self._busy or attempt_id in self._abandoned:
@@ -147,7 +147,7 @@ class LocalPool:
         while (order := self._orders.get()) is not None:
             runner = self._run(order, runner, name)
             if self._was_abandoned(order.attempt_id):
-                break  # another thread works in our place
+                break  # another thread has taken this one's place
         if runner is not None:
             runner.close()
 
@@ -181,11 +181,12 @@ class LocalPool:
         return runner
 
     def _wait_for_memory(self, attempt_id: str, name: str, stop: threading.Event) -> None:
-        """Wait until the machine has room for the attempt, or it is stopped; tell the dispatcher that it is alive."""
-        told_s = time.monotonic()
+        """Wait until the machine admits the attempt, or it is stopped; meanwhile report to the dispatcher that it is
+        alive."""
+        reported_s = time.monotonic()
         while self._machine is not None and not stop.is_set() and not self._machine.wait(attempt_id, _STOP_CHECK_S):
-            if time.monotonic() - told_s > _REPORT_S:
-                told_s = time.monotonic()
+            if time.monotonic() - reported_s > _REPORT_S:
+                reported_s = time.monotonic()
                 self._listen(Report(attempt_id, worker=f"{name} (waits for memory)"))
 
     def _release(self, attempt_id: str) -> None:
@@ -194,5 +195,5 @@ class LocalPool:
 
 
 def task_cpus(order: TaskOrder) -> float:
-    """Processors that the task keeps busy, as its method says; 1 for the platform's own steps."""
+    """Number of processors that the task keeps busy, as its method declares; 1 for the platform's own steps."""
     return 1.0 if order.step == ASSEMBLE else method(order.method).task_cpus

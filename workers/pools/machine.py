@@ -3,10 +3,9 @@
 Processors are a soft limit, memory a hard one:
 
 - A task begins while running tasks and live sessions keep fewer processors busy than the machine has. A task counts
-  with the processors that it keeps busy, threads inside it included. So no processor is idle while tasks wait.
-- A task begins only if the memory that it declares is free. Tasks for which there is no room wait in the order in which
-  they came, and nothing overtakes them.
-- Live sessions come first: tasks get the processors that they leave. One task may always run, whatever its size.
+with the processors that it keeps busy, including its threads. So no processor is idle while tasks wait. - A task begins
+only if the memory that it declares is free. Tasks that do not fit wait in the order of arrival, and no task overtakes
+them. - Live sessions come first: tasks get the processors that they leave free. One task may always run, of any size.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ LIVE_CPUS = 2.0
 UNUSED = 0.25
 """Part of the memory that tasks leave to the system, the service and its caches."""
 LEAST_BYTES = 64 << 20
-"""Memory that every task counts with, at least."""
+"""Least memory that a task counts with."""
 _CGROUP = Path("/sys/fs/cgroup")
 
 
@@ -56,7 +55,7 @@ class Machine:
 
     @property
     def free(self) -> int:
-        """Attempts of one processor that may be admitted now; 0 while one waits for memory."""
+        """Number of attempts of one processor that may be admitted now; 0 while one waits for memory."""
         with self._changed:
             if self._waiting:
                 return 0
@@ -85,12 +84,12 @@ class Machine:
         """Processors and memory of a task.
 
         Args:
-            resources: as the task declares them. Its memory includes that of a process, which tasks here share.
+            resources: as the task declares them. Their memory includes that of a process, which tasks here share.
             cpus: processors that the method's tasks keep busy.
             default_bytes: memory of a process with a task that declares none.
         """
         if resources is not None and resources.gpus != 0:
-            cpus = self.cpus  # a compute device is shared by all: on a processor, it is the whole machine
+            cpus = self.cpus  # all tasks share the compute device; a CPU device is the whole machine
         declared = resources.memory_bytes if resources is not None and resources.memory_bytes else default_bytes
         return Share(cpus, max(LEAST_BYTES, declared - PROCESS_BYTES))
 

@@ -13,7 +13,7 @@ from workers.model import Json
 from workers.settings import FarmSettings
 
 _OBJECT_STORE_BYTES = 256 << 20
-"""Limit of the object store; memory is taken when it is used. Orders and outcomes have a few kilobytes; blobs bypass
+"""Limit of the object store, whose memory is allocated on use. Orders and outcomes have a few kilobytes; blobs bypass
 it."""
 _LOCAL = {
     "object_store_memory": _OBJECT_STORE_BYTES,
@@ -24,7 +24,7 @@ _LOCAL = {
 
 
 def connect(settings: FarmSettings) -> None:
-    """`ray.init`, without losing the process's own SIGTERM handler to it."""
+    """`ray.init`, with the process's own SIGTERM handler restored afterwards."""
     local = settings.ray_address == "local"
     own: Json = _LOCAL | {"num_cpus": settings.most_workers} if local else {}
     handler = signal.getsignal(signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""This machine as a node of a Ray cluster: Ray's own command, watched. Ray itself is not imported."""
+"""Makes this machine a node of a Ray cluster: runs and monitors Ray's command. Ray itself is not imported."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class RayNode:
     Args:
         address: host:port of the cluster's head.
         name: as operators know the node.
-        cpus: tasks that may run here at once, one processor each.
-        gpus: to offer; None: those that Ray finds.
-        memory_gib: to offer; None: what Ray finds free, less its object store.
+        cpus: number of tasks that may run here at once, one processor each.
+        gpus: GPUs to offer; None: those that Ray finds.
+        memory_gib: memory to offer; None: the free memory that Ray finds, minus its object store.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class RayNode:
         self._command = [
             *(sys.executable, "-c", "from ray.scripts.scripts import main; main()", "start", "--block"),
             *("--address", address, "--node-name", name, "--num-cpus", str(cpus), "--disable-usage-stats"),
-            "--include-log-monitor=false",  # it sends workers' output to drivers, and ours do not ask for it
+            "--include-log-monitor=false",  # the log monitor sends workers' output to drivers; ours do not need it
             *(() if gpus is None else ("--num-gpus", f"{gpus:g}")),
             *(() if memory_gib is None else ("--memory", str(int(memory_gib * (1 << 30))))),
         ]
@@ -50,14 +50,14 @@ class RayNode:
             stdout=self._output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            env={"RAY_worker_niceness": "0", **os.environ},  # without it, live sessions have a low priority, too
+            env={"RAY_worker_niceness": "0", **os.environ},  # otherwise live sessions have a low priority, too
         )
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it: SIGTERM lets `ray start --block` end the raylet that it began."""
+        """End the node: after SIGTERM, `ray start --block` ends the raylet that it started."""
         assert self._process is not None
         self._process.terminate()
         try:

@@ -1,12 +1,12 @@
-"""Attempts on a Ray cluster: one actor per worker. Ray only runs code: it retries nothing and stores nothing for us.
+"""Runs attempts on a Ray cluster, with one actor per worker. Ray only runs code; its retries and storage are not used.
 
 An actor counts as capacity after it has started, so that a cluster with fewer processors than workers runs fewer tasks
 at once. When an actor dies its attempt is reported as lost, and another actor replaces it.
 
 Ray reserves an actor's capacity (processors, part of a GPU, memory), so that no machine is overcommitted. A task that
-fits into no idle actor gets an actor of its own in the place of an idle one. That actor waits for a machine that is
-large enough, because an autoscaler may add one. If no machine of the cluster could hold it, the task's status says so,
-and after `capacity_wait_s` the task fails.
+fits into no idle actor gets a new actor that replaces an idle one. The new actor waits for a machine that is large
+enough, because an autoscaler may add one. If no machine of the cluster is large enough, the task's status shows this,
+and the task fails after `capacity_wait_s`.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ log = logging.getLogger(__name__)
 
 _TICK_S = 0.25
 """Interval of progress requests while something runs, seconds."""
-_PATIENCE_S = 3.0
-"""Seconds that a starting actor waits before an idle actor is ended for it, if ours leave no capacity for it."""
+_WAIT_S = 3.0
+"""Seconds that a starting actor waits before an idle actor is ended for it, if our actors leave no capacity for it."""
 _START_S = 60.0
-"""The same if they leave enough: then it is either still starting, or others use the cluster."""
-_HANDED_BYTES = 64 << 20
-"""Bytes of artefacts in Ray's shared memory, over all nodes: together with those just made, far below the amount at
-which Ray begins to spill to disk. Spilling took a seventh of two processors."""
+"""The same if they leave enough capacity: then the actor is still starting, or other programs use the cluster."""
+_SHARED_BYTES = 64 << 20
+"""Maximum bytes of artefacts in Ray's shared memory, over all nodes: far below the amount at which Ray begins to spill
+to disk, even with new artefacts. Spilling took a seventh of the time of two processors."""
 
 
 @dataclass
@@ -65,7 +65,7 @@ class _Worker:
 
     actor: Actor
     hello: ObjectRef
-    """Reference to its greeting, until that has come."""
+    """Reference to the answer of `hello`; None once it has arrived."""
     capacity: Capacity
     """Resources that Ray has reserved for the actor."""
     avoids: frozenset[str] = frozenset()
@@ -75,10 +75,10 @@ class _Worker:
     attempt_id: str = ""
     made_at: float = field(default_factory=time.monotonic)
     """Time of its request, monotonic s."""
-    patient_since: float = field(default_factory=time.monotonic)
-    """Since when it has waited for a machine without having been helped."""
-    hopeless_since: float | None = None
-    """Since when no machine of the cluster could hold it, even if idle; monotonic s."""
+    waiting_since: float = field(default_factory=time.monotonic)
+    """Time since which it has waited for a machine and no idle actor was ended for it."""
+    too_large_since: float | None = None
+    """Time since which no machine of the cluster is large enough for it, even if idle; monotonic s."""
     answer: ObjectRef = None
     """Reference to the outcome of the attempt."""
 
@@ -106,7 +106,7 @@ class RayPool:
         )
         # A file just written on this machine is read as quickly as shared memory.
         self.shares_memory = not (here and isinstance(blobs, DiskBlobs))
-        self._handed = SharedArtefacts(_HANDED_BYTES)
+        self._shared = SharedArtefacts(_SHARED_BYTES)
         self._workers: list[_Worker] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
@@ -154,7 +154,8 @@ class RayPool:
                     self._exchange(worker, self._usual)
 
     def start(self, listen: Listen) -> None:
-        """Connect, or start a cluster. On the main thread only: Ray aborts the process at its end otherwise."""
+        """Connect to a cluster or start one. Call it on the main thread; otherwise Ray aborts the process at its
+        end."""
         if threading.current_thread() is not threading.main_thread():
             raise StorageError("A Ray farm starts on the main thread.", remedy="Call start() there.")
         self._listen = listen
@@ -168,7 +169,7 @@ class RayPool:
             worker = self._place_for(capacity_for(order.resources, self._settings))
             if worker is not None:
                 worker.attempt_id = order.attempt_id
-                given = self._handed.of(order.artefacts.values()) if order.after else {}
+                given = self._shared.of(order.artefacts.values()) if order.after else {}
                 worker.answer = worker.actor.run.remote(order, given)
         if worker is None:  # an actor died between the claim and now
             self._listen(Report(order.attempt_id, lost=True))
@@ -177,7 +178,7 @@ class RayPool:
     def _place_for(self, capacity: Capacity) -> _Worker | None:
         idle = self._idle()
         fitting = [worker for worker in idle if worker.capacity.covers(capacity)]
-        if fitting or not idle:  # the least that will do: the others may be wanted for more
+        if fitting or not idle:  # the smallest that suffices: larger ones may be needed for other tasks
             return min(fitting, key=lambda worker: (worker.capacity.gpus, worker.capacity.memory_bytes), default=None)
         suitable = machines_with(capacity, _machines())
         return self._exchange(next((worker for worker in idle if worker.node in suitable), idle[0]), capacity)
@@ -241,7 +242,7 @@ class RayPool:
     def _take(self, ref: ObjectRef, worker: _Worker) -> None:
         try:
             value = RAY.get(ref)
-        except ray.exceptions.RayTaskError as error:  # the actor lives; our own code has raised
+        except ray.exceptions.RayTaskError as error:  # the actor is alive; our own code has raised the error
             value = failed_outcome(worker.attempt_id, error.cause or error), {}
         except RayError as error:
             log.warning("the worker %s has died: %s", worker.name or "(starting)", type(error).__name__)
@@ -255,11 +256,11 @@ class RayPool:
     def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
         node = _node_names().get(node_id, node_id[:12])
         with self._lock:
-            worker.name, worker.node, worker.hello, worker.hopeless_since = name, node, None, None
+            worker.name, worker.node, worker.hello, worker.too_large_since = name, node, None, None
         self._listen(Report("", worker=name))
 
     def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
-        self._handed.add(made)
+        self._shared.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
             if worker.node in self._drained:
@@ -272,7 +273,7 @@ class RayPool:
             asked = {worker.actor.progress.remote(): worker for worker in busy if worker.name}
         for worker in busy:
             if not worker.name:  # its actor waits for capacity, which does not count as silence
-                none = "" if worker.hopeless_since is None else ": no machine has that"
+                none = "" if worker.too_large_since is None else ": no machine has that"
                 self._listen(Report(worker.attempt_id, worker=f"waiting for {worker.capacity}{none}"))
         if not asked:
             return
@@ -284,7 +285,7 @@ class RayPool:
         try:
             attempt_id, done, preview = ray.get(ref)
         except RayError:
-            return  # its outcome reports it
+            return  # the outcome will report the error
         if attempt_id == worker.attempt_id:
             self._listen(Report(attempt_id, done, worker=worker.name, preview=preview))
 
@@ -294,35 +295,35 @@ class RayPool:
         """End idle actors for actors that have waited for capacity; start them again once none waits."""
         now = time.monotonic()
         with self._lock:
-            unborn = [worker for worker in self._workers if not worker.name]
-            if not any(worker.attempt_id for worker in unborn):
+            starting = [worker for worker in self._workers if not worker.name]
+            if not any(worker.attempt_id for worker in starting):
                 self._workers += [self._new_worker(self._usual) for _ in range(self._owed)]
                 self._owed = 0
-            late = [worker for worker in unborn if now - worker.patient_since > _PATIENCE_S]
+            late = [worker for worker in starting if now - worker.waiting_since > _WAIT_S]
         machines = _machines() if late else []
         for worker in late:
-            worker.patient_since = now
+            worker.waiting_since = now
             self._check_waiting(worker, machines, now)
-        if not unborn or late:
+        if not starting or late:
             self._update_shortage(machines)
 
     def _check_waiting(self, worker: _Worker, machines: Machines, now: float) -> None:
         """Free capacity for a waiting actor, or fail its attempt if no machine is large enough."""
         suitable = machines_with(worker.capacity, machines)
         if suitable:
-            worker.hopeless_since = None
+            worker.too_large_since = None
             with self._lock:
                 named = [(other.node, other.capacity) for other in self._workers if other.name]
             starts = now - worker.made_at < _START_S and has_capacity(worker.capacity, machines, named)
             if worker.attempt_id and not starts:
                 self._end_idle(suitable)
             return
-        worker.hopeless_since = worker.hopeless_since or now
-        if worker.attempt_id and now - worker.hopeless_since > self._settings.capacity_wait_s:
+        worker.too_large_since = worker.too_large_since or now
+        if worker.attempt_id and now - worker.too_large_since > self._settings.capacity_wait_s:
             self._give_up(worker, machines)
 
     def _give_up(self, worker: _Worker, machines: Machines) -> None:
-        """Fail the attempt of an actor that has waited long enough for a machine that there is not."""
+        """Fail the attempt of an actor that has waited too long for a machine that does not exist."""
         remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
         error = NoCapacity(
             f"{shortage(worker.capacity, machines)}.", field="needs", value=str(worker.capacity), remedy=remedy
@@ -335,14 +336,14 @@ class RayPool:
     def _update_shortage(self, machines: Machines) -> None:
         """Log once for operators when no worker can start on any machine."""
         with self._lock:
-            hopeless = bool(self._workers) and all(worker.hopeless_since is not None for worker in self._workers)
-        message = f"{shortage(self._usual, machines)}: no worker can start." if hopeless else ""
+            none_fits = bool(self._workers) and all(worker.too_large_since is not None for worker in self._workers)
+        message = f"{shortage(self._usual, machines)}: no worker can start." if none_fits else ""
         if message and not self._shortage:
             log.warning("%s", message)
         self._shortage = message
 
     def _end_idle(self, nodes: Collection[str]) -> None:
-        """One of these nodes, if there is one."""
+        """One of these nodes, or None."""
         with self._lock:
             found = next((worker for worker in self._idle() if worker.node in nodes), None)
             if found is not None:
@@ -361,7 +362,7 @@ class RayPool:
         return _Worker(actor, actor.hello.remote(), capacity, self._avoided)
 
     def _exchange(self, worker: _Worker, capacity: Capacity) -> _Worker:
-        """End an actor that has nothing to do; another takes its place."""
+        """End an idle actor; another one replaces it."""
         ray.kill(worker.actor)
         new = self._new_worker(capacity)
         self._workers[self._workers.index(worker)] = new

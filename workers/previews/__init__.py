@@ -1,1 +1,1 @@
-"""Previews of projects: warm state at proxy size, answers from coarse to fine, overtaken requests cancelled."""
+"""Previews of projects: cached state at proxy size, answers from coarse to fine; a newer request cancels older ones."""

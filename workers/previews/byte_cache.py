@@ -1,4 +1,4 @@
-"""A cache that is bounded in bytes."""
+"""A cache with a limited number of bytes."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ T = TypeVar("T")
 
 
 class ByteCache:
-    """Values by key, the least recently used dropped first. Thread-safe; a value that two ask for is made once.
+    """Values by key; the least recently used is dropped first. Thread-safe; a value that two threads need at the same
+    time is made once.
 
     Args:
-        limit_bytes: of all values together. A value larger than a quarter of it is not kept.
+        limit_bytes: maximum size of all values together. A value larger than a quarter of it is not kept.
     """
 
     def __init__(self, limit_bytes: int) -> None:

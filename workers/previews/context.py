@@ -21,7 +21,7 @@ class PreviewContext:
     """The context of a preview.
 
     Attributes:
-        check: raises once the client has left; call it between pieces of work.
+        check: raises an error once the client has left; call it between pieces of work.
     """
 
     query: PreviewQuery

@@ -1,4 +1,4 @@
-"""The engine: answers preview queries over warm state, one process's share of it."""
+"""The engine: answers preview queries from cached state. Each process has its own engine."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class PreviewEngine:
     """Answers queries. Thread-safe.
 
     Args:
-        limit_bytes: of frames and everything else that is kept warm.
+        limit_bytes: maximum size of cached frames and other state.
     """
 
     def __init__(self, blobs: Blobs, limit_bytes: int) -> None:
@@ -50,9 +50,9 @@ class PreviewEngine:
         self._single.close()
 
     def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
-        """The answer, piece by piece: "begin", what the kind gives, then "end" (or "overtaken").
+        """Yield the records of the answer: "begin", those of the kind of preview, then "end" (or "overtaken").
 
-        Raises: ImpastoError, what is wrong with the query; then the answer ends.
+        Raises: ImpastoError if the query is invalid; the answer then ends.
         """
         began = time.monotonic()
         context = PreviewContext(query, self._frames, self.cache, check, began)

@@ -10,11 +10,11 @@ from pipeline.methods.base import AnyParams, Method
 from pipeline.methods.local import FrameSource, Input, LocalContext, iterate_plan
 
 Check = Callable[[], None]
-"""Raises Overtaken or Cancelled once the answer is no longer wanted."""
+"""Raises Overtaken or Cancelled once the answer is no longer needed."""
 
 
 class PreviewTaskContext(LocalContext[AnyParams]):
-    """A task context in memory that asks `check` whenever the method measures time or reports progress."""
+    """A task context in memory that calls `check` whenever the method measures time or reports progress."""
 
     def __init__(
         self, check: Check, params: AnyParams, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Input],

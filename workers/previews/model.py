@@ -22,12 +22,12 @@ MEDIA_TYPE = "application/vnd.impasto.records"
 
 @dataclass(frozen=True)
 class LayerSources:
-    """A layer of a shot with all that its method takes.
+    """A layer of a shot with all inputs of its method.
 
     Attributes:
         video: blob key of the layer's video.
         files: blob keys of inputs that are files, by input name.
-        images: of inputs that are images by frame: frame -> blob key, or the image's bytes themselves.
+        images: input -> frame -> blob key or bytes of the image, for inputs that are images by frame.
         documents: inputs that are JSON, parsed.
     """
 
@@ -42,13 +42,13 @@ class LayerSources:
     opacity: float = 1.0
     blend: Blend = "over"
     matte: str | None = None
-    """Blob key of gray pictures: white where the layer is."""
+    """Blob key of the matte, gray pictures: white where the layer is visible."""
     below: str = ""
     """Blob key of the shot's video, over which the backmost layer lies."""
 
     @cached_property
     def digest(self) -> str:
-        """Equal for layers whose picture is equal."""
+        """A key that is equal for layers with equal pictures."""
         what = (self.method, dict(self.params), self.seed, self.video, dict(self.files), dict(self.images),
                 dict(self.documents))  # fmt: skip
         return hashlib.sha256(repr(what).encode()).hexdigest()
@@ -60,10 +60,11 @@ class PreviewQuery:
 
     Attributes:
         what: kind of the preview: a key of `workers.previews.engine.kinds()`, or SINGLE.
-        project: id; client, channel, seq: a request overtakes earlier ones of the same client and channel.
-        layers: from back to front; at least one, except of a single frame.
+        project: id of the project.
+        client, channel, seq: a request cancels earlier ones, with lower `seq`, of the same client and channel.
+        layers: from back to front; at least one, except for SINGLE.
         side_px: longest side of the answer's pictures.
-        options: what else the kind takes, checked by the service.
+        options: further arguments of the kind, checked by the service.
     """
 
     what: str
@@ -90,7 +91,7 @@ class Record:
 
 
 class Overtaken(ImpastoError):
-    """A later request of the same client and channel has come; `by` is its number."""
+    """A later request of the same client and channel has arrived; `by` is its number."""
 
     code = "overtaken"
 

@@ -1,4 +1,4 @@
-"""Painted frames of layers, composited. Each layer uses the method's fastest way for one frame or a few."""
+"""Paints and composites frames of layers. Each layer uses the method's fastest way to paint one frame or a few."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from workers.previews.model import LayerSources
 from workers.previews.warm import WarmFrames
 
 LEAD_FRAMES = 2
-"""Frames before the wanted one that a causal method sees first, so that motion and memory count."""
+"""Number of earlier frames that a causal method processes first, so that motion and temporal filters have an effect."""
 KEY_REACH_FRAMES = 12
-"""Frames from a painted key in which a preview of one frame is painted from it; the film reaches further."""
+"""Maximum distance, in frames, of a painted key from which a single frame is previewed. The film has no such limit."""
 KEYS = "keys.image"
-"""The part of a layer that painted keys are."""
+"""Name of the layer part with painted keys."""
 REFERENCE_FRAMES = 24
 Artefacts = Mapping[str, Mapping[str, bytes]]
 
@@ -33,7 +33,7 @@ class LayerPainter:
     """Paints frames of one layer.
 
     Args:
-        artefacts: what is known of the video already: artefact -> file by path.
+        artefacts: earlier results for the video: artefact -> path -> file.
     """
 
     def __init__(
@@ -45,8 +45,8 @@ class LayerPainter:
         self._kinds = {spec.name: spec.kind for spec in self._method.inputs}
 
     def frame(self, number: int, side_px: int) -> Frame:
-        """Frame `number`, scaled to fit, painted: by the method's own preview, by its plan from the nearest painted key
-        to this frame, by its stream, or by its plan over this frame alone."""
+        """Frame `number`, scaled to fit and painted: by the method's preview function, by its plan from the nearest
+        painted key to this frame, by its stream, or by its plan over this frame alone."""
         total = self._frames.info(self._layer.video).frames
         number = min(number, total - 1)
         lead = self._frames.frames(self._layer.video, number - LEAD_FRAMES, number + 1, side_px)
@@ -62,8 +62,8 @@ class LayerPainter:
         return next(painted(self._method, params, self._layer.seed, lead[-1:], inputs, self._check))[1]
 
     def frames(self, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
-        """Frames [start, stop), each as soon as it is painted. A causal method goes on from one to the next; of any
-        other, the plan runs over these frames."""
+        """Yield frames [start, stop), each as soon as it is painted. A causal method continues from frame to frame; any
+        other method runs its plan over these frames."""
         stop = min(stop, self._frames.info(self._layer.video).frames)
         probe = self._frames.frames(self._layer.video, start, start + 1, side_px)
         if self._documents() and type(self._method).preview is not Method.preview:
@@ -80,7 +80,7 @@ class LayerPainter:
         """Frames [start, stop) by the method's plan over them, with the drawings of these frames.
 
         Args:
-            images: instead of the layer's own: input -> frame number -> drawing, of any size.
+            images: input -> frame number -> drawing, of any size; they replace drawings of the layer.
         """
         video = self._frames.frames(self._layer.video, start, stop, side_px)
         inputs = self._files(start, stop, self._scale(video[0]))
@@ -149,7 +149,7 @@ class LayerPainter:
         return float(max(frame.shape) / max(info.width, info.height))
 
     def _files(self, start: int, stop: int, scale: float) -> Json:
-        """The inputs that are files, scaled as the video is: strokes keep their size relative to the picture."""
+        """The inputs that are files, scaled like the video, so that strokes keep their size relative to the picture."""
         found: Json = {}
         for name, key in self._layer.files.items():
             if self._kinds[name] in ("image", "image-or-video"):
@@ -173,7 +173,8 @@ class LayerPainter:
 
 
 def resized(image: AnyArray, size: tuple[int, int]) -> AnyArray:
-    """A drawing at (width, height): colours are averaged; gray values (labels, masks) are the nearest pixel's."""
+    """A drawing at (width, height). Colours are averaged; gray values (labels, masks) are those of the nearest
+    pixel."""
     if (image.shape[1], image.shape[0]) == size:
         return image
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_NEAREST if image.ndim == 2 else cv2.INTER_AREA))
@@ -182,7 +183,7 @@ def resized(image: AnyArray, size: tuple[int, int]) -> AnyArray:
 def composited(
     painted: Sequence[Frame], layers: Sequence[LayerSources], frames: WarmFrames, number: int, side_px: int
 ) -> Frame:
-    """The layers' pictures of a frame laid over each other, from back to front, the backmost over the video."""
+    """Composite the layers' pictures of a frame from back to front over the video."""
     covered = covers(layers[0].opacity, layers[0].blend, layers[0].matte is not None)
     out = None if covered else frames.frame(layers[0].below, number, side_px)
     for picture, layer in zip(painted, layers, strict=True):

@@ -1,4 +1,4 @@
-"""Propagators of painted keys, kept warm: one for each shot of a project, method, parameters and size."""
+"""A cache of propagators of painted keys: one for each combination of shot, method, parameters and size."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _EMPTY_BYTES = 1 << 10
 
 @dataclass(frozen=True)
 class _WarmPropagator:
-    """A propagator that is kept; None where the method has none."""
+    """A cached propagator; None if the method has none."""
 
     propagator: KeyPropagator | None
     turn: threading.Lock = field(default_factory=threading.Lock)
@@ -33,7 +33,7 @@ class _WarmPropagator:
 
 
 class ProxyFrames(Sequence[Frame]):
-    """Frames of a video scaled to fit `side_px`, each decoded when it is asked for."""
+    """Frames of a video scaled to fit `side_px`, each decoded on access."""
 
     def __init__(self, frames: WarmFrames, video: str, side_px: int) -> None:
         self._frames, self._video, self._side_px = frames, video, side_px
@@ -53,9 +53,9 @@ class ProxyFrames(Sequence[Frame]):
 
 @contextmanager
 def propagator_of(context: PreviewContext, layer: LayerSources, side_px: int) -> Iterator[KeyPropagator | None]:
-    """The layer's propagator, for this caller alone until the block ends; None if the method has none.
+    """The layer's propagator, for exclusive use until the block ends; None if the method has none.
 
-    Raises: what the context's check raises, while another call is under way.
+    Raises: the errors of the context's check, while another call uses the propagator.
     """
     name = _name(context, layer, side_px)
     warm = context.cache.get(name, lambda: _made(context, layer, side_px), lambda made: made.size_bytes)

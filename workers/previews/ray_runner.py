@@ -1,11 +1,11 @@
-"""Previews on a Ray cluster: warm state in actors, so that it takes neither memory nor processor time of the service.
+"""Previews on a Ray cluster, whose actors cache the state and do the work instead of the service.
 
-A project is assigned to one actor, where its frames, motion and labels stay warm. Each project gets an actor of its
-own while there are fewer than `most`; after that, it joins the actor with the fewest projects. One warm actor without
-a project is kept for the next one. An actor whose projects were all silent for `idle_s` ends.
+A project is assigned to one actor, which caches its frames, motion and labels. A project gets a new actor while there
+are fewer than `most`; otherwise it shares the actor with the fewest projects. One actor without a project is kept ready
+for the next project. An actor ends when its projects have sent no query for `idle_s`.
 
-If an actor dies, its projects go to other actors and the queries under way are asked again there: equal queries give
-equal records, so those that the client has already are skipped. Warm state is lost and made again.
+If an actor dies, its projects are assigned to other actors, where queries in progress are repeated. Equal queries give
+equal records, so those that the client has received are skipped. The cached state is lost and computed again.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from workers.previews.model import Overtaken, PreviewQuery, Record
 log = logging.getLogger(__name__)
 
 CHECK_S = 0.02
-"""Interval of the check whether an answer is still wanted, seconds."""
+"""Interval of checks whether an answer is still needed, seconds."""
 LOSSES = 2
-"""Actors that may die of one query, before the query fails."""
+"""Number of actors that may die during one query before the query fails."""
 STATE_S = 2.0
 """An actor that does not report its state within this time counts without its bytes."""
 
@@ -53,10 +53,10 @@ class PreviewActors:
     """Number, size and lifetime of the preview actors.
 
     Attributes:
-        most: actors at once.
-        limit_bytes: of the warm state of all actors together; each has an equal part.
-        threads: records made at once by an actor.
-        idle_s: a project without a query for this long leaves its actor.
+        most: maximum number of actors.
+        limit_bytes: maximum size of the cached state of all actors together; each has an equal part.
+        threads: number of records that an actor makes at once.
+        idle_s: time without a query after which a project is removed from its actor, seconds.
         warms_up: whether a new actor loads the kernels of all methods before they are needed.
     """
 
@@ -73,17 +73,17 @@ class _PreviewWorker:
 
     actor: Actor
     projects: OrderedDict[str, float] = field(default_factory=OrderedDict)
-    """Project -> monotonic s of its newest query, the longest silent first."""
+    """Project -> time of its newest query, monotonic s; the oldest first."""
     running: int = 0
-    """Queries under way."""
+    """Number of queries in progress."""
 
 
 class RayRunner:
     """A `PreviewRunner` over actors. Thread-safe.
 
     Args:
-        blobs: pickled to the actors; on several machines its folder must be shared by them.
-        make_engine: makes an actor's engine, within the bytes that it is given; None: a PreviewEngine over `blobs`.
+        blobs: pickled to the actors; several machines must share its folder.
+        make_engine: makes an actor's engine with the given limit of bytes; None: a PreviewEngine over `blobs`.
     """
 
     def __init__(
@@ -100,14 +100,14 @@ class RayRunner:
         self._watch = threading.Thread(target=self._end_idle, name="impasto-preview-actors", daemon=True)
 
     def start(self) -> None:
-        """Start the first actor. Ray must be connected: the pool starts first."""
+        """Start the first actor. Ray must be connected, so start the pool first."""
         with self._lock:
             self._keep_spare()
         self._watch.start()
 
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
-        """The answer, as `PreviewEngine.run` gives it. Raises PreviewLost, if the query ends every actor it is given
-        to."""
+        """The answer, as from `PreviewEngine.run`. Raises PreviewLost if several actors in a row died during the
+        query."""
         sent = 0
         for _ in range(1 + LOSSES):
             worker = self._enter(query.project)
@@ -133,7 +133,7 @@ class RayRunner:
         )
 
     def _records(self, actor: Actor, query: PreviewQuery, check: Check) -> Iterator[Record]:
-        """The records of one actor. Raises what the query's error is, what `check` raises, RayError."""
+        """The records of one actor. Raises the query's error, those of `check`, and RayError."""
         run_id = next(self._ids)
         given: PreviewQuery | None = query
         try:
@@ -147,7 +147,7 @@ class RayRunner:
             actor.end.remote(run_id)
 
     def _enter(self, project: str) -> _PreviewWorker:
-        """The project's actor, with one query more."""
+        """The project's actor, with its number of queries increased by one."""
         with self._lock:
             worker = next((worker for worker in self._workers if project in worker.projects), None) or self._assigned()
             worker.projects[project] = time.monotonic()
@@ -164,7 +164,7 @@ class RayRunner:
         return min(self._workers, key=lambda worker: len(worker.projects))
 
     def _keep_spare(self) -> None:
-        """Start an actor if none is without a project and another may be."""
+        """Start an actor if each has a project and another one is allowed."""
         if self._stopped.is_set() or len(self._workers) >= self._limits.most:
             return
         if all(worker.projects for worker in self._workers):
@@ -188,7 +188,8 @@ class RayRunner:
                 ray.kill(worker.actor)
 
     def _without_use(self) -> list[_PreviewWorker]:
-        """Actors whose last project has become silent. They are taken off the list, and a spare one replaces them."""
+        """Remove and return the actors whose projects have sent no query for `idle_s`. A spare actor is started if
+        there is none."""
         before = time.monotonic() - self._limits.idle_s
         with self._lock:
             idle = []
@@ -220,12 +221,12 @@ class RayRunner:
 
 
 def _awaited(ref: ObjectRef, check: Check) -> Record | None:
-    """The answer of an actor. Raises what `check` raises meanwhile, and the actor's own errors."""
+    """The answer of an actor. Raises the errors of `check`, which is called meanwhile, and of the actor."""
     while not ray.wait([ref], num_returns=1, timeout=CHECK_S)[0]:
         check()
     try:
         return cast("Record | None", ray.get(ref))
-    except RayTaskError as error:  # the actor lives; our own code has raised
+    except RayTaskError as error:  # the actor is alive; our own code has raised the error
         raise error.cause or error from None
 
 

@@ -15,9 +15,9 @@ from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 
 _FORGET = 10_000
-"""Clients and channels that are remembered: beyond that, the longest silent are forgotten."""
-TURN_S = 0.02
-"""Interval at which those that wait look for a free slot, seconds."""
+"""Maximum number of clients and channels that are tracked; beyond it, those with the oldest query are dropped."""
+SLOT_POLL_S = 0.02
+"""Interval at which waiting previews check for a free slot, seconds."""
 
 
 class PreviewRunner(Protocol):
@@ -28,11 +28,11 @@ class PreviewRunner(Protocol):
         ...
 
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
-        """The answer, record by record. `check` raises once it is not wanted any more."""
+        """Yield the records of the answer. `check` raises an error once they are no longer needed."""
         ...
 
     def state(self) -> Json:
-        """Bytes that are kept, their limit, restarts so far, where it runs."""
+        """Cached bytes, their limit, number of restarts, and the place where previews are computed."""
         ...
 
     def close(self) -> None: ...
@@ -40,13 +40,13 @@ class PreviewRunner(Protocol):
 
 @dataclass
 class _Ticket:
-    """One query under way."""
+    """A query in progress."""
 
     query: PreviewQuery
     by: int | None = None
-    """The later query that has overtaken it."""
+    """`seq` of the later query that has cancelled it; None: none has."""
     left: threading.Event = field(default_factory=threading.Event)
-    """Set when the client has gone."""
+    """Set when the client has disconnected."""
     has_slot: bool = False
 
     def check(self) -> None:
@@ -57,8 +57,8 @@ class _Ticket:
 
 
 class PreviewRun:
-    """An answer under way: iterate over it, and close it. To iterate waits in this thread for a slot; who must not wait
-    there asks `ready` before."""
+    """An answer in progress: iterate over it, and close it. Iterating waits in this thread for a slot; a caller that
+    must not wait calls `ready` first."""
 
     def __init__(self, service: PreviewService, ticket: _Ticket) -> None:
         self._service, self._ticket = service, ticket
@@ -68,11 +68,11 @@ class PreviewRun:
         return self._service.take_slot(self._ticket)
 
     def cancel(self) -> None:
-        """Stop soon: the answer is not wanted any more."""
+        """Stop soon, because the answer is no longer needed."""
         self._ticket.left.set()
 
     def close(self) -> None:
-        """Give the slot back, also where no record was asked for."""
+        """Return the slot, also if no record was requested."""
         self._service.leave_slot(self._ticket)
 
     def __iter__(self) -> Iterator[Record]:
@@ -80,11 +80,11 @@ class PreviewRun:
 
 
 class PreviewService:
-    """Thread-safe.
+    """Runs preview queries and cancels those that a later query replaces. Thread-safe.
 
     Args:
         runner: makes the previews.
-        slots: previews made at once; others wait for their turn, and are gone if they are overtaken meanwhile.
+        slots: number of previews that are made at once. Others wait, and end if a later query cancels them meanwhile.
     """
 
     def __init__(self, runner: PreviewRunner, slots: int) -> None:
@@ -99,7 +99,7 @@ class PreviewService:
         self._runner.start()
 
     def start(self, query: PreviewQuery) -> PreviewRun:
-        """Begin a query; it overtakes earlier ones, or is overtaken at once if a later one has come already."""
+        """Start a query. It cancels earlier ones, or is cancelled at once if a later one has already arrived."""
         ticket, name = _Ticket(query), (query.project, query.client, query.channel)
         with self._lock:
             before = self._latest.pop(name, None)
@@ -115,10 +115,10 @@ class PreviewService:
         return PreviewRun(self, ticket)
 
     def frame(self, subject: str, side_px: int, options: Json) -> bytes:
-        """One frame of a job that is not submitted, PNG; nothing overtakes it.
+        """One frame of a job that is not submitted, PNG. No other query cancels it.
 
         Args:
-            subject: what the warm state belongs to: with Ray, previews of one subject are made in one actor.
+            subject: key of the cached state: with Ray, previews of one subject are made in one actor.
             options: arguments of `workers.execution.preview.Previews.png`.
         """
         query = PreviewQuery(SINGLE, subject, f"{SINGLE}-{next(self._singles)}", SINGLE, 0, (), side_px, options)
@@ -126,9 +126,9 @@ class PreviewService:
         return found
 
     def answer(self, ticket: _Ticket) -> Iterator[Record]:
-        """The records of a query. Raises what is wrong with it."""
+        """Yield the records of a query. Raises ImpastoError if the query is invalid."""
         while not self.take_slot(ticket):
-            time.sleep(TURN_S)
+            time.sleep(SLOT_POLL_S)
         try:
             if ticket.by is not None:
                 yield Record({"type": "begin", "seq": ticket.query.seq})
@@ -140,7 +140,8 @@ class PreviewService:
             self.leave_slot(ticket)
 
     def take_slot(self, ticket: _Ticket) -> bool:
-        """Whether the ticket need not wait: it has a slot now, or its answer is no longer wanted."""
+        """Take a slot if one is free. Returns whether the ticket need not wait: it has a slot, or its answer is no
+        longer needed."""
         with self._lock:
             if not ticket.has_slot and ticket.by is None and not ticket.left.is_set():
                 ticket.has_slot = self._slots.acquire(blocking=False)
@@ -148,7 +149,7 @@ class PreviewService:
         return True
 
     def leave_slot(self, ticket: _Ticket) -> None:
-        """Give the ticket's slot back, if it has one."""
+        """Return the ticket's slot, if it has one."""
         with self._lock:
             if ticket.has_slot:
                 self._slots.release()

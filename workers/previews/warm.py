@@ -18,13 +18,14 @@ from workers.execution.decoders import Decoders
 from workers.previews.byte_cache import ByteCache
 
 _AHEAD = 4
-"""Frames decoded beyond those asked for: people step forwards."""
+"""Number of frames decoded in advance, because users often step forwards."""
 
 
 class WarmFrames:
     """Frames of videos by blob key. Thread-safe.
 
-    Arrays are copies: kernels compiled for writable arrays are used, and nobody changes what is kept.
+    Arrays are returned as copies, so that callers cannot change the cache, and so that kernels compiled for writable
+    arrays are used.
     """
 
     def __init__(self, blobs: Blobs, cache: ByteCache) -> None:
@@ -35,7 +36,7 @@ class WarmFrames:
         self._decoders.close()
 
     def info(self, key: str) -> VideoInfo:
-        """Size at full resolution, frame count, pace."""
+        """Size at full resolution, frame count, frame rate."""
 
         def probe() -> VideoInfo:
             with self._decoders.reader(key) as reader:
@@ -45,7 +46,7 @@ class WarmFrames:
         return self._cache.get(("info", key), probe, lambda _: 200)
 
     def frames(self, key: str, start: int, stop: int, side_px: int) -> list[Frame]:
-        """Frames [start, stop), those that there are, scaled to fit `side_px`; never enlarged."""
+        """Frames [start, stop), as far as they exist, scaled to fit `side_px`; never enlarged."""
         start, stop = max(0, start), min(stop, self.info(key).frames)
         wanted = range(start, stop)
         found = {index: self._cache.peek((key, side_px, index)) for index in wanted}
@@ -56,12 +57,12 @@ class WarmFrames:
         return [found[index].copy() for index in wanted if found[index] is not None]
 
     def frame(self, key: str, index: int, side_px: int) -> Frame:
-        """Frame `index`; of a shorter video, its last."""
+        """Frame `index`, or the last one of a shorter video."""
         index = min(max(index, 0), self.info(key).frames - 1)
         return self.frames(key, index, index + 1, side_px)[0]
 
     def full(self, key: str, index: int) -> Frame:
-        """A frame at full resolution, which is not kept."""
+        """A frame at full resolution, which is not cached."""
         index = min(max(index, 0), self.info(key).frames - 1)
         with self._decoders.reader(key, index) as reader:
             return next(reader.read(index, index + 1))
@@ -72,7 +73,7 @@ class WarmFrames:
             yield from reader.read(start, stop)
 
     def image(self, source: str | bytes, field: str) -> AnyArray:
-        """A drawing as it is stored, 8 or 16 bit, alpha kept. `source`: blob key, or the file's bytes."""
+        """A drawing as stored, 8 or 16 bit, with alpha. `source`: blob key, or the file's bytes."""
         data = source if isinstance(source, bytes) else self._blobs.get(source)
         return guarded_raw(data, field)
 

@@ -1,1 +1,1 @@
-"""The process that everything runs in: its descriptors, memory, start and log."""
+"""Settings of the process itself: descriptors, memory, start and logs."""

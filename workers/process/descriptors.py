@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 
 MAX_DESCRIPTORS = 65_536
-"""The limit is not raised beyond this: some libraries loop over all possible descriptors."""
+"""Maximum to which the limit is raised, because some libraries loop over all possible descriptors."""
 
 
 def raise_descriptor_limit() -> int:

@@ -1,9 +1,9 @@
-"""Memory that a process has freed goes back to the operating system.
+"""Returns the memory that a process has freed to the operating system.
 
-The C library keeps freed memory for later allocations, in up to eight arenas per processor. A thread uses one arena,
-and each piece of work has threads of its own, so that free memory collects in all arenas: in a service under mixed load
-it grew from 45 to 95 MiB in six minutes while the memory in use stayed the same. `malloc_trim` returns the free pages;
-a page with one block in use stays. Fewer arenas have fewer such pages.
+The C library keeps freed memory for later allocations, in up to eight arenas per processor. Each thread uses one arena,
+and most work runs in new threads, so that free memory accumulates in all arenas: in a service under mixed load it grew
+from 45 to 95 MiB in six minutes while the memory in use stayed constant. `malloc_trim` returns free pages, but not
+pages with a block in use, of which fewer arenas have fewer.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ _M_ARENA_MAX = -8
 
 
 def limit_free_memory(every_s: float = EVERY_S) -> None:
-    """Call it early in a process, before its threads: from now on there is at most one arena per processor, two at
-    least, and free pages of all arenas are returned every `every_s` seconds. Nothing where the C library is not glibc.
+    """Limit the number of arenas to that of processors (at least two), and return the free pages of all arenas every
+    `every_s` seconds. Call it early in a process, before threads start. Does nothing if the C library is not glibc.
     """
     if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         mallopt(_M_ARENA_MAX, max(2, os.cpu_count() or 1))

@@ -1,4 +1,4 @@
-"""The context of log lines: job, task, attempt, request. Set for a block of code, or passed with one line."""
+"""The context of log lines (job, task, attempt, request), set for a block of code or passed with one line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def here() -> LogContext:
 
 
 def of(record: object) -> LogContext:
-    """The context of a record: what was passed with it, then the current context. Call it in the thread that logged."""
+    """The context of a record: the fields passed with it, then the current context. Call it in the thread that
+    logged."""
     return {**here(), **getattr(record, _KEY, {})}
 
 

@@ -1,4 +1,4 @@
-"""Logs: those of a process on stderr, as text or JSON lines; those of an attempt, stored with it."""
+"""Logs of a process on stderr, as text or JSON lines, and logs of attempts, which are stored with them."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _TRACE_CHARS = 20_000
 
 
 def set_up_logs(settings: FarmSettings) -> logging.Handler:
-    """Log to stderr as the settings say, by the handler that is returned. Called at a process's entry; a second call
-    replaces the first."""
+    """Log to stderr according to the settings; returns the handler. Call it at a process's entry; a second call
+    replaces the handler."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines() if settings.log_format == "json" else TextLines())
     handler.setLevel(settings.log_level.upper())

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 WARM_UP_THREAD = "impasto-warm-up"
-"""Name of the thread that loads kernels beside the start."""
+"""Name of the thread that loads kernels while the process starts."""
 
 
 @contextmanager

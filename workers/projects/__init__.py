@@ -1,1 +1,1 @@
-"""Projects: the document that an artist edits, its checks, and the jobs that it stands for. No database, no HTTP."""
+"""Projects: the document that an artist edits, its checks, and the jobs that it describes. No database, no HTTP."""

@@ -3,7 +3,7 @@
     project.json            {"format": 1, "document": {...}, "assets": {id: {"file": "assets/...", "filename": ...}}}
     assets/<sha256>         bytes as uploaded
 
-The same document gives the same bytes. A zip from elsewhere is checked before a byte of it is unpacked.
+The same document gives the same bytes. An imported zip is checked before any of it is unpacked.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def write_archive(
     """Write the archive.
 
     Args:
-        assets: by id; those that the document names and the owner holds.
+        assets: id -> asset, for those that the document names and the owner has.
         read: the bytes of an asset, in pieces, by its id.
     """
     packed = {key: {"file": f"assets/{found.sha256}", "filename": found.filename} for key, found in assets.items()}
@@ -81,7 +81,7 @@ class ProjectArchive:
         return self.manifest.document
 
     def extract(self, asset_id: str, path: Path) -> str:
-        """Write an asset's bytes at `path`; the file name that it had. Raises UnreadableMedia."""
+        """Write an asset's bytes to `path`; returns its file name. Raises UnreadableMedia."""
         packed = self.manifest.assets[asset_id]
         try:
             with self._archive.open(packed.file) as source, path.open("wb") as target:
@@ -96,10 +96,10 @@ def open_project(path: Path, limit_bytes: int) -> Iterator[ProjectArchive]:
     """The project in a zip file.
 
     Args:
-        limit_bytes: that it may unpack to.
+        limit_bytes: maximum size of the unpacked archive.
 
     Raises:
-        UnreadableMedia: it is no such archive, is damaged, lacks an asset, or unpacks to more bytes.
+        UnreadableMedia: the file is no such archive, is damaged, lacks an asset, or is too large when unpacked.
     """
     try:
         archive = zipfile.ZipFile(path)
@@ -133,7 +133,7 @@ def _manifest(archive: zipfile.ZipFile, limit_bytes: int) -> Manifest:
 
 
 def _copy(source: IO[bytes], target: BinaryIO, size_bytes: int) -> None:
-    """Copy what the entry's header announces; a damaged entry may hold more."""
+    """Copy the number of bytes that the entry's header announces; a damaged entry may contain more."""
     left = size_bytes
     while left > 0 and (piece := source.read(min(_COPY_BYTES, left))):
         target.write(piece)

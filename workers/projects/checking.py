@@ -22,7 +22,7 @@ def problems(
     """Every problem of the selected shots.
 
     Args:
-        assets: the assets that there are, by id: those of `document.asset_ids` that the owner holds.
+        assets: id -> asset, for those of `document.asset_ids` that the owner has.
     """
     try:
         chosen = picks(document, selection)
@@ -40,7 +40,9 @@ def shot_problems(
     """Problems of some layers of one shot, as previews see them.
 
     Args:
-        shot: with those layers only; `index`: its number in the document; `layers`: theirs in the shot.
+        shot: the shot with only these layers.
+        index: the shot's number in the document.
+        layers: the layers' numbers in the shot.
     """
     path: Path = ("shots", index)
     pick = Pick(shot, path, tuple((*path, "layers", k) for k in layers))
@@ -48,7 +50,7 @@ def shot_problems(
 
 
 class _Check:
-    """Checks one shot. `jobs`: also what only matters to jobs."""
+    """Checks one shot. `jobs`: whether to include problems that matter only to jobs."""
 
     def __init__(
         self, document: Document, assets: Mapping[str, Asset], selection: Selection, pick: Pick, jobs: bool = True
@@ -146,7 +148,7 @@ class _Check:
                         remedy=f"Make it {wanted}.")  # fmt: skip
 
     def _beside(self, asset: Asset | None, path: Path, video: Asset | None) -> Iterator[DocumentFault]:
-        """A video that goes frame by frame with the shot's."""
+        """A video whose frames correspond to those of the shot's video."""
         if asset is None or video is None:
             return
         count, own = self._count(video), self._count(asset)

@@ -1,11 +1,11 @@
-"""How the time of a job grows with its frames and their size, fitted to a few measured jobs.
+"""A model of a job's time by number and size of frames, fitted to a few measured jobs.
 
     seconds  =  c (s + frames) (pixels / 10^6)^g
 
-The model has three unknowns and there are often only one or two jobs, whose times differ with the content of the video
-and with whatever else the machine was doing. So the exponent g and the start-up term s have expected values, which the
-jobs change the more, the more they are spread over frame sizes and lengths: the maximum a posteriori estimate with
-normally distributed logarithms.
+The model has three unknowns, and often there are only one or two jobs, whose times also depend on the content of the
+video and on the load of the machine. Therefore the exponent g and the start-up term s have prior expected values. The
+more the jobs vary in frame size and length, the more they change these values: it is the maximum a posteriori estimate
+with normally distributed logarithms.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from math import exp, log
 from typing import NamedTuple
 
 NOISE = 0.3
-"""Standard deviation of the logarithm of a job's time about the model: content of the video, load of the machine."""
+"""Standard deviation of the logarithm of a job's time from the model, due to the video's content and the machine's
+load."""
 GROWTH_SPREAD = 0.3
-"""Standard deviation of the exponent of the growth with pixels about the method's own."""
+"""Standard deviation of the exponent g from the method's own value."""
 GROWTHS = tuple(step / 20 for step in range(31))
 STARTS, START_SPREAD = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0), 1.0
 """Start-up terms that are tried, as numbers of frames, and the standard deviation of the logarithm of 1 + s."""
@@ -42,7 +43,7 @@ class CostModel:
     growth: float
 
     def of(self, work: Work) -> float:
-        """Seconds that the work takes."""
+        """Time that the work takes, seconds."""
         return exp(self.level + _shape(work, self.start, self.growth))
 
 
@@ -67,11 +68,11 @@ def _misfit(measured: Sequence[tuple[Work, float]], model: CostModel) -> float:
 
 
 def _with(measured: Sequence[tuple[Work, float]], start: float, growth: float) -> CostModel:
-    """The model with this start-up term and exponent whose level fits best."""
+    """The model with this start-up term and exponent, and the factor c that fits best."""
     differences = [log(max(seconds, 1e-6)) - _shape(work, start, growth) for work, seconds in measured]
     return CostModel(sum(differences) / len(differences), start, growth)
 
 
 def _shape(work: Work, start: float, growth: float) -> float:
-    """Logarithm of the time but for the level."""
+    """Logarithm of the time without the factor c."""
     return log(start + work.frames) + growth * log(work.pixels / 1e6)

@@ -1,9 +1,9 @@
-"""The project document, schema 1: assets, shots, layers and what was drawn on them, variants, output. JSON.
+"""The project document, schema 1, in JSON: assets, shots, layers with their drawings, variants, output.
 
-Frame numbers count the frames of the shot's video from 0, also where `range` takes only a piece of it. The parts of a
-layer (keys, regions, scribbles, ...) are named for what an artist does; `InputSpec.part` says which of them a method
-takes as which input. Parts that the layer's method does not take are kept and not used, so that changing the method
-loses nothing. Members named `ui` belong to the page.
+Frame numbers count the frames of the shot's video from 0, even if `range` selects only a piece of it. The parts of a
+layer (keys, regions, scribbles, ...) have the artist's terms; `InputSpec.part` maps them to inputs of a method. Parts
+that the layer's method does not use are kept, so that changing the method loses nothing. Members named `ui` belong to
+the page.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Part(BaseModel):
 
 
 class AssetRef(Part):
-    """An uploaded file under a name of the document."""
+    """An uploaded file with a name for use in the document."""
 
     id: str = Field(pattern=r"^ast_[0-9a-f]{64}$")
     title: Title = ""
@@ -82,7 +82,7 @@ class LabelMap(Drawing):
 
 
 class PaintedKey(Part):
-    """A frame as the artist wants it. Transparent pixels, or black ones of the mask, are left to the method."""
+    """A frame painted by the artist. Pixels that are transparent, or black in the mask, are painted by the method."""
 
     frame: FrameNumber
     image: AssetName
@@ -92,7 +92,7 @@ class PaintedKey(Part):
 
 
 class Layer(Part):
-    """One method at work on a shot, and how its picture is laid over what is below: other layers, or the video."""
+    """A method applied to a shot, and the compositing of its picture over the layers below, or over the video."""
 
     id: Id
     name: Title = ""
@@ -153,7 +153,7 @@ class Shot(Part):
 
 
 class Variant(Part):
-    """A layer with changes that the artist keeps beside it."""
+    """An alternative version of a layer."""
 
     id: Id
     name: Title = ""

@@ -16,14 +16,14 @@ from workers.projects.cost_fit import Work, fitted
 from workers.scheduling.planning import video_info
 
 SAMPLES = 20
-"""Finished jobs that are looked at, the newest first."""
+"""Maximum number of finished jobs that are considered, the newest first."""
 NEAREST = 5
-"""Jobs of these that count: those whose frames and length are most alike."""
+"""Maximum number of these jobs that are used: those with the most similar frame size and length."""
 ALIKE_PIXELS, ALIKE_WORK = 8.0, 16.0
 """Jobs whose frames have more than this many times more or fewer pixels, or that have more than this many times more or
 less work (frames times pixels), are not used: the time of a small job is mostly start-up."""
 STARTED_S = 1.0
-"""CPU seconds of a job that do not depend on its length, where no job was measured: plans, opening of files, the last
+"""CPU seconds of a job that do not depend on its length, if no job was measured: plans, opening of files, the last
 step."""
 BYTES_PER_PIXEL = {"mp4": 0.05, "webm": 0.05, "png": 1.5, "gif": 0.5}
 """Bytes per pixel of a frame in the result, by format. While a job runs, its segments and its result both exist."""
@@ -36,9 +36,10 @@ class Estimate:
     """Estimated cost of a job once it has begun.
 
     Attributes:
-        frames: that it paints; None: unknown.
+        frames: number of frames that it paints; None: unknown.
         seconds: wall time; None: unknown.
-        samples: number of finished jobs behind the figures; 0: the method's own figures, measured on one core.
+        samples: number of finished jobs on which the figures are based; 0: the method's own figures, measured on one
+            core.
         cpu_s: CPU time of all tasks, seconds.
         memory_bytes: largest memory of a task's process.
         disk_bytes: largest size of its files while it runs.
@@ -67,7 +68,7 @@ class MeasuredJob:
 
 
 def parts(request: JobRequest) -> list[JobRequest]:
-    """The requests whose times add up to that of this one: its layers', if it has several."""
+    """The requests whose times add up to the time of this one: one for each layer, if it has several."""
     if request.method != LAYERS:
         return [request]
     rows = request.params["layers"]
@@ -75,7 +76,7 @@ def parts(request: JobRequest) -> list[JobRequest]:
 
 
 def summed(estimates: Sequence[Estimate]) -> Estimate:
-    """The estimate of a job from those of its parts; unknown if one is."""
+    """The estimate of a job from the estimates of its parts; unknown if one of them is unknown."""
     first = estimates[0]
     return Estimate(
         first.frames, _total([e.seconds for e in estimates]), min(e.samples for e in estimates),
@@ -95,7 +96,7 @@ def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str],
 
     Args:
         finished: jobs of the same method that succeeded, the newest first.
-        find: the asset of an id. Raises NotFound.
+        find: returns the asset of an id. Raises NotFound.
     """
     try:
         info = find(request.inputs["video"]).info
@@ -112,8 +113,8 @@ def estimate_from(request: JobRequest, info: Json, history: Sequence[MeasuredJob
     are the method's own (`Method.cpu_s_per_megapixel`, `Method.resources`).
 
     Args:
-        info: of the job's video.
-        history: of the same method.
+        info: facts of the job's video.
+        history: measured jobs of the same method.
     """
     info = window_info(info, request.frames)
     frames, pixels = _size(info)
@@ -159,7 +160,7 @@ def _measured(job: Job, find: Callable[[str], Asset]) -> MeasuredJob | None:
     if not frames or not pixels or not job.started_at or not job.finished_at:
         return None
     if any(step.reused for step in job.steps):
-        return None  # it computed only what had changed
+        return None  # it computed only the tasks whose inputs had changed
     return MeasuredJob(
         job.request.params, frames, pixels, job.finished_at - job.started_at, sum(step.cpu_s for step in job.steps),
         max((step.peak_bytes for step in job.steps), default=0),

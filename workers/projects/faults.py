@@ -1,4 +1,4 @@
-"""Faults of a project document: all of them at once, each with its place."""
+"""Faults of a project document, collected with their locations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def pointer(path: Path) -> str:
 
 
 def dotted(path: Path) -> str:
-    """The path as people write it: shots[0].layers[1].method."""
+    """The path in dotted notation: shots[0].layers[1].method."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".")
 
 
@@ -26,8 +26,8 @@ class DocumentFault:
     """One fault of a document.
 
     Attributes:
-        path: JSON Pointer to the member that is wrong.
-        field: the same place as people write it.
+        path: JSON Pointer to the faulty member.
+        field: the same location in dotted notation.
         code: stable, as in `pipeline.errors`.
         value: the member's value, shortened to 200 characters.
     """

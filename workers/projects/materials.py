@@ -18,7 +18,7 @@ from pipeline.video.writer import zip_entry
 
 @dataclass(frozen=True)
 class Uploaded:
-    """An asset as it is."""
+    """An uploaded asset."""
 
     asset_id: str
 

@@ -1,4 +1,4 @@
-"""The nouns of projects: project, version, job of a project. Plain data that the store keeps and the API shows."""
+"""Data types of projects: project, version, job of a project. The store keeps them, the API shows them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ProjectJob:
 
 
 class VersionMismatch(Conflict):
-    """Another version of the project is stored than the one that a change was made on; `stored` is its number."""
+    """The stored version is not the one that was changed; `stored` is its number."""
 
     code = "version-mismatch"
 

@@ -17,8 +17,8 @@ def parse_document(value: object) -> Document:
     """The document.
 
     Raises:
-        BadProject: unknown members, wrong types, numbers out of range, ids used twice, names of assets that are not in
-            `assets`; all of them.
+        BadProject: unknown members, wrong types, numbers out of range, repeated ids, names of assets that are not in
+        `assets`. It contains all faults.
     """
     try:
         document = Document.model_validate(value)

@@ -19,10 +19,10 @@ class BadPatch(BadInput):
 
 
 def patched(document: Json, operations: object) -> JsonValue:
-    """The document after the operations of a JSON Patch; all of them or none.
+    """The document after all operations of a JSON Patch.
 
     Raises:
-        BadPatch: an operation is malformed, its place is not there, or a test fails.
+        BadPatch: an operation is malformed, its location does not exist, or a test fails.
     """
     if not isinstance(operations, list) or len(operations) > MAX_OPERATIONS:
         raise BadPatch(
@@ -39,7 +39,8 @@ def patched(document: Json, operations: object) -> JsonValue:
 
 
 def merged(document: JsonValue, patch: JsonValue) -> JsonValue:
-    """The document after a JSON Merge Patch: objects are merged member by member, null removes, all else replaces."""
+    """The document after a JSON Merge Patch: objects are merged member by member, null removes a member, any other
+    value replaces it."""
     if not isinstance(patch, dict):
         return patch
     result = dict(document) if isinstance(document, dict) else {}

@@ -32,7 +32,7 @@ Sources = tuple[LayerSources, ...]
 
 @dataclass(frozen=True)
 class SubmittedShot:
-    """A job that a project's submission made, or found by its idempotency key."""
+    """A job that a submission created, or found by its idempotency key."""
 
     job: Submitted
     shot: str
@@ -44,7 +44,7 @@ class Projects:
     """Projects of a farm. Thread-safe.
 
     Args:
-        store: where they are kept.
+        store: keeps the projects.
         assets, jobs, files: of the same farm.
         reuse: finds the jobs whose results a new job may use, if they ended at most `reuse_s` ago.
         scratch: a folder for files while they are made; None: the system's.
@@ -90,7 +90,7 @@ class Projects:
         return self._store.versions(project_id, cursor, limit)
 
     def label(self, project_id: str, version: int, label: str) -> ProjectVersion:
-        """Name a version, which keeps it. Raises NotFound."""
+        """Name a version; named versions are kept. Raises NotFound."""
         return self._store.label(project_id, version, label)
 
     def delete(self, project_id: str) -> Project:
@@ -98,15 +98,15 @@ class Projects:
         return self._store.delete(project_id)
 
     def restore(self, project_id: str) -> Project:
-        """Take a deletion back. Raises NotFound once it is over."""
+        """Undo a deletion. Raises NotFound once the project has been deleted permanently."""
         return self._store.restore(project_id)
 
     def share_epoch(self, project_id: str) -> int:
-        """Links signed with an earlier epoch are void."""
+        """The share epoch; links signed with an earlier epoch are invalid."""
         return self._store.share_epoch(project_id)
 
     def end_shares(self, project_id: str) -> None:
-        """Void every link of the project."""
+        """Invalidate every link of the project."""
         self._store.end_shares(project_id)
 
     # -- jobs
@@ -116,7 +116,7 @@ class Projects:
         return problems(document, self.assets(document.asset_ids, owner), selection)
 
     def assets(self, asset_ids: Iterable[str], owner: str) -> dict[str, Asset]:
-        """Those of the assets that the owner holds, by id."""
+        """id -> asset, for those of the assets that the owner has."""
         found = {}
         for asset_id in asset_ids:
             try:
@@ -137,7 +137,7 @@ class Projects:
 
         Args:
             version: None: the newest.
-            idempotency_key: the same key and selection: the same jobs.
+            idempotency_key: the same key and selection return the same jobs.
             max_active: unfinished jobs that the owner may have; None: any number.
 
         Raises:
@@ -160,14 +160,14 @@ class Projects:
         return made
 
     def _base(self, project_id: str, one: Submission) -> str | None:
-        """The newest finished job of the same shot, whose results are used where nothing has changed; empty: there is
-        none; None: results are not reused."""
+        """Id of the newest finished job of the same shot, whose results are reused if nothing has changed; empty: none
+        exists; None: results are not reused."""
         if self._reuse_s <= 0:
             return None
         return self._reuse.base(project_id, one.shot, one.variant, one.method, one.frames, self._reuse_s) or ""
 
     def request(self, submission: Submission, owner: str, labels: dict[str, str] | None = None) -> JobRequest:
-        """The job of a submission, its inputs made to assets of `owner`."""
+        """Submit a job, with its inputs converted to assets of `owner`."""
         ids = {name: self._asset_id(material, owner) for name, material in submission.inputs.items()}
         return submission.request(ids, labels or {})
 
@@ -201,10 +201,10 @@ class Projects:
         """The layers that previews of a shot show: one layer, or all visible ones.
 
         Args:
-            value: a document of the project, perhaps not saved yet.
+            value: a document of the project, which may be unsaved.
 
         Raises:
-            BadProject: the document is not sound, or the layers have problems.
+            BadProject: the document is invalid, or the layers have problems.
             NotFound: there is no such shot or layer.
         """
         document = parse_document(value)
@@ -233,12 +233,12 @@ class Projects:
         """A new project of `owner` from an exported zip file.
 
         Args:
-            limit_bytes: that the archive may unpack to.
-            admit: called with the size of each asset before it is added; what it raises is raised.
+            limit_bytes: maximum size of the unpacked archive.
+            admit: called with the size of each asset before it is added; may raise an error to refuse it.
 
         Raises:
-            UnreadableMedia: the archive is not sound.
-            BadProject: the document in it is not.
+            UnreadableMedia: the archive is invalid.
+            BadProject: its document is invalid.
         """
         with open_project(path, limit_bytes) as archive:
             document = parse_document(archive.document)

@@ -1,4 +1,4 @@
-"""The jobs that a document stands for: one for each shot, or for each variant of a layer. Pure and deterministic."""
+"""The jobs that a document describes: one for each shot, or for each variant of a layer. Pure and deterministic."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Selection:
         shots: ids; None: all.
         variants: ids of variants, each a separate job; then `shots` is ignored.
         frames: a piece of every shot instead of its own range, frame numbers of its video.
-        output: instead of the document's.
+        output: output settings that replace the document's.
     """
 
     shots: Collection[str] | None = None
@@ -40,7 +40,7 @@ class Selection:
 
 @dataclass(frozen=True)
 class Submission:
-    """One job of a project, before its inputs are assets."""
+    """A job of a project whose inputs are not assets yet."""
 
     shot: str
     variant: str | None
@@ -56,7 +56,7 @@ class Submission:
     on_damage: str = WARN
 
     def request(self, ids: Mapping[str, str], labels: Mapping[str, str]) -> JobRequest:
-        """The job. `ids`: asset id of every input."""
+        """The job request. `ids`: asset id of every input."""
         return JobRequest(
             self.method, dict(ids), self.params, self.seed, self.output, self.priority, self.name, dict(labels),
             frames=self.frames, on_damage=self.on_damage,
@@ -77,7 +77,7 @@ def picks(document: Document, selection: Selection = Selection()) -> list[Pick]:
     """The shots, or variants of them, that are selected, in the document's order.
 
     Raises:
-        BadProject: an id that the document does not have, a variant that is no sound layer.
+        BadProject: an id that the document does not have, or a variant that is no valid layer.
     """
     if selection.variants:
         _known(selection.variants, [variant.id for variant in document.variants], "variants")
@@ -94,7 +94,7 @@ def picks(document: Document, selection: Selection = Selection()) -> list[Pick]:
 
 
 def submissions(document: Document, selection: Selection = Selection()) -> list[Submission]:
-    """The jobs. The document's problems (`checking.problems`) must be none.
+    """The jobs. The document must have no problems (`checking.problems`).
 
     Raises:
         BadProject: see `picks`.
@@ -126,14 +126,15 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
 
 
 def _film_name(document: Document, pick: Pick) -> str:
-    """The project's name; the shot's, if it has one or the project has several; and the variant's, if it is one."""
+    """Name of a job: the project's name, then the shot's (if it has a name, or the project has several shots) and the
+    variant's."""
     shot = pick.shot.name or (pick.shot.id if len(document.shots) > 1 else "")
     variant = next((one.name or one.id for one in document.variants if one.id == pick.variant), "")
     return ": ".join(part for part in (document.name, shot, variant) if part)[:200]
 
 
 def is_plain(layers: Sequence[Layer]) -> bool:
-    """Whether the visible layers are a single layer that hides the video, so that the job is one of its method."""
+    """Whether the only visible layer hides the video, so that the job can use the layer's method directly."""
     return len(layers) == 1 and layers[0].covers
 
 
@@ -201,13 +202,13 @@ def _material(document: Document, layer: Layer, spec: InputSpec, frames: tuple[i
 
 
 def images_of(layer: Layer, part: str) -> dict[int, str]:
-    """Frame -> asset name of a part of the layer, as "keys.mask"; drawings that have none are left out."""
+    """Frame -> asset name of a part of the layer, such as "keys.mask"; drawings without that asset are left out."""
     name, _, member = part.partition(".")
     return {item.frame: image for item in getattr(layer, name) if (image := getattr(item, member)) is not None}
 
 
 def parts_used(chosen: Method, layer: Layer) -> Iterator[tuple[InputSpec, dict[int, str]]]:
-    """The method's inputs that are images by frame, with those that the layer has."""
+    """The method's inputs that are images by frame, with the layer's images."""
     for spec in chosen.inputs:
         if spec.kind == "images" and spec.part and spec.name not in layer.inputs:
             yield spec, images_of(layer, spec.part)

@@ -1,6 +1,6 @@
-"""The dispatcher: one thread that plans steps, claims tasks for its pool, and brings their outcomes into the store.
+"""The dispatcher: one thread that plans steps, claims tasks for its pool, and writes their outcomes to the store.
 
-It keeps no state of its own that matters: after a crash at any instant, the next dispatcher continues from the store.
+It has no state that must survive: after a crash at any time, the next dispatcher continues from the store.
 While the store or the blobs are unreachable it retries with growing intervals, and keeps the outcomes that arrive.
 """
 
@@ -31,7 +31,7 @@ from workers.store import Claim, ClaimFailed, Heartbeat, Store
 log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
-"""Interval of writing progress and of looking for cancelled attempts, while something runs."""
+"""Interval of writing progress and of checking for cancelled attempts, while something runs."""
 _PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
 """(Seconds since the dispatcher was last idle, ticks between writes of progress). Frequent writes would cost a fast
 method several percent of its time."""
@@ -40,7 +40,7 @@ _IDLE_TICK_S = 1.0
 _FULL_TICK_S = 5.0
 """The same while every slot is occupied."""
 _CANCEL_CHECK_TICKS = 3
-"""Most ticks between two checks for attempts that another process has cancelled."""
+"""Maximum number of ticks between checks for attempts that another process has cancelled."""
 _MAX_BACK_OFF_S = 15.0
 _RESOURCE_AWAY_S = 3.0
 """Delay of a task after an unreachable store, a full disk or exhausted descriptors."""
@@ -53,9 +53,9 @@ class Dispatcher:
         store: jobs and tasks.
         pool: started and stopped by the dispatcher.
         settings: capacity, leases, limits.
-        check_space: raises StorageFull when nothing new should begin.
+        check_space: raises StorageFull if no new work should begin.
         collect: called with the id of a job that succeeded or was deleted, whose blobs can be removed. Quick.
-        who: name and version that operators see.
+        who: name and version, shown to operators.
     """
 
     def __init__(
@@ -94,19 +94,19 @@ class Dispatcher:
         self._last_renewal = self._progress_written = self._last_cancel_check = self._last_idle = float("-inf")
         self._last_tick = time.monotonic()
         self.trouble = ""
-        """Why it cannot work now; empty if it can."""
+        """Error that prevents it from working now; empty: none."""
 
     # -- start and stop
 
     def start(self, process_lock: ProcessLock) -> None:
-        """Start, with the jobs that an earlier dispatcher has left. `stop` releases `process_lock`."""
+        """Start, and continue the jobs of an earlier dispatcher. `stop` releases `process_lock`."""
         self._pool.start(self._receive)
         self._process_lock = process_lock
         self._last_tick = self._last_idle = time.monotonic()
         self._thread.start()
 
     def stop(self, grace_s: float = 5.0) -> None:
-        """Ask running attempts to stop, give their tasks back, and end."""
+        """Ask running attempts to stop, return their tasks to the queue, and end."""
         if self._process_lock is None:
             return
         self._stopping = True
@@ -157,8 +157,8 @@ class Dispatcher:
             self._last_tick = time.monotonic()
             try:
                 parts: list[Callable[[], None]] = [*self._running_parts]
-                rest_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
-                if woken or back_off or self._last_tick - searched >= rest_s:
+                interval_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
+                if woken or back_off or self._last_tick - searched >= interval_s:
                     parts += [self._plan, self._fill]
                     searched = self._last_tick
                 run_each(parts)
@@ -214,7 +214,7 @@ class Dispatcher:
     def _take(self, report: Report) -> None:
         flight = self._flights.get(report.attempt_id)
         if flight is None:
-            return  # given up already; the store would refuse it, too
+            return  # already given up; the store would refuse it, too
         flight.last_report_s = time.monotonic()
         if report.worker and report.worker != flight.worker:
             flight.worker, flight.reported = report.worker, False
@@ -230,7 +230,7 @@ class Dispatcher:
         """Write an outcome to the store. The attempt is forgotten here only after that has succeeded.
 
         An outcome that cannot be written (a NaN, an object that is not JSON) fails its attempt; if even that cannot be
-        written, the attempt is given back. So one outcome never delays the others.
+        written, the attempt is returned to the queue. So one outcome never delays the others.
         """
         try:
             counted = self._commit(outcome, flight.worker)
@@ -259,7 +259,8 @@ class Dispatcher:
         work, fault = self._store.queue, outcome.fault
         if outcome.cancelled and self._stopping:
             return work.put_off(outcome.attempt_id, 0.0, outcome.log)
-        if outcome.cancelled:  # an attempt that nobody stopped is at fault; that of a cancelled job is fenced
+        if outcome.cancelled:
+            # The method stopped by itself, which is its error. If the job was cancelled, the store refuses the outcome.
             fault = fault or Fault("cancelled", "The task stopped by itself.", "See the log of the task.")
         if fault is None:
             return work.finish(outcome, worker=worker)
@@ -309,7 +310,7 @@ class Dispatcher:
             self._slots = slots
 
     def _revoke(self) -> None:
-        """Tell the pool of attempts that no longer count (their job was cancelled), and of silent ones."""
+        """Cancel attempts in the pool that no longer count (their job was cancelled), and give up silent ones."""
         assert self._process_lock is not None
         now = time.monotonic()
         if not self._flights or now - self._last_cancel_check < _BUSY_TICK_S * min(self._pace(), _CANCEL_CHECK_TICKS):
@@ -375,7 +376,7 @@ class Dispatcher:
 
 
 def run_each(parts: Sequence[Callable[[], None]]) -> None:
-    """Call every part. An unexpected exception of one does not keep the others from their work; it is raised at the
+    """Call every part. An unexpected exception of one does not prevent the others from running; it is raised at the
     end. StorageError is raised at once, because without a store no part can work."""
     failed: list[Exception] = []
     for part in parts:

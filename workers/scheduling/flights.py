@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Flight:
-    """An attempt that is with the pool."""
+    """An attempt in the pool."""
 
     last_report_s: float
     """Time of its last report, monotonic s."""

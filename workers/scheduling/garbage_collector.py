@@ -30,11 +30,11 @@ class Removed:
     unfinished: int = 0
     """Unfinished files and uploads of crashed processes."""
     jobs: int = 0
-    """Blobs of jobs that are over or forgotten."""
+    """Blobs of jobs that have ended or were deleted."""
     assets: int = 0
-    """Bytes that no asset has."""
+    """Bytes that belong to no asset."""
     projects: int = 0
-    """Projects that were deleted long ago."""
+    """Projects whose time for undoing the deletion is over."""
     versions: int = 0
     """Old versions of projects that are not kept."""
 
@@ -43,20 +43,20 @@ class GarbageCollector:
     """Removes what no job needs. Thread-safe.
 
     Args:
-        every_s: between two sweeps through everything; the first is soon after the start.
-        my_turn: whether this process is the one to sweep, of all that share the store.
+        every_s: interval of full sweeps, seconds; the first is soon after the start.
+        may_sweep: whether this process, of all that share the store, is the one that sweeps now.
         undo_s: how long a deleted project can be restored.
         retention: which versions of projects stay.
         reuse_s: how long task results are kept for later jobs of a project, while there is space.
     """
 
     def __init__(
-        self, store: Store, blobs: Blobs, every_s: float, my_turn: Callable[[], bool],
+        self, store: Store, blobs: Blobs, every_s: float, may_sweep: Callable[[], bool],
         undo_s: float = 30 * 86400.0, retention: Retention = Retention(), reuse_s: float = 86400.0,
     ) -> None:  # fmt: skip
         self._store, self._blobs = store, blobs
         self._undo_s, self._retention, self._reuse_s = undo_s, retention, reuse_s
-        self._every_s, self._my_turn = every_s, my_turn
+        self._every_s, self._may_sweep = every_s, may_sweep
         self._jobs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="impasto-collector", daemon=True)
         self._stopping = threading.Event()
@@ -93,8 +93,8 @@ class GarbageCollector:
         return self._store.reuse.kept_keys(self._reuse_s)
 
     def sweep(self) -> Removed:
-        """Remove everything that is not needed. Blobs in the making are safe: their job is not final, or their asset
-        is stored again."""
+        """Remove everything that is not needed. Blobs that are being written are safe, because their job is not final,
+        or their asset is stored again."""
         unfinished = self._blobs.sweep()
         reusable = self._reusable()
         jobs = sum(self._job(job_id, reusable) for job_id in self._job_ids() if self._is_over(job_id))
@@ -115,7 +115,7 @@ class GarbageCollector:
             try:
                 job_id = self._jobs.get(timeout=max(0.0, due - time.monotonic()))
             except queue.Empty:
-                due = time.monotonic() + (self._every_s if self._try(self._sweep_in_turn) else _BACK_OFF_S)
+                due = time.monotonic() + (self._every_s if self._try(self._sweep_if_allowed) else _BACK_OFF_S)
                 continue
             if job_id is not None and not self._try(lambda job_id=job_id: self.job(job_id)):  # type: ignore[misc]
                 self._jobs.put(job_id)
@@ -131,8 +131,8 @@ class GarbageCollector:
             log.exception("clearing up failed")
         return True
 
-    def _sweep_in_turn(self) -> None:
-        if self._my_turn() and (swept := self.sweep()) != Removed():
+    def _sweep_if_allowed(self) -> None:
+        if self._may_sweep() and (swept := self.sweep()) != Removed():
             log.info("swept %s", swept)
 
     # -- deletion

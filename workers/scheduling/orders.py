@@ -1,4 +1,4 @@
-"""Builds the order that a worker gets for a claimed task. Results of finished steps are read once per step."""
+"""Builds the order for a worker from a claimed task. Results of finished steps are read once per step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _REMEMBERED = 32
 
 @dataclass(frozen=True)
 class _Before:
-    """Results and inputs of the steps before; the same for all tasks of a step."""
+    """Results and inputs of earlier steps, which are the same for all tasks of a step."""
 
     results: dict[str, dict[str, Json]]
     artefacts: dict[str, str]
@@ -73,7 +73,7 @@ class Orders:
         )
 
     def _earlier_task(self, base_id: str | None, step: str, key: str) -> EarlierTask | None:
-        """The same task of the job on which this one is based."""
+        """The same task of the job on which this job is based."""
         if not base_id or step == ASSEMBLE:
             return None
         return self._earlier.get(f"{base_id}/{step}", lambda: self._store.reuse.earlier(base_id, step)).get(key)

@@ -13,7 +13,7 @@ from workers.model import JobRequest, Json
 
 _ASSEMBLE_TITLE = "Join frames and sound"
 _ASSEMBLE_WEIGHT = 0.05
-"""A frame: see `pipeline.methods.base.Task.weight`."""
+"""Weight of a frame: see `pipeline.methods.base.Task.weight`."""
 _ASSEMBLE_BYTES = 100.0
 """A pixel: a few decoded frames for the poster and the contact sheet."""
 
@@ -39,10 +39,10 @@ def plan_step(
     """The checked tasks of step `index`.
 
     Args:
-        index: of `steps_of`; the step after the method's last is the platform's own.
+        index: index in `steps_of`; the step after the method's last is the platform's own.
         params: the job's parameters, every default filled in.
         info: input name -> the asset's info.
-        results: of finished steps.
+        results: results of finished steps.
 
     Raises:
         PlanError: keys repeat, a dependency is unknown, tasks wait for each other, runs of frames overlap.

@@ -29,7 +29,7 @@ class ProcessLock:
         born = folder / f"{self.id}.born"
         self._handle = os.open(born, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o600)
         fcntl.flock(self._handle, fcntl.LOCK_EX)
-        born.rename(self._place)  # seen by others only once it is locked
+        born.rename(self._place)  # other processes see the file only after it is locked
 
     def dead(self) -> list[str]:
         """Ids of dispatchers of this home that are dead and not yet forgotten."""

@@ -48,7 +48,7 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
 
     Raises:
         BadParameter: names the field, its value and the remedy.
-        DamagedMedia: an input is damaged, and the request wants to fail then.
+        DamagedMedia: an input is damaged, and the request demands a failure then.
     """
     chosen = method(request.method)
     faults: list[BadInput] = []
@@ -73,7 +73,7 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
 
 @contextmanager
 def _collected(faults: list[BadInput]) -> Iterator[None]:
-    """Collect a refusal, so that the user hears of all of them at once."""
+    """Collect a refusal, so that all of them are reported together."""
     try:
         yield
     except (BadParameter, DamagedMedia) as fault:
@@ -81,10 +81,10 @@ def _collected(faults: list[BadInput]) -> Iterator[None]:
 
 
 def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | None = None) -> None:
-    """Every input is known to the method and fits; none that it needs is missing.
+    """Check that every input is known to the method and fits, and that no required one is missing.
 
     Args:
-        params: None: those inputs that do not depend on parameters.
+        params: None: check only inputs that do not depend on parameters.
     """
     specs = {spec.name: spec for spec in (chosen.inputs if params is None else chosen.inputs_of(params))}
     for name in assets:
@@ -100,7 +100,7 @@ def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | N
         kind = specs[name].kind
         if asset.kind not in FITS[kind]:
             raise BadParameter(
-                f"The input {name!r} is to be {kind}, and this asset is {asset.kind}.",
+                f"The input {name!r} needs an asset of kind {kind}; this one has kind {asset.kind}.",
                 field=f"inputs.{name}",
                 value=asset.id,
                 remedy=f"Use an asset of kind: {', '.join(FITS[kind])}.",
@@ -108,7 +108,7 @@ def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | N
 
 
 def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
-    """The piece of the video has a frame, and none beyond the video's end."""
+    """Check that the piece of the video is not empty and ends within the video."""
     if frames is None:
         return
     count = 0 if video is None else int(video.info.get("frames", 0))
@@ -129,10 +129,10 @@ def check_output(chosen: Method, output: OutputSpec) -> None:
 
 
 def _check_damage(request: JobRequest, assets: Mapping[str, Asset]) -> None:
-    """Refuse an input that is known to be damaged if the job is to fail then. Raises BadParameter, DamagedMedia."""
+    """Refuse an input that is known to be damaged, if the request demands that. Raises BadParameter, DamagedMedia."""
     if request.on_damage not in (WARN, FAIL):
         _refuse("on_damage", request.on_damage, f"Use {WARN!r} or {FAIL!r}.")
-    if request.on_damage == WARN or request.frames is not None:  # the piece of a damaged video may be whole
+    if request.on_damage == WARN or request.frames is not None:  # the requested piece of a damaged video may be intact
         return
     for name, asset in assets.items():
         if damage := asset.info.get("damage"):

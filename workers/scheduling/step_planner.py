@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 
 _PLANS_AT_ONCE = 4
 SKIP_S = 60.0
-"""A job whose state cannot be written is neither planned nor claimed from for this long."""
+"""Time for which a job is skipped after its state could not be written, seconds."""
 
 
 class StepPlanner:
@@ -28,7 +28,7 @@ class StepPlanner:
         """Job id -> monotonic time until which the job is skipped, because its state could not be written."""
 
     def plan(self) -> bool:
-        """Plan the steps that are due, most urgent jobs first; whether there was one. Raises StorageError."""
+        """Plan the steps that are due, most urgent jobs first; returns whether there was one. Raises StorageError."""
         now = time.monotonic()
         self.skipped = {job_id: until for job_id, until in self.skipped.items() if until > now}
         found = self._store.plans.to_plan(_PLANS_AT_ONCE + len(self.skipped))

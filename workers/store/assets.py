@@ -21,10 +21,11 @@ class Assets(StorePart):
     """Assets by id."""
 
     def add(self, asset: Asset, still_there: Callable[[], bool]) -> Asset | None:
-        """Keep `asset`, or note a further owner of one that is known; None if its bytes have gone meanwhile.
+        """Add `asset`, or a further owner of a known one; None if its bytes have been deleted meanwhile.
 
         Args:
-            still_there: asked inside the transaction, so that a `delete` beside us cannot leave a row without bytes.
+            still_there: whether the bytes exist; called inside the transaction, so that a concurrent `delete` cannot
+                leave a row without bytes.
         """
         with self._db.write() as connection:
             self._db.lock(connection, asset.id)
@@ -36,7 +37,7 @@ class Assets(StorePart):
         return self.get(asset.id, asset.owner)
 
     def get(self, asset_id: str, owner: str | None = None) -> Asset:
-        """The asset; with `owner`, as that owner holds it (their file name and time), else NotFound."""
+        """The asset; with `owner`, with that owner's file name and time. Raises NotFound."""
         with self._db.read() as connection:
             found = _find(connection, asset_id) if owner is None else _find_owned(connection, asset_id, owner)
         if found is None:
@@ -56,7 +57,7 @@ class Assets(StorePart):
         return Page(tuple(items), pack_cursor(items[-1].created_at, items[-1].id) if more else None)
 
     def remove(self, asset_id: str, owner: str | None = None) -> bool:
-        """Forget the asset, or only what `owner` holds of it; whether its bytes are needed no more.
+        """Delete the asset, or only the entry of `owner`; returns whether its bytes are no longer needed.
 
         Raises:
             NotFound: there is no such asset (of that owner).
@@ -80,7 +81,7 @@ class Assets(StorePart):
             return _find(connection, asset_id) is not None
 
     def unless_known(self, asset_id: str, forget: Callable[[], None]) -> None:
-        """Call `forget` if the asset is unknown, while it cannot be added."""
+        """Call `forget` if the asset is unknown; it cannot be added meanwhile."""
         with self._db.write() as connection:
             self._db.lock(connection, asset_id)
             if _find(connection, asset_id) is None:
@@ -99,7 +100,7 @@ def _find_owned(connection: Connection, asset_id: str, owner: str) -> Asset | No
 
 
 def _listing(owner: str | None) -> tuple[ColumnElement[float], ColumnElement[str], Select[Any]]:
-    """(time, id, query) of assets: all of them, or as one owner holds them."""
+    """(time, id, query) of all assets, or of one owner's."""
     table, owners = schema.assets, schema.asset_owners
     if owner is None:
         return table.c.created_at, table.c.id, select(table)

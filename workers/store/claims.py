@@ -15,7 +15,7 @@ from workers.store import fair_scheduler, schema
 from workers.store.job_transaction import ACTIVE, RUNNING, JobTransaction
 from workers.store.records import TaskRow
 
-# Built once: building a statement takes longer than running it.
+# Built once, because building a statement takes longer than running it.
 _FIRST_READY = (
     select(schema.tasks)
     .where(schema.tasks.c.job_id == bindparam("job_id"), *fair_scheduler.due())
@@ -41,7 +41,8 @@ class Claim:
 
 
 class ClaimFailed(ImpastoError):
-    """An unexpected error, its cause, when a task of the job `job_id` was claimed. Other jobs may be claimed from."""
+    """An unexpected error (its cause) occurred when a task of the job `job_id` was claimed. Tasks of other jobs may be
+    claimed."""
 
     code = "claim-failed"
 
@@ -51,7 +52,7 @@ class ClaimFailed(ImpastoError):
 
 
 def claim_in(job: JobTransaction, dispatcher: str) -> Claim | None:
-    """Claim the job's first ready task, if it still has one now that the job is under lock."""
+    """Claim the job's first ready task; None if the locked job has none any more."""
     task = _first_ready(job)
     if task is None or job.row["doomed"] or job.row["state"] not in ACTIVE:
         return None

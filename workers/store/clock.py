@@ -1,4 +1,4 @@
-"""The time of the database server, the same for all processes of a store: machines compare leases and waits."""
+"""The time of the database server, the same for all processes of a store, which compare leases and waits with it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NOW = text("SELECT extract(epoch FROM clock_timestamp())::double precision")
 class ServerClock:
     """PostgreSQL's clock, read every ten seconds; the monotonic clock of this machine supplies the time in between.
 
-    A machine whose clock is wrong, or is set while it works, neither loses its leases nor takes those of others.
+    A wrong clock of a machine, or a change of it, neither loses the machine's leases nor takes those of others.
     """
 
     def __init__(self) -> None:

@@ -27,9 +27,9 @@ class AttemptCounters:
         """An attempt ended.
 
         Args:
-            code: of its fault, or empty.
-            frames: that it finished; 0 unless it succeeded.
-            seconds: from its claim to now.
+            code: code of its fault, or empty.
+            frames: number of frames that it finished; 0 unless it succeeded.
+            seconds: time since its claim.
         """
         with self._lock:
             self._attempts[outcome] += 1

@@ -1,12 +1,12 @@
 """The database connection: opened, migrated, and used in two kinds of transaction, `read` and `write`.
 
 SQLite runs in WAL mode, so that readers never wait, with `synchronous=FULL`: a commit is on the disk when it returns,
-because an accepted job must survive a power cut (NORMAL may lose the last commits). There are a few commits a second;
-the flush does not show. Its writers begin with BEGIN IMMEDIATE, one at a time, so that no transaction has to fail in
-the middle because another wrote first.
+because an accepted job must survive a power cut (NORMAL may lose the last commits). With a few commits a second, the
+flushes cost little. Its writers begin with BEGIN IMMEDIATE, one at a time, so that no transaction has to fail in the
+middle because another wrote first.
 
-PostgreSQL commits synchronously by default; leave it so. Connections that a broken network has cut are found out within
-half a minute, and nothing of ours waits for a lock, or runs, for ever.
+PostgreSQL commits synchronously by default; leave it so. Connections that a network failure has cut are detected within
+half a minute, and waits for locks and queries have time-outs.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Database:
 
     Raises:
         StorageError: it cannot be reached, or is newer than this program.
-        BadParameter: the URL names no database that is known.
+        BadParameter: the URL names an unsupported database.
     """
 
     def __init__(self, url: str) -> None:
@@ -68,7 +68,7 @@ class Database:
         return self.engine.dialect.name == "sqlite"
 
     def now(self) -> float:
-        """Seconds since the epoch: the same for all who use this database."""
+        """Seconds since the epoch, from a clock that all users of this database share."""
         return time.time() if self._clock is None else self._clock()
 
     @contextmanager
@@ -80,7 +80,7 @@ class Database:
 
     @contextmanager
     def snapshot(self) -> Iterator[Connection]:
-        """One state of the database for several queries; writing is refused."""
+        """A snapshot of the database for several queries; writing is refused."""
         options = {} if self.is_sqlite else {"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
         with _as_storage_error(), self.engine.connect() as raw:
             connection = raw.execution_options(**{_READ: True}, **options)
@@ -101,7 +101,7 @@ class Database:
 
     def lock(self, connection: Connection, name: str) -> None:
         """Lock `name` until this write transaction ends: for rows that do not exist yet and so cannot be locked."""
-        if not self.is_sqlite:  # there, nobody else writes
+        if not self.is_sqlite:  # SQLite has one writer at a time
             connection.execute(text("SELECT pg_advisory_xact_lock(hashtextextended(:name, 482309))"), {"name": name})
 
     def _synchronize_clock(self, connection: Connection) -> None:
@@ -139,7 +139,7 @@ def _engine(url: str) -> Engine:
 
 
 def _parse(url: str) -> URL:
-    """The URL with its driver: people write postgresql:// or postgres://."""
+    """The URL with its driver, for the short forms postgresql:// and postgres://."""
     known = {"postgres": "postgresql+psycopg", "postgresql": "postgresql+psycopg"}
     try:
         parsed = make_url(url)
@@ -171,9 +171,9 @@ def _begin_sqlite(connection: Connection) -> None:
 
 @contextmanager
 def _as_storage_error() -> Iterator[None]:
-    """Errors of the connection become StorageError; those of our statements (a bug) stay what they are.
+    """Convert errors of the connection to StorageError; errors of our statements (a bug) pass unchanged.
 
-    Text that no database can keep (lone surrogates, NUL in PostgreSQL) comes from users: BadParameter.
+    Text that a database cannot store (lone surrogates, NUL in PostgreSQL) comes from users and raises BadParameter.
     """
     try:
         yield

@@ -19,7 +19,7 @@ from pipeline.errors import StorageError
 log = logging.getLogger(__name__)
 
 GONE = 1 << 62
-"""Stands for the newest event of a deleted job."""
+"""Number of the newest event of a deleted job."""
 _REMEMBERED = 4096
 _POLL_INTERVAL_S = (0.25, 1.0)
 _AWAY_S = 2.0
@@ -27,11 +27,11 @@ _IDLE_TIMEOUT_S = 5.0
 """Seconds for which the query thread runs without listeners before it ends."""
 
 Newest = Callable[[Collection[str]], Mapping[str, int]]
-"""Ids of jobs -> the number of the newest event of each that is there."""
+"""Function: ids of jobs -> the number of the newest event of each existing one."""
 
 
 class EventNotifier:
-    """The number of each job's newest event, and a way to wait for the next one."""
+    """Knows the number of each job's newest event, and waits for the next one."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -40,7 +40,7 @@ class EventNotifier:
         self._polling = False
 
     def notify(self, job_id: str, seq: int) -> None:
-        """The job has an event of this number."""
+        """Record that the job has an event of this number."""
         with self._changed:
             self._newest[job_id] = max(seq, self._newest.get(job_id, 0))
             self._newest.move_to_end(job_id)
@@ -57,7 +57,7 @@ class EventNotifier:
         """Wait until the job is known to have an event with seq > `after`; False on time-out.
 
         Args:
-            newest: asks the database, for all jobs that somebody waits for.
+            newest: queries the database for all jobs that threads wait for.
         """
         with self._waiting(job_id, newest), self._changed:
             return self._changed.wait_for(lambda: self._newest.get(job_id, 0) > after, timeout_s)
@@ -101,7 +101,7 @@ class EventNotifier:
             time.sleep(_AWAY_S)
             return True
         except Exception:
-            log.exception("looking for events failed; it goes on")
+            log.exception("querying events failed; it will be tried again")
             time.sleep(_AWAY_S)
             return True
         news = {job_id: seq for job_id in waited if (seq := found.get(job_id, GONE)) > self.newest(job_id)}

@@ -1,4 +1,4 @@
-"""The history of jobs: numbered events, listed and waited for. Read-only."""
+"""The history of jobs: lists numbered events, and waits for new ones. Read-only."""
 
 from __future__ import annotations
 

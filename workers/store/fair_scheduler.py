@@ -1,11 +1,11 @@
 """Selects the job that is served next.
 
 Jobs with a ready task are grouped in lanes, one per owner and priority. The highest priority is served first; within it
-the owner with the fewest running tasks; within a lane the oldest job. So nobody waits for another owner's thousand
+the owner with the fewest running tasks; within a lane the oldest job. So no owner waits for another owner's thousand
 jobs, and an owner's jobs run in the order of submission.
 
 The cost of a claim depends neither on the number of jobs nor of tasks: lanes are found by jumping through an index of
-just those jobs, and running tasks are counted from running attempts, of which there are no more than workers.
+those jobs only, and running tasks are counted from running attempts, whose number is at most that of the workers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from workers.store import schema
 from workers.store.job_transaction import LONGEST_WAIT_S, RUNNING
 
 RUNNING_TASKS = "running_tasks"
-"""Quota of a key: how many tasks of its jobs run at once."""
+"""Quota of a key: maximum number of its running tasks."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Lane:
     running: int
     """Tasks of the owner that run now."""
     most: int | None
-    """Most tasks of the owner that may run at once."""
+    """Maximum number of running tasks of the owner."""
 
     @property
     def order(self) -> tuple[int, int, str]:
@@ -43,10 +43,10 @@ class Lane:
 
 
 def lanes(connection: Connection, most: int | None = None) -> list[Lane]:
-    """Lanes in the order in which they are served, without those that are at their bound.
+    """Lanes in the order in which they are served, without those at their limit.
 
     Args:
-        most: tasks that an owner may have at work, unless the owner's key says otherwise.
+        most: maximum number of running tasks of an owner whose key has no limit of its own.
     """
     found = connection.execute(_LANES).all()
     running = _running(connection) if found else {}
@@ -63,7 +63,7 @@ def job_in(
     """The lane's next job with a task that is due, under lock.
 
     Args:
-        wait: for the lock, if another dispatcher has it; otherwise such a job is passed over.
+        wait: whether to wait for the lock of a job that another dispatcher has locked, instead of skipping the job.
         skipped: ids of jobs that are passed over.
     """
     values: dict[str, Any] = {"priority": lane.priority, "owner": lane.owner, **moment(now)}
@@ -98,14 +98,16 @@ def _job_in(wait: bool) -> Select[Any]:
 
 
 def _lanes() -> Select[Any]:
-    """Priority, owner, oldest job and quotas of every lane: from one to the next by the index, never through a lane."""
+    """Priority, owner, oldest job and quotas of every lane. The index leads from one lane to the next without reading a
+    lane."""
     heads, jobs, keys = _heads(), schema.jobs, schema.api_keys
     columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, keys.c.quotas)
     return select(*columns).join(heads, heads.c.id == jobs.c.id).outerjoin(keys, keys.c.id == jobs.c.owner)
 
 
 def _heads() -> CTE:
-    """Ids of the oldest job of every lane. A hop is one or two look-ups: SQLite seeks no pair of columns at once."""
+    """Ids of the oldest job of every lane. A hop is one or two look-ups, because SQLite cannot seek a pair of columns
+    at once."""
     first = select(_first("start").label("id")).cte("heads", recursive=True)
     at = schema.jobs.alias("at")
     later = func.coalesce(_first("sideways", at, same_priority=True), _first("upwards", at))
@@ -129,7 +131,7 @@ def _running(connection: Connection) -> dict[str, int]:
     return {owner: int(n) for owner, n in connection.execute(_RUNNING)}
 
 
-# Made once: to put a statement together takes longer than to answer it.
+# Built once, because building a statement takes longer than running it.
 _LANES = _lanes()
 _JOB_IN = {wait: _job_in(wait) for wait in (False, True)}
 _RUNNING = (

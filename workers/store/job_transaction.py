@@ -1,6 +1,6 @@
 """One job, locked, in one write transaction: apply events of the state machine, append to its history.
 
-Every change of a job goes through here, so that states, counts, history and webhook messages never disagree.
+Every change of a job uses this class, so that states, counts, history and webhook messages are always consistent.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from workers.store.records import TaskRow, Values, counts_of, fault_to_json
 
 _PRUNE_EVERY = 100
 RUNNING = "running"
-"""The outcome of an attempt that has none yet."""
+"""Outcome of an attempt that runs."""
 LONGEST_WAIT_S = 300.0
-"""No task waits longer between attempts; one that seems to has been put off before the clock was set back."""
-# Made once: to put a statement together takes longer than to answer it.
+"""Maximum wait of a task between attempts. A longer stored wait was written before the clock was set back."""
+# Built once, because building a statement takes longer than running it.
 _LOCKED = select(schema.jobs).where(schema.jobs.c.id == bindparam("id")).with_for_update()
 _TASK = select(schema.tasks).where(schema.tasks.c.id == bindparam("id"), schema.tasks.c.job_id == bindparam("job_id"))
 _STEP = select(schema.steps).where(
@@ -44,7 +44,7 @@ class StorePolicy:
     retry_delay_s: float = 0.5
     events_kept: int = 5000
     owner_tasks: int | None = None
-    """Most tasks of an owner that run at once, unless the owner's key has its own limit; None: no limit."""
+    """Maximum number of running tasks of an owner whose key has no limit of its own; None: no limit."""
 
 
 class JobTransaction:
@@ -85,7 +85,7 @@ class JobTransaction:
         return self.connection.execute(_STEP, {"job_id": self.job_id, "step": step}).mappings().one()
 
     def apply(self, event: StateEvent, task: TaskRow | None = None) -> State:
-        """Apply `event` (about the row `task`, if given), write what follows. Raises Conflict."""
+        """Apply `event` (about the row `task`, if given) and write its effects. Raises Conflict."""
         before = State(self._job_snapshot(), _task_snapshot(task), self._policy.limits)
         after, effects = machine.advance(before, event)
         self._write_job(before.job, after.job)
@@ -108,7 +108,7 @@ class JobTransaction:
         self.add_event("task.state", {"task_id": task["id"], "key": task["key"], "state": state.value, **more})
 
     def add_warnings(self, warnings: Sequence[JobWarning]) -> None:
-        """Merge warnings into the job's; an event tells of those that are new."""
+        """Merge warnings into the job's; new ones are announced by an event."""
         known = self.row["warnings"] or []
         merged = merged_warnings(known, warnings)
         for warning in merged:
@@ -210,9 +210,8 @@ class JobTransaction:
         self.connection.execute(update(tasks).where(*freed).values(state=TaskState.READY.value))
 
     def _end_running(self) -> None:
-        """End running attempts. Tasks that have not begun are cancelled because their job is (see `states`): to write
-        a row
-        for each of a hundred thousand would keep the user waiting for seconds."""
+        """End running attempts. Tasks that have not begun count as cancelled because their job is (see `task_states`):
+        writing a hundred thousand rows would take seconds."""
         attempts = schema.attempts
         running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)
         ended = {"outcome": "cancelled", "finished_at": self.now}
@@ -226,7 +225,7 @@ class JobTransaction:
         self.connection.execute(update(tasks).where(*where).values(values))
 
     def write_task_states(self) -> None:
-        """Write the state of every task of a cancelled job, before one of them alone is to run again."""
+        """Write the state of every task of a cancelled job, before a single one of them is run again."""
         if self.row["state"] == RunState.CANCELLED.value:
             self._cancel_tasks(*task_states.UNBEGUN)
 
@@ -274,7 +273,7 @@ def _task_snapshot(task: TaskRow | None) -> TaskSnapshot | None:
 
 
 def _all_done(before: JobSnapshot) -> Counts:
-    """Counts of a step that has just been left behind: everything in it succeeded."""
+    """Counts of the step that has just been completed: all its tasks have succeeded."""
     counts = before.counts
     return Counts(succeeded=counts.open + counts.succeeded)
 

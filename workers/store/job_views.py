@@ -18,7 +18,7 @@ ByJob = dict[str, list[Row]]
 _MAY_RUN = (RunState.RUNNING.value, RunState.PAUSED.value)
 """States of jobs with attempts at work."""
 _IDS: BindParameter[Any] = bindparam("ids", expanding=True)
-# Made once: to put a statement together costs several times what SQLite takes to answer it.
+# Built once, because building a statement takes several times as long as SQLite takes to run it.
 _STEPS = select(schema.steps).where(schema.steps.c.job_id.in_(_IDS)).order_by(schema.steps.c.step)
 _FILES = select(schema.files.c.job_id, schema.files.c.name).where(schema.files.c.job_id.in_(_IDS))
 _RUNNING = (
@@ -35,7 +35,7 @@ _ENDED = (
     .where(schema.jobs.c.id.in_(_IDS))
     .group_by(schema.jobs.c.id)
 )
-"""Attempts that ended with the newest change of their job."""
+"""Number of attempts that ended with the newest change of their job."""
 
 
 def job_views(connection: Connection, rows: Sequence[Row]) -> list[Job]:
@@ -51,8 +51,8 @@ def step_meters(job: Row, steps: Sequence[Row], running: Sequence[Row], ended: i
     """Measures of every step of a job.
 
     Args:
-        running: its running tasks with the start of their attempt.
-        ended: attempts that ended with the newest change of the job: nobody could take their place yet.
+        running: running tasks with the start of their attempt.
+        ended: number of attempts that ended with the newest change of the job, whose slots could not be filled yet.
         told_at: when they last said how far they are: seconds after that have nothing to show yet.
     """
     return [

@@ -32,7 +32,7 @@ _JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
 
 @dataclass(frozen=True)
 class Accepted:
-    """A checked request, completed with what the store needs."""
+    """A checked request, completed with data for the store."""
 
     request: JobRequest
     params: Json
@@ -47,7 +47,7 @@ class Jobs(StorePart):
     """Jobs by id. Every method is one transaction."""
 
     def made_by(self, request: JobRequest, owner: str, idempotency_key: str) -> Submitted | None:
-        """The job that the same owner, key and request have made, if any. Raises IdempotencyMismatch."""
+        """The earlier job of the same owner, key and request, if any. Raises IdempotencyMismatch."""
         with self._db.read() as connection:
             job_id = _by_key(connection, owner, idempotency_key, _digest(request))
         return None if job_id is None else self._submitted(job_id, new=False)
@@ -60,17 +60,17 @@ class Jobs(StorePart):
         self, accepted: Accepted, owner: str, idempotency_key: str = "", max_active: int | None = None,
         base_id: str | None = None,
     ) -> Submitted:  # fmt: skip
-        """Accept a job durably. The same owner, key and request: the job of before.
+        """Accept a job durably. The same owner, key and request return the earlier job.
 
         Args:
             max_active: unfinished jobs that the owner may have, this one included; None: any number. Counted in the
                 transaction that adds the job, so that concurrent requests cannot exceed it.
-            base_id: the earlier job whose results are used where nothing has changed; empty: none, but the results of
-                this job are kept for a later one; None: they are not.
+            base_id: id of the earlier job whose results are reused if nothing has changed; empty: none, but results of
+                this job are kept for reuse; None: neither.
 
         Raises:
             IdempotencyMismatch: the key came with another request.
-            NotFound: an input's asset is gone.
+            NotFound: an input's asset no longer exists.
             QuotaExceeded: the owner has `max_active` unfinished jobs.
         """
         digest = _digest(accepted.request)
@@ -80,7 +80,7 @@ class Jobs(StorePart):
                 if known is None:
                     self._check_quota(connection, owner, max_active)
                 job_id = known or self._insert(connection, accepted, owner, idempotency_key, digest, base_id)
-        except IntegrityError:  # the same key, accepted elsewhere between our look and our insert
+        except IntegrityError:  # another process accepted the same key between our query and our insert
             with self._db.read() as connection:
                 known = _by_key(connection, owner, idempotency_key, digest)
             if known is None:
@@ -103,7 +103,7 @@ class Jobs(StorePart):
             )
 
     def _check_reopening(self, job: JobTransaction, max_active: int | None) -> None:
-        """A job that has ended counts against the quota again."""
+        """Check the quota before an ended job becomes active again."""
         if RunState(job.row["state"]).final:
             self._check_quota(job.connection, job.row["owner"], max_active)
 
@@ -166,7 +166,7 @@ class Jobs(StorePart):
         return self.get(job_id)
 
     def prioritise(self, job_id: str, priority: int | None) -> Job:
-        """Give an unfinished job another priority; None: one above all other unfinished jobs, as far as there is one.
+        """Give an unfinished job another priority; None: one above all other unfinished jobs, at most 100.
 
         Raises: Conflict (the job has ended), NotFound.
         """
@@ -185,7 +185,7 @@ class Jobs(StorePart):
         return self.get(job_id)
 
     def retry(self, job_id: str, max_active: int | None = None) -> Job:
-        """Start again what failed or was cancelled.
+        """Start failed and cancelled tasks again.
 
         Args:
             max_active: unfinished jobs that the owner may have, this one included; None: any number.
@@ -213,7 +213,7 @@ class Jobs(StorePart):
             job.add_task_event(task, TaskState.READY)
 
     def remove(self, job_id: str) -> None:
-        """Forget a final job. Raises Conflict while it is not."""
+        """Delete a final job. Raises Conflict if it is not final."""
         with self._transaction(job_id) as job:
             if not RunState(job.row["state"]).final:
                 raise Conflict(
@@ -301,7 +301,7 @@ def _by_key(connection: Connection, owner: str, key: str, digest: str) -> str | 
 
 
 def _need_assets(connection: Connection, inputs: dict[str, str]) -> None:
-    """Every asset must be there, and stay until this transaction ends."""
+    """Lock the assets, so that they exist until this transaction ends. Raises NotFound."""
     table = schema.assets
     query = select(table.c.id).where(table.c.id.in_(inputs.values())).with_for_update(read=True)
     known = set(connection.execute(query).scalars())

@@ -24,7 +24,7 @@ _NO_HASH = "0" * 64
 
 
 class Keys(StorePart):
-    """Keys by id. A key's id is the owner of everything made with it."""
+    """Keys by id. A key's id is the owner of everything created with it."""
 
     def create(self, name: str, scopes: Collection[str], quotas: Mapping[str, int] | None = None) -> tuple[ApiKey, str]:
         """A new key and its secret, which cannot be shown again. Raises BadParameter (unknown scope, bad quota)."""
@@ -54,7 +54,8 @@ class Keys(StorePart):
         return key_of(row)
 
     def verify(self, secret: str) -> ApiKey | None:
-        """The key of a secret; None: malformed, unknown or revoked. Takes as long for right as for wrong secrets."""
+        """The key of a secret; None: malformed, unknown or revoked. Takes equally long for valid and invalid
+        secrets."""
         table = schema.api_keys
         named, _, tail = secret.removeprefix(_PREFIX).partition("_")
         key_id = named if named.isascii() and named.isalnum() else "none"

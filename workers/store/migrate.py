@@ -48,7 +48,7 @@ def _upgrade(connection: Connection) -> None:
     config.attributes["connection"] = connection
     try:
         command.upgrade(config, "head")
-    except CommandError as error:  # it does not know the revision that the database is at
+    except CommandError as error:  # this program does not know the database's revision
         remedy = "Start the newer version again, or restore the backup from before the upgrade."
         raise StorageError("The database belongs to a newer version of Impasto.", remedy=remedy) from error
 

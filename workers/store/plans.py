@@ -1,4 +1,4 @@
-"""Plans in the database: which step is next, and its tasks, stored once."""
+"""Plans in the database: selects the next step, and stores its tasks once."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from workers.store.base import StorePart
 from workers.store.job_transaction import JobTransaction
 from workers.store.records import request_of
 
-# Made once: to put a statement together takes longer than to answer it.
+# Built once, because building a statement takes longer than running it.
 _TO_PLAN = (
     select(schema.jobs)
     .where(text(schema.ACTIVE_TEXT), ~schema.jobs.c.planned)
@@ -40,7 +40,7 @@ class StepToPlan:
 
     @property
     def request(self) -> JobRequest:
-        """Read when it is needed, so that a request that cannot be read concerns its own job only."""
+        """Parsed on access, so that an unreadable request affects only its own job."""
         return request_of(self.stored_request)
 
 
@@ -53,7 +53,8 @@ class Plans(StorePart):
             return [_step_to_plan(row) for row in connection.execute(_TO_PLAN, {"most": limit}).mappings()]
 
     def planned(self, job_id: str, step: int, tasks: Sequence[Task]) -> bool:
-        """Keep the tasks of a step; False if another did, or the job has ended since. `tasks` have been checked."""
+        """Store the tasks of a step; False if another process has, or the job has ended since. `tasks` have been
+        checked."""
         with self._unplanned(job_id, step) as job:
             if job is None:
                 return False

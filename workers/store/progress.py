@@ -1,8 +1,8 @@
 """Progress and remaining time of a job: pure arithmetic on weights, counts and measured seconds.
 
 Weights of all steps of a method have one unit (`pipeline.methods.base.Task`), so that steps can be added. A step
-without tasks counts with the weight that was expected when the job was accepted. If the plan differs, the rest of the
-bar is divided again and the finished part stays: progress decreases only if work was lost.
+without tasks counts with the weight that was expected when the job was accepted. If the plan differs, only the
+unfinished part of the bar is divided again, so that progress decreases only if work was lost.
 
 The remaining time is measured: worker seconds per unit of weight so far, times the remaining weight, divided by the
 number of running attempts. Pauses and restarts do not distort it.
@@ -16,7 +16,8 @@ from dataclasses import dataclass
 ENOUGH = 0.01
 """Share of a job's weight that must be finished before its speed is used."""
 SETTLED, SETTLED_S = 0.2, 60.0
-"""Share of a step, or worker seconds in it, after which its own pace is believed: before, starting up hides it."""
+"""Finished share of a step, or worker seconds in it, after which its own speed is used. Before, start-up distorts
+it."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class StepMeter:
     planned: bool
     done: bool
     running: int = 0
-    """Attempts that run at once; one that ended at this very moment counts while a task is ready to take its place."""
+    """Number of running attempts. One that has just ended counts while a task is ready to replace it."""
     running_weight_done: float = 0.0
     """Sum over running tasks of weight times progress."""
     running_s: float = 0.0
@@ -67,7 +68,7 @@ def job_progress(steps: Sequence[StepMeter]) -> float:
 
 
 def job_eta_s(steps: Sequence[StepMeter]) -> float | None:
-    """Seconds left; None while too little is done to tell."""
+    """Seconds left; None while too little is done for an estimate."""
     whole, finished = sum(step.whole for step in steps), sum(step.finished for step in steps)
     current = next((step for step in steps if not step.done), None)
     if current is None:
@@ -79,7 +80,7 @@ def job_eta_s(steps: Sequence[StepMeter]) -> float | None:
 
 
 def _pace(steps: Sequence[StepMeter], current: StepMeter) -> float | None:
-    """Worker seconds per unit of weight: of the current step; at its beginning, of the steps before."""
+    """Worker seconds per unit of weight in the current step; at its beginning, in earlier steps."""
     past = [step for step in steps if step.done]
     own, before = _ratio([current]), _ratio(past)
     if own is None or before is None:

@@ -1,7 +1,7 @@
 """Projects in the database: every version of a document, the assets that versions name, the jobs made of them.
 
-Documents are kept as compressed JSON. A version is written only if it was made on the stored one. Old versions are
-thinned out by `thin`; what `Retention` keeps is never changed.
+Documents are kept as compressed JSON. A version is written only if it is based on the stored one. `thin` deletes old
+versions that `Retention` does not keep.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Draft:
 
     Attributes:
         document: JSON object.
-        asset_ids: ids of the assets that it names.
+        asset_ids: ids of the assets that the document names.
         author: owner of the key that saves it.
     """
 
@@ -53,8 +53,8 @@ class Draft:
 
 @dataclass(frozen=True)
 class Retention:
-    """Which versions stay: all younger than `every_s`; of older ones the last of each `then_one_in_s`; always the
-    newest, labelled ones, and those that jobs were made of."""
+    """Rule for the versions that are kept: all younger than `every_s`; of older ones the last of each `then_one_in_s`;
+    always the newest, labelled ones, and those from which jobs were submitted."""
 
     every_s: float = 7 * 86400.0
     then_one_in_s: float = 3600.0
@@ -106,7 +106,7 @@ class StoredProjects(StorePart):
             return _version(row, _jobs_of(connection, project_id, [wanted])), _unpacked(row["body"])
 
     def save(self, project_id: str, expected: int, draft: Draft) -> Project:
-        """Store `draft` as the version after `expected`. The document that is stored already makes no new version.
+        """Store `draft` as the version after `expected`. An unchanged document creates no new version.
 
         Raises:
             NotFound: there is no such project, or it is deleted.
@@ -140,7 +140,7 @@ class StoredProjects(StorePart):
         return Page(items, pack_cursor(items[-1].version) if len(rows) > limit else None)
 
     def label(self, project_id: str, version: int, label: str) -> ProjectVersion:
-        """Name a version; a named one is kept. An empty label takes the name away. Raises NotFound."""
+        """Name a version; named versions are kept. An empty label removes the name. Raises NotFound."""
         table = schema.project_versions
         where = (table.c.project_id == project_id, table.c.version == version)
         with self._db.write() as connection:
@@ -151,11 +151,11 @@ class StoredProjects(StorePart):
     # -- deletion
 
     def delete(self, project_id: str) -> Project:
-        """Mark as deleted; `restore` takes that back until `purge`."""
+        """Mark as deleted; `restore` can undo this until `purge`."""
         return self._mark(project_id, self._now())
 
     def restore(self, project_id: str) -> Project:
-        """Take a deletion back. Raises NotFound once it was purged."""
+        """Undo a deletion. Raises NotFound once the project was purged."""
         return self._mark(project_id, None)
 
     def _mark(self, project_id: str, deleted_at: float | None) -> Project:
@@ -168,7 +168,7 @@ class StoredProjects(StorePart):
             return _project({**row, "deleted_at": deleted_at})
 
     def purge(self, undo_s: float) -> int:
-        """Forget projects that were deleted longer ago than `undo_s` seconds; how many."""
+        """Purge projects that were deleted more than `undo_s` seconds ago; returns their number."""
         table = schema.projects
         with self._db.write() as connection:
             gone = connection.execute(delete(table).where(table.c.deleted_at < self._now() - undo_s))
@@ -177,12 +177,12 @@ class StoredProjects(StorePart):
     # -- shares
 
     def share_epoch(self, project_id: str) -> int:
-        """Links that were signed with an earlier epoch are void. Raises NotFound."""
+        """The share epoch; links signed with an earlier epoch are invalid. Raises NotFound."""
         with self._db.read() as connection:
             return int(_row(connection, project_id)["share_epoch"])
 
     def end_shares(self, project_id: str) -> None:
-        """Void every link of the project."""
+        """Invalidate every link of the project."""
         table = schema.projects
         with self._db.write() as connection:
             _row(connection, project_id, lock=True)
@@ -192,7 +192,7 @@ class StoredProjects(StorePart):
     # -- jobs and assets
 
     def add_jobs(self, project_id: str, jobs: Iterable[ProjectJob]) -> None:
-        """Note jobs that were made of the project. Those that are noted already stay as they are."""
+        """Record jobs that were submitted from the project. Jobs that are already recorded do not change."""
         table = schema.project_jobs
         with self._db.write() as connection:
             _row(connection, project_id, lock=True)
@@ -211,7 +211,8 @@ class StoredProjects(StorePart):
     # -- retention
 
     def thin(self, retention: Retention) -> int:
-        """Forget the versions that `retention` does not keep, of a few projects; how many. Call it again until 0."""
+        """Delete versions that `retention` does not keep, of a few projects; returns their number. Call it again until
+        it is 0."""
         versions = schema.project_versions
         before = self._now() - retention.every_s
         crowded = (
@@ -298,7 +299,7 @@ def _jobs_of(connection: Connection, project_id: str, versions: Collection[int])
 
 
 def _forget_assets(connection: Connection, project_id: str) -> None:
-    """Let go of the assets that no version names any more."""
+    """Release the assets that no version names any more."""
     table, versions = schema.project_assets, schema.project_versions
     bodies = connection.execute(select(versions.c.body).where(versions.c.project_id == project_id)).scalars()
     named = {ref["id"] for body in bodies for ref in _unpacked(body).get("assets", {}).values()}

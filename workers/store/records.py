@@ -1,4 +1,4 @@
-"""Rows to nouns and back, and the cursors of listings."""
+"""Conversion of rows to data types and back, and cursors of listings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Row: TypeAlias = RowMapping | dict[str, Any]
 Values: TypeAlias = dict[str, object]
 """A row as written: column -> value."""
 AnySelect: TypeAlias = Select[Any]
-"""A query whose columns differ from place to place."""
+"""A query with any columns."""
 
 
 class TaskRow(TypedDict, total=False):
@@ -44,7 +44,7 @@ class TaskRow(TypedDict, total=False):
     key: str
     args: Json
     emit_start: int | None
-    """First frame and, in `emit_stop`, one past the last; None: it emits none."""
+    """First emitted frame and, in `emit_stop`, one past the last; None: the task emits none."""
     emit_stop: int | None
     weight: float
     chained: bool
@@ -69,8 +69,8 @@ def asset_of(row: Row) -> Asset:
 
 
 def request_to_json(request: JobRequest) -> Json:
-    """JSON of a request. What an earlier version does not know is left out where it has its default, so that both
-    versions can share a database, and an idempotency key stays with its request."""
+    """JSON of a request. Fields that earlier versions lack are left out if they have their default, so that both
+    versions can share a database, and a repeated request still equals the one of its idempotency key."""
     value = asdict(request)
     if request.frames is None:
         del value["frames"]

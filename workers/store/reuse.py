@@ -16,8 +16,8 @@ from workers.store import schema
 from workers.store.base import StorePart
 
 GRACE_S = 600.0
-"""Blobs of a job that is no longer the newest, or too old, are kept for this long, so that jobs that were submitted in
-the meantime find them."""
+"""Additional time for which blobs of a replaced or too old job are kept, for jobs that have been submitted in the
+meantime."""
 
 
 class Reuse(StorePart):
@@ -57,7 +57,7 @@ class Reuse(StorePart):
             return list(connection.execute(query))
 
     def earlier(self, job_id: str, step: str) -> dict[str, EarlierTask]:
-        """Finished tasks of a step of a job, by key, as far as they can be reused."""
+        """Finished tasks of a step of a job that can be reused, by key."""
         tasks, steps = schema.tasks, schema.steps
         query = (
             select(tasks.c.key, tasks.c.trace, tasks.c.result, tasks.c.artefacts, tasks.c.segment)
@@ -80,7 +80,8 @@ class Reuse(StorePart):
         """Keys of the blobs of tasks that must be kept for reuse.
 
         Kept are those of the newest job of each shot, variant, method and piece; of unfinished jobs that are based on
-        another; and of the jobs on which these are based. `within_s`: as for `base`; 0: only what unfinished jobs use.
+        another; and of the jobs on which these are based. `within_s`: as for `base`; 0: only the blobs that unfinished
+        jobs use.
         """
         kept = set(self._bases())
         newest: dict[object, float] = {}

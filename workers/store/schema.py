@@ -5,18 +5,18 @@
          --< steps --< tasks --< attempts
                        tasks --< task_edges (which task waits for which)
     api_keys
-    dispatchers (workers that are alive) --< slots (where they run something)
-    drains (where nothing new may start)
-    live_sessions (of every process, as of a moment ago)
+    dispatchers (live workers) --< slots (where they run attempts)
+    drains (places where nothing new may start)
+    live_sessions (of every process, a few seconds old)
     projects --< project_versions, project_assets (named by any version), project_jobs
 
 A job of a project has `jobs.base_id`: the earlier job whose results it may use, or empty if there is none. Traces of
-tasks (what they read) are kept for such jobs only.
+tasks (their recorded reads) are kept for such jobs only.
 
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
 nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
-holds just the jobs that a claim may choose from. Every write to a job locks its row first; that makes them one after
-the other. Times are seconds since the epoch, by the server's clock where there is one.
+contains only the jobs from which a claim may choose. Every write to a job locks its row first, so that writes are
+serialised. Times are seconds since the epoch, by the server's clock where there is one.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ jobs = Table(
     Index(None, "state", "priority", "id"),
     Index(None, "owner", "id"),
     Index(None, "method", "id"),
-    # Of the jobs that there ever were, few are active: these stay small. Queries must repeat the conditions literally.
+    # Few of all jobs are active, so these indexes stay small. Queries must repeat the conditions literally.
     Index("ix_jobs_ready", "priority", "owner", "id", **_where("ready > 0")),
     Index(
         "ix_jobs_unplanned",

@@ -1,4 +1,4 @@
-"""Figures for operators: how deep the queue is, what runs, what fails."""
+"""Statistics for operators: queue depth, running attempts, failures."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _CHEAP_S, _SHARE = 0.05, 20
 
 
 class CachedCounts:
-    """Counts over the whole history. With a long history they may be as old as twenty times the duration of the query,
-    so that queries take at most a twentieth of the database's time, whoever asks. Thread-safe."""
+    """Counts over the whole history, cached for twenty times the duration of the query, so that queries take at most a
+    twentieth of the database's time. Thread-safe."""
 
     def __init__(self, count: Callable[[Connection], dict[str, int]]) -> None:
         self._count = count
@@ -82,7 +82,7 @@ def _tasks_by_state(connection: Connection) -> dict[str, int]:
 
 
 def _queue(connection: Connection, now: float) -> Json:
-    """Tasks that could run now, and how long the oldest queued job has waited."""
+    """Number of tasks that could run now, and the waiting time of the oldest queued job."""
     jobs, steps = schema.jobs, schema.steps
     current = (steps.c.job_id == jobs.c.id) & (steps.c.step == jobs.c.step)
     ready = select(func.coalesce(func.sum(steps.c.ready), 0)).join(jobs, current).where(jobs.c.state.in_(ACTIVE))

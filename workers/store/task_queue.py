@@ -33,7 +33,7 @@ _CLAIM_TRIES = 8
 """Number of tries of a claim when other dispatchers take the tasks first."""
 _FORGOTTEN_S = 3600.0
 _LOG_KEPT = 64 << 10
-"""Characters of an attempt's log that are kept: the last ones."""
+"""Maximum number of characters of an attempt's log; the last ones are kept."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class TaskQueue(StorePart):
     # -- claiming
 
     def claim(self, dispatcher: str, lease_s: float, skipped: Collection[str] = ()) -> Claim | None:
-        """The next task to run; None if there is none that may run now. See `fair_scheduler` for the order.
+        """Claim the next task; None if no task may run now. See `fair_scheduler` for the order.
 
         Args:
             skipped: ids of jobs that are passed over.
 
         Raises:
-            ClaimFailed: the job whose turn it is cannot be claimed from, because of an unexpected error.
+            ClaimFailed: an unexpected error prevented claiming a task of the next job.
         """
         for _ in range(_CLAIM_TRIES):
             row: RowMapping | None = None
@@ -92,8 +92,8 @@ class TaskQueue(StorePart):
         return None
 
     def _next_job(self, connection: Connection, skipped: Collection[str]) -> RowMapping | None:
-        """A job with a ready task, locked. A job that another dispatcher has locked is waited for only if there is no
-        other, so that two dispatchers with one job both have work."""
+        """A job with a ready task, locked. It waits for a job that another dispatcher has locked only if there is no
+        other, so that two dispatchers can both work on a single job."""
         lanes = fair_scheduler.lanes(connection, self._policy.owner_tasks)
         for wait in (False,) if self._db.is_sqlite else (False, True):
             for lane in lanes:
@@ -116,7 +116,7 @@ class TaskQueue(StorePart):
         self._enlisted.add(dispatcher)
 
     def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
-        """A dispatcher needs a lease before it claims."""
+        """Give the dispatcher a lease, which it needs before it claims."""
         if dispatcher not in self._enlisted:
             self._renew(connection, dispatcher, lease_s)
 
@@ -223,7 +223,7 @@ class TaskQueue(StorePart):
 
     @contextmanager
     def _current_attempt(self, attempt_id: str) -> Iterator[_CurrentAttempt | None]:
-        """The attempt with its task and job, if it is the task's current one and running: only then it counts."""
+        """The attempt with its task and job, if it counts: it is running, and the task's current attempt."""
         with self._db.read() as connection:
             job_id = connection.execute(_JOB_OF, {"id": attempt_id}).scalar()
         if job_id is None:
@@ -259,7 +259,7 @@ def _forget_drains(connection: Connection) -> None:
     connection.execute(delete(drains).where(*gone))
 
 
-# Made once: to put a statement together takes longer than to answer it.
+# Built once, because building a statement takes longer than running it.
 _ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
 _MINE = select(schema.attempts.c.id).where(
     schema.attempts.c.dispatcher == bindparam("dispatcher"), schema.attempts.c.outcome == RUNNING
@@ -300,7 +300,7 @@ def _record_heartbeat(current: _CurrentAttempt, heartbeat: Heartbeat) -> None:
 
 
 def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
-    """Store the result of a successful attempt: result, artefacts, segment, files, and its seconds."""
+    """Store the outcome of a successful attempt: result, artefacts, segment, files and times."""
     job, task = current.job, current.task
     made = {"result": outcome.result, "artefacts": outcome.artefacts, "segment": outcome.segment,
             "trace": None if job.row["base_id"] is None else outcome.trace, "reused": outcome.reused}  # fmt: skip
@@ -312,7 +312,7 @@ def _keep_result(current: _CurrentAttempt, outcome: TaskOutcome) -> None:
 
 
 def _keep_file(job: JobTransaction, name: str, key: str, media_type: str) -> None:
-    """The job's file of this name is this blob from now on."""
+    """Set the blob of the job's file with this name."""
     files = schema.files
     row = {"key": key, "media_type": media_type, "created_at": job.now}
     known = update(files).where(files.c.job_id == job.job_id, files.c.name == name).values(row)
@@ -356,7 +356,7 @@ def _end(current: _CurrentAttempt, event: StateEvent, outcome: TaskOutcome, work
 
 
 def _storable(log: str) -> str:
-    """The log with characters replaced that no database accepts (decoders and drivers print such)."""
+    """The log without characters that a database refuses, which decoders and drivers may print; they are replaced."""
     return log.replace("\0", "\N{REPLACEMENT CHARACTER}").encode("utf-8", "replace").decode()
 
 

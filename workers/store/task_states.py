@@ -1,7 +1,7 @@
-"""The state of a task, as far as its job decides it.
+"""The state of a task, which may follow from the state of its job.
 
-A cancelled job's tasks that had not begun are cancelled with it, by this rule and not by a row for each: to cancel a
-job of a hundred thousand tasks takes as long as one of ten. All that reads the states of tasks asks here.
+Tasks of a cancelled job that had not begun count as cancelled by this rule, without a write to their rows, so that
+cancelling a job takes the same time for any number of tasks. All code that reads states of tasks uses this module.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ class Tasks(StorePart):
             job = _state(connection, job_id)
             if wanted is not None:
                 where = [table.c.id.in_(_first(job_id, task_states.stored_as(wanted, job), after, limit + 1))]
-            else:  # positions have no gaps; so PostgreSQL reads a page, and not a job, before it has statistics
+            else:  # positions have no gaps, so PostgreSQL reads only a page even before it has statistics
                 where = [table.c.job_id == job_id, table.c.position > after, table.c.position <= after + limit + 1]
             query = _tasks().where(*where).order_by(table.c.position).limit(limit + 1)
             rows = connection.execute(query).mappings().all()

@@ -1,6 +1,6 @@
 """Checks of the database's invariants, cheap enough for production: one read-only snapshot, indexed queries, bounds.
 
-Looked at are running attempts, unfinished jobs (at most 1000) and the newest finished ones (at most 200). Tasks are
+The checks read running attempts, unfinished jobs (at most 1000) and the newest finished ones (at most 200). Tasks are
 counted and compared one by one only for jobs of up to 20 000 tasks.
 """
 
@@ -19,13 +19,13 @@ from workers.store.job_transaction import ACTIVE, RUNNING
 
 MAX_UNFINISHED, MAX_FINISHED = 1000, 200
 MAX_TASKS = 20_000
-"""Jobs with more tasks are not looked into task by task."""
+"""Jobs with more tasks are not checked task by task."""
 GRACE_S = 60.0
-"""A lease that ended less long ago may still be noticed by the other dispatchers."""
+"""Time after the end of a lease within which other dispatchers may not have noticed it, seconds."""
 _FINAL = [state.value for state in RunState if state.final]
 _IDS: Any = bindparam("ids", expanding=True)
 Found = Iterator[tuple[str, str]]
-"""Id of the row, and what is wrong with it."""
+"""Id of the row, and a description of the violation."""
 
 
 class Validation(StorePart):
@@ -35,7 +35,7 @@ class Validation(StorePart):
         """Violated invariants of the database, empty if there are none.
 
         Args:
-            limit: most violations of each kind.
+            limit: maximum number of violations of each kind.
         """
         with self._db.snapshot() as connection:
             jobs = _jobs(connection)
@@ -93,7 +93,7 @@ def _checks(
 
 
 def _attempts_without_lease(connection: Connection, now: float) -> Found:
-    """Running attempts of dispatchers that have been silent for long, while another one is alive to give them back."""
+    """Running attempts of dispatchers whose lease has long ended, although a live dispatcher could return them."""
     table, leases = schema.attempts, schema.dispatchers
     alive = select(leases.c.id).where(leases.c.lease_until >= now - GRACE_S)
     if connection.execute(select(leases.c.id).where(leases.c.lease_until >= now).limit(1)).first() is None:
@@ -192,7 +192,7 @@ def _wrong_ready(jobs: dict[str, Any], steps: dict[str, list[Any]]) -> Found:
 
 
 def _stuck(jobs: dict[str, Any], steps: dict[str, list[Any]]) -> Found:
-    """Unfinished jobs whose current step is planned and has nothing that could run."""
+    """Unfinished jobs whose current step is planned but has no task that could run."""
     for job_id, job in jobs.items():
         step = _current(job, steps)
         if job["state"] in _FINAL or not job["planned"] or step is None:
@@ -261,7 +261,7 @@ def _inputs_without_asset(connection: Connection, jobs: dict[str, Any]) -> Found
 
 
 def _orphans(connection: Connection) -> Found:
-    """Rows of the outbox, and running attempts, whose job is gone; slots of workers that are gone."""
+    """Rows of the outbox and running attempts whose job no longer exists; slots of workers that no longer exist."""
     jobs = select(schema.jobs.c.id)
     outbox, attempts, slots = schema.deliveries, schema.attempts, schema.slots
     waiting = select(outbox.c.id).where(outbox.c.state == "waiting", outbox.c.job_id.not_in(jobs))

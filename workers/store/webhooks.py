@@ -14,7 +14,7 @@ from workers.store.base import StorePart
 from workers.store.records import delivery_of
 
 WAITS_S = (5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
-"""Seconds after each failed try; after one more the message is dead."""
+"""Delays after each failed try, seconds; after one more failure the message is dropped."""
 _GONE = 410
 
 
@@ -30,7 +30,7 @@ class Webhooks(StorePart):
             .order_by(table.c.next_at)
             .limit(limit)
         )
-        with self._db.read() as connection:  # the outbox is empty nearly always: do not lock anybody out to see that
+        with self._db.read() as connection:  # the outbox is nearly always empty: check that without a write lock
             if connection.execute(query).first() is None:
                 return []
         with self._db.write() as connection:
@@ -41,7 +41,7 @@ class Webhooks(StorePart):
 
     def record(self, delivery_id: str, status: int | None, error: str = "") -> Delivery:
         """Record the outcome of one try. HTTP 2xx: delivered. 410 (gone): dead. Otherwise (None: no answer) the message
-        waits longer after each try, then is dead. Raises NotFound."""
+        waits for a longer time after each try, and finally is dead. Raises NotFound."""
         table = schema.deliveries
         with self._db.write() as connection:
             query = select(table).where(table.c.id == delivery_id).with_for_update()

@@ -40,7 +40,7 @@ class Workers(StorePart):
     """Every method is one transaction."""
 
     def now(self) -> float:
-        """The clock that all these times are of."""
+        """The clock of all these times."""
         return self._now()
 
     # -- workers
@@ -56,7 +56,7 @@ class Workers(StorePart):
                 _insert_all(connection, schema.slots, rows)
 
     def workers(self, cursor: str | None = None, limit: int = 50) -> Page:
-        """`WorkerView` items, the longest alive first."""
+        """`WorkerView` items, the longest-running first."""
         table = schema.dispatchers
         query = select(table).order_by(table.c.started_at, table.c.id).limit(limit + 1)
         if cursor is not None:
@@ -150,7 +150,8 @@ class Workers(StorePart):
     # -- live sessions
 
     def publish_live(self, process: str, sessions: Sequence[LiveView]) -> Collection[str]:
-        """Replace the live sessions of `process` by these; returns the ids of those that an operator wants ended."""
+        """Replace the live sessions of `process` by these; returns the ids of those that an operator has ordered to
+        end."""
         table, now = schema.live_sessions, self._now()
         with self._db.write() as connection:
             wanted = connection.execute(select(table.c.id).where(table.c.process == process, table.c.ending)).scalars()
@@ -173,7 +174,7 @@ class Workers(StorePart):
         return Page(items, pack_cursor(items[-1].id) if len(rows) > limit else None)
 
     def end_live(self, session_id: str) -> None:
-        """Let its process end it, within seconds. Raises NotFound."""
+        """Order the session's process to end it, which takes seconds. Raises NotFound."""
         table = schema.live_sessions
         with self._db.write() as connection:
             if not connection.execute(update(table).where(table.c.id == session_id).values(ending=True)).rowcount:
@@ -201,7 +202,7 @@ _DRAINS = select(schema.drains).order_by(schema.drains.c.at)
 
 
 def _require_target(connection: Connection, place: DrainScope, name: str) -> None:
-    """Raise NotFound unless there is one of that name."""
+    """Raise NotFound unless a place of that name exists."""
     workers, slots = schema.dispatchers, schema.slots
     if place is DrainScope.QUEUE:
         return
@@ -339,7 +340,7 @@ def _live_view(row: Row) -> LiveView:
 
 
 def _before(columns: Sequence[ColumnElement[Any]], values: Sequence[object]) -> ColumnElement[bool]:
-    """Rows that come after these values in a listing that runs backwards."""
+    """Condition: rows after these values in a descending listing."""
     return tuple_(*columns) < tuple_(*values)
 
 

@@ -27,7 +27,7 @@ __all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
 
 
 class Abstraction(Method):
-    """The method as the registry knows it."""
+    """The method's entry in the registry."""
 
     name: ClassVar[str] = "abstraction"
     title: ClassVar[str] = "Cartoon abstraction"
@@ -52,7 +52,7 @@ class Abstraction(Method):
             "each valid until the next.", "importance.image",
         ),
     )  # fmt: skip
-    task_cpus = 2.0  # the analysis of a frame overlaps the painting of the one before
+    task_cpus = 2.0  # the analysis of a frame overlaps the painting of the previous one
     steps: ClassVar[tuple[Step[AbstractionParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),

@@ -13,7 +13,8 @@ from pipeline.segmentation.segmenter import Segmentation
 
 Lab = NDArray[np.float64]
 LARGEST_LAG = 6.0
-"""Largest difference of the mean colour that an output colour stands for to the region's present one, CIELAB units."""
+"""Largest difference, CIELAB units, between a region's mean colour and the mean colour from which its output colour was
+computed."""
 
 
 class Palette:
@@ -62,7 +63,8 @@ class Palette:
         `LARGEST_LAG` at most: a region that has lost an arm to another one would otherwise keep the arm's colour.
 
         Args:
-            change: difference of the regions' mean colours to those that their output colours stand for.
+            change: difference between the regions' mean colours and those from which their output colours were
+                computed.
         """
         half_life = self.params.colour_half_life
         gain = 1 - light_steadiness * 0.5 ** (1 / half_life) if half_life > 0 else 1.0
@@ -72,7 +74,7 @@ class Palette:
         return np.asarray(weight[:, None])
 
     def state(self) -> State:
-        """Arrays by name: colours of the previous frame, and the mean colours that they stand for, CIELAB."""
+        """Arrays by name: colours of the previous frame, and the mean colours from which they were computed, CIELAB."""
         return {} if self.last is None or self.followed is None else {"colours": self.last, "followed": self.followed}
 
     def restore(self, state: Arrays) -> None:

@@ -46,7 +46,7 @@ class AbstractionSession:
         shot: index of the first frame's shot in the video, from 0.
         clock: context manager factory that times a named stage.
         output_size: (width, height) of the outgoing frames, px; None = `size`. Larger ones are drawn with sharp edges
-            whatever `params.edges`: curves can be drawn at any size.
+            for any `params.edges`, because curves can be drawn at any size.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
 from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
-from pipeline.methods.analogy.synthesizer import run_sweeps
+from pipeline.methods.analogy.sweep_synthesizer import run_sweeps
 from pipeline.methods.base import (
     Example,
     InputSpec,
@@ -131,7 +131,8 @@ class Analogy(Method):
         device()
 
     def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:
-        """Parameters of a single frame of a video: without temporal coherence, and not those of a still."""
+        """Parameters for a single frame of a video: without temporal coherence, and without the adjustments for
+        stills."""
         return params.model_copy(update={"temporal": "off", "guided_stills": "off"})
 
     def propagator(self, params: AnalogyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:

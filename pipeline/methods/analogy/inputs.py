@@ -19,7 +19,7 @@ from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.synthesis.images import Bytes, stacked
 
 WHOLE = -1
-"""Layer number that stands for the whole picture."""
+"""Layer number of the whole picture."""
 GUIDE_WEIGHT = 4.0
 """Default weight of a guide of a shot, per squared gray level."""
 OPAQUE = 128
@@ -165,7 +165,7 @@ class SynthesisInputs(Protocol):
 
     @property
     def painting_alone(self) -> bool:
-        """Whether the given style is a painting without anything registered with it: no input, guides, or lines."""
+        """Whether the given style is only a painting, without a registered input, guides or lines."""
         ...
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import KeyframeAnimation, estimated_velocities, levels_of
+from pipeline.methods.analogy.level_animation import KeyframeAnimation, LevelFrames, estimated_velocities, levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import KeyInterval, interval_key
 from pipeline.methods.analogy.shot_layers import LayerStatistics
@@ -57,14 +57,14 @@ class KeyframeSynthesizer(Synthesizer):
         further = _given_style_pair(context, inputs) if inputs.layer < 0 and inputs.has_style_pair() else None
         style = keyframe_style(context, inputs, interval, levels, pad, further)
         self.interval = interval
-        super().__init__(context, inputs, style.pair)
+        super().__init__(context, inputs, style.pair, inputs.params)
         self.levels, self._painted = levels, style.painted
         for index, start in interval.fixed:
             edge = context.load(STEP, f"{interval_key(start, interval.layer)}-edge")[str(index)]
             self._painted[index] = unpack_offsets(edge, self._style_side(0))
         self._ribbons: dict[int, Offsets] = {}
         self._full: list[int] = []
-        self._frames = [self.level_frames(interval.start, interval.stop, 0, lambda guide: guide)]
+        self._frames = [LevelFrames(inputs, context.clock, interval.start, interval.stop, 0)]
         for level in range(1, levels):
             with context.clock("guides"):
                 self._frames.append(self._frames[level - 1].halved())

@@ -1,7 +1,7 @@
 """Inputs of a layer of a shot, or of the whole shot: render passes as guides, exact velocities, its own style.
 
 Outside a layer's silhouette its colours, guides and velocities are those of the nearest pixel inside, so that paint
-beyond the outline is compared with, and moves with, what it was painted on (section 4 of benard2013stylizing).
+beyond the outline is compared with the layer below it, and moves with it (section 4 of benard2013stylizing).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
@@ -27,7 +27,8 @@ from pipeline.synthesis.orientation import DirectionSources
 from pipeline.synthesis.tone_matching import ToneMatch, ToneStatistics, lab_guide, tone_statistics
 
 MIN_LEVEL_PX = 24
-"""Minimum shorter side of the coarsest level, px: smaller pictures have nothing to match and no reliable flow."""
+"""Minimum shorter side of the coarsest level, px: smaller pictures have too little detail to match and no reliable
+flow."""
 _EXTRAPOLATED_VELOCITY_PX = 600
 """Maximum distance from a silhouette to which velocities are extrapolated, px."""
 _THREADS = 2
@@ -63,13 +64,13 @@ class LevelFrames:
         directions: given directions, see `authored_tensors`; empty if none are given.
 
     Args:
-        match: maps a guide to the tones of the style.
         level: 0 = full size; each level halves it.
+        match: maps the CIELAB guide to the tones of the style; None = it stays as it is.
     """
 
     def __init__(
         self, inputs: SynthesisInputs, clock: Clock, start: int, stop: int, level: int,
-        match: Callable[[Bytes], Bytes],
+        match: ToneMatch | None = None,
     ) -> None:  # fmt: skip
         self.inputs, self.level = inputs, level
         self.frames: dict[int, Frame] = {}
@@ -126,9 +127,10 @@ def direction_bins_of(sources: DirectionSources, params: AnalogyParams, level: i
     return sources.bins(params.rotation_sigma, params.lines_reach * 0.5**level)
 
 
-def _reduced_guides(frame: InputFrame, match: Callable[[Bytes], Bytes], level: int) -> tuple[Frame, Bytes]:
+def _reduced_guides(frame: InputFrame, match: ToneMatch | None, level: int) -> tuple[Frame, Bytes]:
     """The picture and the guides of a frame at a level."""
-    guide = match(lab_guide(frame.frame))
+    guide = lab_guide(frame.frame)
+    guide = guide if match is None else match(guide)
     guide = guide if frame.guides is None else stacked([guide, frame.guides])
     return _reduced(frame.frame, level), _reduced(guide, level)
 

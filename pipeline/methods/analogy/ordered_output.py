@@ -10,13 +10,13 @@ from pipeline.synthesis.images import Bytes
 
 
 class OrderedOutput:
-    """Emits the frames of a run in order, each as soon as its painting is finished. A context manager, whose end emits
-    the remaining frames.
+    """Emits the frames of a run in order, each as soon as its painting is finished. The end of the context emits the
+    remaining frames.
 
     Args:
         frames: the frame numbers, ascending.
         shown: frame number -> number of the frame whose painting it shows.
-        paint: makes a painting from the data of a frame; runs on the thread.
+        paint: makes the painting of a frame from its data; runs on a thread of its own.
         emit: receives each frame number and its painting, on the caller's thread.
     """
 
@@ -29,7 +29,7 @@ class OrderedOutput:
         self._thread = ThreadPoolExecutor(1, "impasto-colours")
 
     def add(self, index: int, rendered: AnyArray) -> None:
-        """Paint frame `index` from its data, in the background, and emit what is finished."""
+        """Paint frame `index` from its data on the thread, and emit the frames that are finished."""
         self._paintings[index] = self._thread.submit(self._paint, index, rendered)
         self._emit_finished(wait=False)
 

@@ -34,7 +34,7 @@ FINE_LEVELS = 3
 FAST_FROM_ROWS = 720
 """Rows of the frame from which `refinement=auto` is fast."""
 _COARSE_LEVEL = 2
-"""Levels from this one on have long runs, and are grouped into one task if the shot fits into one."""
+"""Finest level that has long runs. The sweeps of this and coarser levels are one task if the shot fits into one run."""
 MAX_INTERVAL_FRAMES = 48
 """Maximum number of frames of an interval; a task holds all of them at one level. The paper has a key every 10 to
 20."""

@@ -120,7 +120,7 @@ class LayeredShot:
 
 
 def layered_shot(context: TaskContext[AnalogyParams]) -> LayeredShot | None:
-    """The shot given as the input `video`; a sequence of EXR images counts as one. None = the video is no shot.
+    """The shot in the input `video`; a sequence of EXR images is a shot, too. None = the video is no shot.
 
     Raises:
         BadInput: the job also has inputs that a shot replaces.

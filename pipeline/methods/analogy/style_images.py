@@ -26,8 +26,8 @@ from pipeline.video.contact import fit
 
 MAX_CHANNELS = 16
 KEPT_COST = 0.9
-"""Factor of the cost of the advected offset at the finest level. It approaches 1 at coarser levels as the weight of the
-temporal term approaches 0."""
+"""Factor on the cost of the advected offset at the finest level. At coarser levels it approaches 1, and the weight of
+the temporal term approaches 0."""
 
 
 def energy_of(
@@ -45,8 +45,8 @@ def energy_of(
         guides: extra guides.
         colours: number of channels of the output, 3 or 4.
         keyframe_style: whether the keyframes are the style.
-        subpixel: whether strokes move by fractions of a pixel. Advected offsets are then preferred; where pixels are
-            copied, that would raise flicker.
+        subpixel: whether strokes move by fractions of a pixel. If so, advected offsets are preferred. With copied
+            pixels, this preference would raise flicker.
 
     Raises:
         BadInput: colours and guides together have more than 16 channels.
@@ -225,7 +225,7 @@ def keyframe_style(
 
 def _keyframe_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInputs, key: Keyframe) -> StylePair:
     """A keyframe as a style pair with the frame that it was painted over."""
-    frames = LevelFrames(inputs, context.clock, key.index, key.index + 1, 0, lambda guide: guide)
+    frames = LevelFrames(inputs, context.clock, key.index, key.index + 1, 0)
     guides = frames.guides[key.index]
     extra_guides = np.ascontiguousarray(guides[..., 3:]) if guides.shape[2] > 3 else None
     lines = frames.line_distances.get(key.index)

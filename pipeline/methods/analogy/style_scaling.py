@@ -1,4 +1,4 @@
-"""Scaling of a painting that is given alone, so that its strokes suit the size of the frame.
+"""Scaling of a painting that is the only style input, so that its strokes suit the size of the frame.
 
 The step `scan` saves the scaled painting, and the tasks of the step `synthesise` load it.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.methods.analogy.inputs import WHOLE, StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
-from pipeline.synthesis.exemplar import Palette, natural_sigma, natural_size, resized
+from pipeline.synthesis.exemplar import PaintingColours, natural_sigma, natural_size, resized
 from pipeline.synthesis.images import Bytes
 from pipeline.synthesis.tone_matching import derived_guide
 
@@ -31,8 +31,8 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
     """Scale a painting to the size of the frame and remove the sharpening of its scan.
 
     With `stroke_scale` 1, painting and frame have equally many pixels, so that a stroke takes the same share of both at
-    any frame size. Every colour remains a colour of the painting. A second thread makes the guide of an enlarged
-    painting meanwhile.
+    any frame size. Every colour remains a colour of the painting. If the painting is enlarged, a second thread makes
+    its guide at the same time.
 
     Args:
         pair: a painting without guides, lines and directions.
@@ -57,11 +57,11 @@ def _scaled(painting: Bytes, scale: float) -> Bytes:
     sigma = natural_sigma(output)
     if sigma > 0:
         output = np.asarray(cv2.GaussianBlur(output, (0, 0), sigma), np.uint8)
-    return output if output is painting else Palette(painting).nearest(output)
+    return output if output is painting else PaintingColours(painting).nearest(output)
 
 
 def _smoothed(picture: Bytes, smoothing_px: float) -> Bytes:
-    """S of a picture. That of an enlarged painting is made at the smaller of both sizes, where it takes less time."""
+    """The derived guide of a picture."""
     return derived_guide(np.ascontiguousarray(picture[..., :3]), smoothing_px)
 
 
@@ -77,8 +77,10 @@ def is_scaled(inputs: SynthesisInputs) -> bool:
 
 @contextmanager
 def scaled_style_saved(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> Iterator[None]:
-    """Scale the painting of a layer, if it is scaled at all, on a thread during the block; then save it as an artefact
-    of the step `scan`."""
+    """Scale the painting of a layer on a thread during the block, then save it as an artefact of the step `scan`.
+
+    Does nothing if the painting is not scaled.
+    """
     if not is_scaled(inputs):
         yield
         return

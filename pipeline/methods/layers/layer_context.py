@@ -97,7 +97,7 @@ class LayerContext:
         if not self._frames:
             self._first = index
         elif index != self._next:
-            raise BadFrame(f"Frame {self._next} is to be emitted next.", field="emit", value=index)
+            raise BadFrame(f"Frame {self._next} must be emitted next.", field="emit", value=index)
         self._frames[str(index)] = np.frombuffer(encode_png(frame), np.uint8)
         self._next = index + 1
         if self._next % PIECE_FRAMES == 0:

@@ -15,7 +15,7 @@ MOST_LAYERS = 32
 
 
 class LayerParams(BaseModel):
-    """One layer: a method with its parameters, and how its picture is laid over what is below."""
+    """One layer: a method with its parameters, and the compositing of its picture over the layers below."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -32,12 +32,12 @@ class LayerParams(BaseModel):
 
     @property
     def covers(self) -> bool:
-        """Whether nothing below the layer can be seen."""
+        """Whether the layer hides everything below it."""
         return covers(self.opacity, self.blend, self.matted)
 
 
 class LayersParams(Params):
-    """The layers from back to front; the backmost lies over the video."""
+    """The layers from back to front; the backmost is composited over the video."""
 
     layers: tuple[LayerParams, ...] = Field(default=(LayerParams(method="abstraction"),), max_length=MOST_LAYERS)
 

@@ -26,7 +26,7 @@ _COMPOSITE_WEIGHT = 0.05
 
 
 def plan_stage(index: int, context: PlanContext[LayersParams]) -> list[Task]:
-    """The tasks of step `index` of every layer that has so many steps."""
+    """The tasks of step `index` of every layer that has that step."""
     return list(chain.from_iterable(
         _layer_tasks(index, context, number, layer) for number, layer in enumerate(context.params.layers)
     ))  # fmt: skip

@@ -46,7 +46,7 @@ __all__ = ["Multistyle", "MultistyleParams", "MultistyleSession"]
 
 
 class Multistyle(Method):
-    """The method as the registry knows it."""
+    """The method's entry in the registry."""
 
     name: ClassVar[str] = "multistyle"
     title: ClassVar[str] = "Painting in many styles"

@@ -71,7 +71,7 @@ class StrokeLayer:
 
 @dataclass(frozen=True)
 class StrokeAnalysis:
-    """Everything that the painter needs to know about one frame.
+    """All data that the painter needs for one frame.
 
     Attributes:
         number: counter of the analyzer; consecutive frames of a shot have consecutive numbers.
@@ -93,7 +93,7 @@ class StrokeAnalysis:
     rims: NDArray[np.uint8] | None = None
 
     def direction(self, size: tuple[int, int], out: Direction | None = None) -> Direction:
-        """Orientation field for frames of `size` (width, height): float32 (h, w, 2), in `out` if it is given."""
+        """Orientation field for frames of `size` (width, height), float32 (h, w, 2); written to `out` if given."""
         return _resized(self.field, size, out)
 
     def backward_flow(self) -> Flow | None:

@@ -36,8 +36,8 @@ LEAST_COLUMNS = 64
 DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
 """Dead band and per-frame gain with which the detail map, moved along the flow, follows its target."""
 DETAIL_CELL = 4
-"""Side, px, of the cells on which style parameters vary with the detail map, which is smooth. A design's regions have
-borders, so that with a design they are computed at every pixel."""
+"""Side, px, of the cells for which style parameters are computed from the detail map, which is smooth. With a design,
+whose regions have sharp borders, they are computed for every pixel."""
 DIRECTION_TOLERANCE = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
 ORIENTATION_ROWS = 160
@@ -96,9 +96,9 @@ class StrokeAnalyzer:
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         forward, back = self._flow(gray, fresh)
         detail = self._detail(frame, gray, forward, fresh)
-        people = self.importance.people() if detail is not None else None
+        attention = self.importance.hands_and_heads() if detail is not None else None
         with self.clock("denoise"):
-            picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, people)
+            picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, attention)
         changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
         with self.clock("style"):

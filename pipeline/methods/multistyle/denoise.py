@@ -23,7 +23,7 @@ LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
 """Change of the mean colour around a pixel, gray levels, see `changes`. Above the first the new picture is followed
 slowly, from the second on increasingly fast, above the third at once: another surface is visible."""
 ATTENTION = np.float32(4)
-"""Relative increase of the change at full attention: a hand or a small face that lags is a smear."""
+"""Relative increase of the change at full attention. A hand or a small face that follows late leaves a smear."""
 DIRECTION_SHARE = 0.3
 """Largest weight of new directions a frame."""
 MARGIN, NOISY = 1.4, 2.5
@@ -105,7 +105,7 @@ class TemporalDenoiser:
         Args:
             frame: float32 (h, w, 3).
             back: flow from this frame to the one before, px, exactly 0 where nothing moves; None = a shot begins.
-            attention: where changes count more, see `denoise`.
+            attention: increases the change, see `denoise`.
         """
         now = frame
         if back is not None and self.past is not None:

@@ -102,7 +102,7 @@ class DesignFields:
         return np.array([getattr(own, name) for name in TECHNIQUE_FIELDS])
 
     def _interpolated(self, frame: int, vector_of: Callable[[StyleKey | None], AnyArray]) -> AnyArray:
-        """A row per region: the vector of its keys, interpolated at the frame; without keys that of None."""
+        """One row per region: the vector of its keys, interpolated at the frame; without keys, the vector of None."""
         base = vector_of(None)
         table = np.tile(base, (len(self.design.names), 1))
         for index, name in enumerate(self.design.names):
@@ -211,6 +211,6 @@ def _unwrapped(hues_deg: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _shorter(difference_deg: AnyArray) -> AnyArray:
-    """A difference of hues, limited to half a turn: -180..180; what is within it stays exactly the same."""
+    """A difference of hues modulo 360, in -180..180; a value within this range does not change."""
     revolutions = np.where(np.abs(difference_deg) > 180, np.round(difference_deg / 360), 0)
     return np.asarray(difference_deg - 360 * revolutions, difference_deg.dtype)

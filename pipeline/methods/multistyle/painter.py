@@ -86,18 +86,18 @@ class Painter:
             self._keep(analysis, self._painting(analysis))
 
     def recall_run(self, analyses: Sequence[StrokeAnalysis]) -> None:
-        """`recall` of the last frames of a run, in order. If this process painted the same ones last, their paintings
-        are still there, and are not painted again."""
+        """`recall` the last frames of a run, in order. If this process has just painted the same frames (`keep_run`),
+        their paintings are used instead of being painted again."""
         if not self._take_over(analyses):
             for analysis in analyses:
                 self.recall(analysis)
 
     def keep_run(self) -> None:
-        """Keep the last paintings for the `recall_run` of another painter in this process."""
+        """Keep the last paintings for `recall_run` of the next painter in this process."""
         _latest[:] = [(self.params, self.size, self.seed, list(self.past))]
 
     def _take_over(self, analyses: Sequence[StrokeAnalysis]) -> bool:
-        """Use what `keep_run` kept, if it was painted from the same analyses; False if it was not."""
+        """Use the paintings of `keep_run` if their parameters and analyses are the same; whether they are used."""
         for params, size, seed, past in _latest[:]:
             kept = [analysis for analysis, _ in reversed(past)]
             if (params, size, seed) == (self.params, self.size, self.seed) and same(kept, analyses):

@@ -96,7 +96,7 @@ class StrokeLayers:
         revealed = None if motion is None else self._revealed(motion)
         tracks, layers, below = [], [], picture
         for index in range(layer_count(style)):
-            brush = _layer_brush(style, index)
+            brush = layer_brush(style.brush, style.technique["layer_ratio"], index)
             width = median(brush.size_px) * scale
             sigma = scheme.blur * width / 2
             reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
@@ -203,7 +203,7 @@ class StrokeLayers:
 
 @kernel
 def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, changed: Mask, out: Plane) -> None:
-    """RGB distance of two pictures; of the past, the share `memory` is kept where nothing has changed."""
+    """Fill `out` with the RGB distance of two pictures; where nothing has changed, averaged with `past` by `memory`."""
     height, width = out.shape
     for y in range(height):
         for x in range(width):
@@ -215,7 +215,7 @@ def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, cha
 
 
 def median(field: StyleField) -> float:
-    """Approximate median of a style parameter: that of about `MEDIAN_ROWS` rows and of columns as far apart."""
+    """Approximate median of a style parameter, from about `MEDIAN_ROWS` rows and from columns as far apart."""
     plane = np.asarray(field, np.float32)
     step = max(1, plane.shape[0] // MEDIAN_ROWS) if plane.ndim else 1
     return float(np.median(plane[::step, ::step])) if plane.ndim else float(plane)
@@ -234,10 +234,6 @@ def layer_count(style: LayerStyle) -> int:
     ratio = float(np.max(style.technique["layer_ratio"]))
     fit = int(math.log(max(style.widest_px / SMALLEST_PX, 1)) / -math.log(ratio))
     return max(1, min(most, 4, 1 + fit))
-
-
-def _layer_brush(style: LayerStyle, index: int) -> Brush:
-    return layer_brush(style.brush, style.technique["layer_ratio"], index)
 
 
 def blurred(image: AnyArray, sigma_px: float) -> AnyArray:

@@ -229,7 +229,7 @@ def uniform(style: Style, technique: Technique) -> dict[str, StyleField]:
 
 @dataclass(frozen=True)
 class LayerStyle:
-    """Style parameters in px, as the renderer takes them; each is a number, or float32 on a grid over the picture.
+    """Style parameters in px, in the renderer's form; each is a number, or float32 on a grid over the picture.
 
     Attributes:
         brush: of the coarsest layer.

@@ -118,7 +118,7 @@ def previous_state(context: TaskContext[PatchesParams], step: str, key: str, tas
 def label_arrays(
     index: int, labels: Labels, state: ClusterState | None = None, uncertainty: Mapping[int, float] | None = None
 ) -> State:
-    """A frame's labels for storage: "labels-<frame>", and what is known of "foreground-<frame>" and
+    """Arrays of a frame's labels for storage: "labels-<frame>" and, if they are known, "foreground-<frame>" and
     "uncertainty-<frame>" (rows of label and uncertainty).
 
     Args:

@@ -135,7 +135,7 @@ def _pass_args(span: Span, start: int, stop: int, begin: int, end: int) -> TaskR
 
 
 def _blend_args(span: Span, start: int, stop: int, begin: int, end: int) -> TaskResult:
-    """A span as one run needs it: with the fixed frames between which its frames lie.
+    """The part of a span in one run, with the fixed frames that enclose its frames.
 
     `fixed` begins with the last fixed frame before the run. A span that ends with the shot has none behind its last
     key.

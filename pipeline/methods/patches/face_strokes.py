@@ -21,7 +21,7 @@ LEAST_WEIGHT = 0.02
 FACE_LENGTH = 3.0
 """Largest length of a stroke in its widths. An eye is a fifth as wide as a face: longer strokes would cross it."""
 FACE_BLUR = 0.25
-"""Sigma of the blur of what a layer paints, in stroke radii."""
+"""Sigma of the blur of a layer's reference picture, in stroke radii."""
 
 
 @dataclass(frozen=True)

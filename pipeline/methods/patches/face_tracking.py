@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import State
+from pipeline.flow.gray import Gray
 from pipeline.frames import Plane
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.face_detector import Gray
 from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker, faces_of_state, head_mask
 
 HALF_LIFE_FRAMES = 6.0
@@ -28,7 +28,7 @@ FEATURES = ((-0.19, -0.11, 0.17, 0.12), (0.19, -0.11, 0.17, 0.12), (0.0, 0.27, 0
 FEATURE_WIDTH = 0.25
 """Strokes at eyes and mouth are those of a face this many times as wide."""
 FEATURE_TOLERANCE = 0.3
-"""Factor on the tolerated error at eyes and mouth: their paint is replaced at a smaller misfit than other paint."""
+"""Factor on the tolerated error at eyes and mouth: a smaller misfit suffices to replace their paint."""
 CELL_PX = 2
 """Cell of the grid on which weights are computed, px of the frame."""
 

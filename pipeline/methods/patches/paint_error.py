@@ -1,4 +1,4 @@
-"""Visible error of paint against a frame: the error that is tolerated, and where existing paint can be reused.
+"""Visible error of paint against a frame: the tolerated error, and the places where existing paint can be reused.
 
 Visual masking: errors are less visible in detailed areas than in smooth ones, so the tolerated error of strokes and
 patches scales with the local amount of detail. Leaves can be painted with a few dabs, while a pale dog on a pale path
@@ -47,10 +47,10 @@ REJECTED, REJECTED_NEARBY = 1.25, 0.3
 REJECTION_RADIUS_PX = 4.0
 """Radius of that neighbourhood, px of a frame 344 px high. Without it, a gray rim remains around changed areas."""
 LEAST_COVERAGE = 0.1
-"""Smallest factor on the limit beside pixels without paint."""
-CELLS_A_SIGMA = 0.7
-"""Paint and frame are compared on a grid of square cells, whose side is about this multiple of the Gaussian's sigma: a
-blurred picture has no finer detail, and the cost of a large Gaussian grows with its size."""
+"""Minimum of the share of painted pixels around a cell, by which the limit is multiplied there."""
+CELL_SIGMAS = 0.7
+"""Approximate side, in sigmas of the Gaussian, of the square cells in which paint and frame are compared. A blurred
+picture has no finer detail, and the cost of a Gaussian grows with its sigma."""
 SPECK_PX, MIN_MEAN_WEIGHT = 6.0, 0.7
 """Isolated specks are removed where the mean weight of a Gaussian neighbourhood is low: its sigma, px of a frame 344 px
 high, and that mean weight."""
@@ -107,7 +107,7 @@ def fine_sigma_px(grid: WorkingGrid) -> float:
 
 def cell_px(sigma_px: float) -> int:
     """Side of the cells on which paint and frame are compared, px."""
-    return max(round(CELLS_A_SIGMA * sigma_px), 1)
+    return max(round(CELL_SIGMAS * sigma_px), 1)
 
 
 def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, where: Mask | None = None) -> Plane:
@@ -122,8 +122,8 @@ def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, wh
         rendering: the paint, and the picture that it was painted from.
         limit: float32 (h, w), tolerated RGB distance.
         sigma_px: sigma of the Gaussian applied to both differences, px.
-        where: bool (h, w), the pixels that have paint; None = all. Elsewhere the differences are 0, and the limit is
-            reduced beside them accordingly.
+        where: bool (h, w), the pixels that have paint; None = all. Elsewhere the differences are 0; to compensate, the
+            limit is multiplied by the share of painted pixels around each cell.
     """
     cell = cell_px(sigma_px)
     rows, columns = (-(-length // cell) for length in frame.shape[:2])
@@ -143,7 +143,8 @@ def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, wh
 def _mean_differences(
     frame: Frame, rendering: Rendering, where: Mask, cell: int, out: NDArray[np.float32], coverage: Plane
 ) -> None:
-    """Mean difference of the frame to picture and painting in each cell, 0 outside `where`; share of `where` in it."""
+    """Mean difference between the frame and picture and painting in each cell, 0 outside `where`; and the share of the
+    cell inside `where`."""
     height, width = frame.shape[:2]
     for row in range(out.shape[1]):
         bottom = min((row + 1) * cell, height)

@@ -16,13 +16,13 @@ WeightedSum: TypeAlias = NDArray[np.float32]
 
 
 def add_weighted(total: WeightedSum, rendering: Rendering, weight: Plane) -> None:
-    """Add a picture and its painting, times a weight of each pixel, float32 (h, w), in place."""
+    """Add a picture and its painting to `total`, times the weight of each pixel, float32 (h, w)."""
     for one, plane in zip(total, rendering, strict=True):
         _add(one, plane, weight)
 
 
 def blended(total: WeightedSum, scale: Plane, layer: WeightedSum, opacity: Plane) -> tuple[Frame, Frame]:
-    """`scale` times the sum, plus `opacity` times another one: picture and painting, uint8 (h, w, 3) each."""
+    """`scale` times `total` plus `opacity` times `layer`: picture and painting, uint8 (h, w, 3) each."""
     out = np.empty(total.shape, np.uint8)
     for one, plane, over in zip(out, total, layer, strict=True):
         _blend(plane, scale, over, opacity, one)

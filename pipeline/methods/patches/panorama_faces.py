@@ -21,7 +21,7 @@ Weights = NDArray[np.uint8]
 """uint8 (h, w, 2), 0..255: weights 0..1 of the pixels of a panorama, and widths of the faces in `WIDTH_STEPS`."""
 
 EVERY_FRAMES = 4
-"""Every so many frames of a patch add their faces to the panorama: neighbouring frames show the same ones."""
+"""Interval of the frames of a patch whose faces are added to the panorama; neighbouring frames show the same faces."""
 WIDTH_STEPS = 16.0
 """Steps of an octave in which widths of faces are stored: width = 2^(value / steps), px."""
 _WIDTHS_PX = np.array([2.0 ** (k / WIDTH_STEPS) for k in range(256)], np.float32)
@@ -78,7 +78,7 @@ def load_weights(context: TaskContext[PatchesParams], track: PatchTrack) -> Weig
 
 
 def as_planes(weights: Weights | None) -> FacePlanes | None:
-    """The faces as the painter takes them."""
+    """The faces in the painter's form."""
     if weights is None:
         return None
     return FacePlanes(np.asarray(weights[..., 0] / np.float32(255), np.float32), _WIDTHS_PX[weights[..., 1]])

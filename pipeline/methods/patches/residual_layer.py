@@ -40,7 +40,7 @@ from pipeline.methods.patches.scan import PAPER_HEIGHT, WorkingGrid
 from pipeline.methods.patches.window_flow import WindowFlow
 
 VISIBLE_OPACITY = 0.02
-"""Opacity of the residual layer in a pixel, 0..1, above which it is painted; a lower one is invisible."""
+"""Least opacity of the residual layer in a pixel, 0..1, for painting it; a lower opacity is invisible."""
 MIN_RELIABILITY = 0.02
 """Reliability, 0..1, from which a flow vector is valid. It is low because changes of colour are left to the misfit."""
 MIN_INVALID_PX = 3
@@ -48,7 +48,7 @@ MIN_INVALID_PX = 3
 TRANSITION_PX = 5
 """Width of the transition between old and new paint, px of a frame 344 px high."""
 KEEP_MISFIT, REPLACE_MISFIT = 0.65, 2.1
-"""Misfit up to which old paint is kept, and from which it is replaced; blended in between."""
+"""Misfit up to which old paint is kept, and misfit from which it is replaced. In between, both are blended."""
 MAX_STRETCH = 1.0
 """Relative change of the distance between neighbours above which advected strokes count as distorted. Flow in areas
 without texture is arbitrary and would distort them."""
@@ -295,7 +295,7 @@ def _sampled(picture: Frame, positions: Positions, *, bicubic: bool) -> Frame:
 
 @kernel
 def _kept(off: Plane, known: Mask, visible: Mask, out: Plane) -> None:
-    """Weight of old paint by its misfit; without paint, 1 outside `visible` and 0 inside."""
+    """Fill `out` with the weight of old paint by its misfit; without paint, 1 outside `visible` and 0 inside."""
     height, width = out.shape
     zero, one = np.float32(0), np.float32(1)
     slope, offset = np.float32(1 / (REPLACE_MISFIT - KEEP_MISFIT)), np.float32(REPLACE_MISFIT)

@@ -37,7 +37,8 @@ MAX_LABEL = 65535
 
 
 def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
-    """A task for the video, and one for the user's inputs, so that other inputs do not let the video be read again."""
+    """One task for the video and one for the user's inputs, so that a change of inputs does not repeat the scan of the
+    video."""
     return [
         Task("video", weight=0.02 * max(context.video.frames, 1)),
         Task("inputs", after=("video",), weight=0.02),
@@ -233,7 +234,7 @@ def _check_aspect(image: AnyArray, grid: WorkingGrid, field: str) -> None:
 
 
 def label_styles(context: TaskContext[PatchesParams]) -> Mapping[int, str]:
-    """Styles of single labels from the input "styles": label -> style. The key "background" stands for label 1.
+    """Styles of single labels from the input "styles": label -> style. The key "background" means label 1.
 
     Raises:
         BadParameter: a key is not a label, or a style is unknown; `field` is the JSON path.

@@ -25,7 +25,7 @@ from pipeline.methods.patches.scan import WorkingGrid, run_start
 MIN_GRADIENT = 1.0
 """Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
 MAX_CACHED_FLOWS = 10
-"""Number of decoded flow fields in memory: about those of one frame's window."""
+"""Maximum number of decoded flow fields in memory, about as many as a frame's window has."""
 
 
 def flow_key(start: int) -> str:
@@ -170,7 +170,7 @@ def _stored_arrays(pair: FlowPair, index: int, gap: int) -> State:
 def flow_artefact(index: int, gap: int, begin: int) -> str:
     """Name of the artefact with the flow from frame `index + gap` back to `index`, in the shot that starts at `begin`.
 
-    Gap 0 stands for the small frame and the forward flow. Arrays that are read together are stored together:
+    Gap 0 means the small frame and the forward flow. Arrays that are read together are stored together:
 
     flow-<run>   small frames, forward flow, and backward flow between consecutive frames; read by every step
     far-<run>    backward flow over larger gaps within the run; read mainly for clustering

@@ -23,7 +23,7 @@ __all__ = ["Steady", "SteadyFilter", "SteadyParams"]
 
 
 class Steady(Method):
-    """The method as the registry knows it."""
+    """The method's entry in the registry."""
 
     name: ClassVar[str] = "steady"
     title: ClassVar[str] = "Steady frames"
@@ -56,11 +56,11 @@ class Steady(Method):
     )
 
     def live_filter(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:
-        """The filter behind a live session, whose painted frames take the place of the input `styled`."""
+        """The filter of a live session, whose painted frames replace the input `styled`."""
         return SteadyFilter(params, size)
 
     def resources(self, step: str, context: PlanContext[SteadyParams]) -> Resources:
-        """The filter takes 180 bytes a pixel, measured at 2560x1440; the decoders of two videos come on top. A frame of
+        """The filter takes 180 bytes a pixel, measured at 2560x1440; the decoders of two videos need more. A frame of
         the second pass takes 18 bytes a pixel, and 24 in it."""
         ahead = 3 * 18 * context.params.look_ahead + 24 * bool(context.params.look_ahead)
         return resources_per_pixel(context.video, 60 if step == "scan" else 260 + ahead)

@@ -33,8 +33,11 @@ Picture: TypeAlias = NDArray[np.float32]
 
 
 def motion(before: Frame, now: Frame, both_accurate: bool) -> tuple[Flow, Flow]:
-    """Accurate flow from `now` to `before`, and a flow from `before` to `now` to check it with: a fast one, or an
-    accurate one, too."""
+    """Flows in px: an accurate one from `now` to `before`, and one from `before` to `now` to check it.
+
+    Args:
+        both_accurate: whether the second flow is accurate, too, instead of fast.
+    """
     first, second = to_gray(before), to_gray(now)
     return dis(second, first, "half"), dis(first, second, "half" if both_accurate else "ultrafast")
 
@@ -56,17 +59,17 @@ class Evidence:
     back: Flow
     """Flow from this frame to the previous one."""
     round_trip: Flow
-    """The flow from the last frame to this one, at the pixels that `back` leads to."""
+    """The flow from the previous frame to this one, at the pixels that `back` leads to."""
     source: Frame
     """This frame."""
     warped: Frame
-    """The last frame, moved along `back`."""
+    """The previous frame, moved along `back`."""
     expected: Picture
     """The average of all past frames along the motion."""
 
 
 def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
-    """Confidence that a pixel shows the same point of the scene as the pixel of the last frame that `back` leads to.
+    """Confidence that a pixel shows the same point of the scene as the pixel that `back` leads to.
 
         exp(-alpha |mean of (source - expected) over 5 x 5 px|^2  -  SINGLE alpha |source - warped|^2
             -  ROUND_TRIP |b + f|^2 / tolerance  -  BOUNDARY |grad b|^2 / limit)
@@ -76,7 +79,7 @@ def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
 
     Args:
         alpha: rate of the decay, per squared RGB distance, RGB in 0..1.
-        buffers: memory to work in.
+        buffers: working memory.
 
     Returns:
         float32 (h, w), 0..1.
@@ -101,7 +104,8 @@ def onward_motion(before: Frame, now: Frame, flows: tuple[Flow, Flow], alpha: fl
     Args:
         before, now: the two frames of the source.
         flows: accurate flows from `now` to `before` and from `before` to `now`.
-        alpha, buffers: see `confidence`. Without an average of later frames, `now` itself is what is expected.
+        alpha, buffers: see `confidence`. There is no average of later frames: `before` is compared with the next frame
+            itself.
     """
     back, forth = flows
     there = positions(forth)

@@ -1,4 +1,4 @@
-"""Restoration of the texture that averaging along the motion has blurred, in two bands of frequencies."""
+"""Restoration of the texture that averaging along the motion has blurred, in two frequency bands."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ CELL_PX = 4
 WINDOW_CELLS = 5
 """Side of the window, in cells, over which the amounts are averaged."""
 MEMORY = np.float32(0.9)
-"""Share of the last frame's amounts in those of a frame. The amount in a single frame flickers as its texture does, and
-the amplified texture would flicker with it."""
+"""Share of the previous frame's amounts in those of a frame. The amount in a single frame flickers as its texture does,
+and the amplified texture would flicker with it."""
 LARGEST = 3.0
-"""Largest gain of a band: faint texture does not become noise."""
+"""Largest gain of a band, so that faint texture does not become noise."""
 _LEAST_DETERMINANT = np.float32(1e-3)
-"""Squared grey levels; without texture, there is no gain."""
+"""Added to the determinant, squared gray levels: without texture, the gain is 0."""
 _LUMA = np.array([[0.299, 0.587, 0.114]], np.float32)
 
 Amounts = NDArray[np.float32]
-"""Mean absolute lightness of bands around each cell, grey levels, float32 (8, rows, columns): fine and middle band of
+"""Mean absolute lightness of bands around each cell, gray levels, float32 (8, rows, columns): fine and middle band of
 the result, those of the styled frame, and those of each band of the result when it is divided into bands again (fine of
 fine, middle of fine, fine of middle, middle of middle). Without rows before the second frame of a shot."""
 NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
@@ -38,20 +38,20 @@ NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
 def restore_detail(
     frames: tuple[Picture, Picture], trust: Plane, share: float, before: Amounts, buffers: Buffers
 ) -> tuple[Picture, Amounts]:
-    """The amount to add to a result to give its texture the strength of the styled frames' texture around each pixel.
+    """The texture to add to a result, so that its texture is as strong as that of the styled frames around each pixel.
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
     contrast; the texture stays that of the average, which changes slowly. Where the motion is not trusted, nothing was
-    averaged, and amplification would only add flicker. Averaging weakens fine texture more than
-    coarse texture, and warping sharpens some edges; a single gain for both bands would leave too little of the one or
-    too much of the other.
+    averaged, and amplification would only add flicker. Averaging weakens fine texture more than coarse texture, and
+    warping sharpens some edges. With one gain for both bands, the fine band would be too weak or the middle band too
+    strong.
 
     Args:
         frames: the result and the styled frame, float32 (h, w, 3), 0..255.
         trust: confidence in the motion to the previous frame, float32 (h, w), 0..1. The gains are multiplied by it.
         share: of the missing texture that is restored, 0..1.
         before: amounts at the last frame.
-        buffers: memory to work in. The returned texture lies there until the next call with the same `buffers`.
+        buffers: working memory. It contains the returned texture until the next call with the same `buffers`.
 
     Returns:
         The texture, float32 (h, w, 3); and the amounts at this frame.
@@ -82,8 +82,10 @@ def resized_amounts(amounts: Amounts, size: tuple[int, int]) -> Amounts:
 
 
 def _gains(amounts: Amounts, share: np.float32) -> tuple[Plane, Plane]:
-    """Gains of the fine and of the middle band, -1..LARGEST: the solution of two linear equations for each cell, which
-    state that both bands then have the amounts of the styled frame."""
+    """Gains of the fine and of the middle band, -1..LARGEST.
+
+    They solve two linear equations for each cell: after amplification, both bands have the amounts of the styled frame.
+    """
     have, want = amounts[:2], amounts[2:4]
     (fine_of_fine, middle_of_fine), (fine_of_middle, middle_of_middle) = amounts[4:6], amounts[6:8]
     fine, middle = share * (want - have)

@@ -96,7 +96,8 @@ def show(picture: Any, texture: Any, styled: Any, mask: Any, out: Any) -> None:
 
 @kernel
 def remember(source: Any, expected: Any, trust: Any, strength: Any, memory: Any) -> None:
-    """Fill `memory` with the average of the frame `source` and what was expected, whose weight is strength c to 1."""
+    """Fill `memory` with the average of the frame `source`, of weight 1, and the expected frame, of weight strength
+    c."""
     height, width, channels = expected.shape
     for y in range(height):
         for x in range(width):

@@ -33,7 +33,7 @@ class SourceAnalysis:
 class SteadyFilter:
     """Removes the flicker of a stylised stream, using past frames only.
 
-    `step` is `apply(analyze(source), styled)`. `analyze` uses the source only, and the two halves keep separate state,
+    `step` is `apply(analyze(source), styled)`. `analyze` uses the source only, and the two stages keep separate state,
     so that each may run on a thread of its own. Not thread-safe otherwise.
 
     Each result x minimises, over the picture,
@@ -47,9 +47,10 @@ class SteadyFilter:
     Source: bonneel2015blind, eq. 1 to 3.
 
     Departures:
-        - The weight is high enough to hold fine texture, too, and the warp is bicubic, so that it does not blur. Detail
-          that is averaged out is amplified afterwards (`restore_detail`), outside the recursion. It has the amount of
-          the styled frame's texture, not its place: a result with the texture of each frame would flicker as they do.
+        - The weight is high enough to keep fine texture steady, too, and the warp is bicubic, so that it does not blur.
+          Detail that is averaged out is amplified afterwards (`restore_detail`), outside the recursion. It has the
+          amount of the styled frame's texture, not its place: a result with the texture of each frame would flicker as
+          they do.
         - The third term lets the colours follow the styled video with half-life h. Without it, a shot keeps the mean
           colour of its first frame.
         - The fourth term keeps the colours of one object from diffusing into another where the motion is unknown.
@@ -136,7 +137,7 @@ class SteadyFilter:
         add_clipped(target, solve_screened(absorb, source, buffers), self._result)
 
     def reconfigure(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:
-        """Continue with other parameters or another frame size: what is remembered is resized. See `LiveFilter`."""
+        """Continue with other parameters or another frame size: the state is resized. See `LiveFilter`."""
         after = SteadyFilter(params, size)
         if self._source is not None:
             resized = {name: _resized(plane, size) for name, plane in self.state().items() if name != "amounts"}

@@ -26,7 +26,7 @@ from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
 from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
-from pipeline.methods.steady.two_sided import Steadied, average_backwards
+from pipeline.methods.steady.two_sided import FilteredFrame, average_backwards
 
 RUN_FRAMES = 96
 """Frames per task, which are repeated after a failure."""
@@ -130,7 +130,7 @@ def _results(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParams
         yield from ((frame.index, frame.result) for frame in frames)
 
 
-def _forwards(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParams]) -> Iterator[Steadied]:
+def _forwards(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParams]) -> Iterator[FilteredFrame]:
     """The pass forwards over frames [start, ahead); saves the state after the last frame of the run."""
     start, stop, ahead = task.args["start"], task.args["stop"], task.args["ahead"]
     yield from _part(steady, start, stop, context)
@@ -139,12 +139,12 @@ def _forwards(steady: SteadyFilter, task: Task, context: TaskContext[SteadyParam
     yield from _part(steady, stop, ahead, context)
 
 
-def _part(steady: SteadyFilter, begin: int, end: int, context: TaskContext[SteadyParams]) -> Iterator[Steadied]:
+def _part(steady: SteadyFilter, begin: int, end: int, context: TaskContext[SteadyParams]) -> Iterator[FilteredFrame]:
     for index, frame in enumerate(_analyzed(steady, begin, end, context), begin):
         analysis = frame.analysis.result()
         with context.clock("steady"):
             result = steady.apply(analysis, frame.styled, frame.mask)
-        yield Steadied(index, result, frame.mask, analysis.onward if analysis else None)
+        yield FilteredFrame(index, result, frame.mask, analysis.onward if analysis else None)
 
 
 def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[SteadyParams]) -> Iterator[_Waiting]:

@@ -1,12 +1,12 @@
-"""The second pass, backwards in time: each result is also averaged with the results that follow it (bonneel2015blind,
-section 4). It needs later frames, so only jobs have it, not live streams.
+"""The second pass, backwards in time, which averages each result with those of later frames (bonneel2015blind,
+section 4). Live streams have no later frames, so only jobs have this pass.
 
-Frames are taken in windows of three times the frames to look ahead. In a window, from its last frame to its first,
+A window has three times as many frames as a result depends on ahead. From the last frame of a window to its first,
 
     y_t  =  x_t  +  SHARE c mask (y_t+1 moved along the motion  -  x_t)
 
-with the result x of the pass forwards and the confidence c in the motion from frame t to t + 1. The frames of the first
-two thirds are then complete; the next window begins with the last third.
+where x is the result of the first pass, forwards in time, and c the confidence in the motion from frame t to t + 1. The
+first two thirds of the window are then complete, and the next window begins with the last third.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from pipeline.frames import Frame, Plane
 from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
 SHARE = np.float32(0.8)
-"""Share of the next result in a result where the motion is certain. Results farther ahead count as its powers."""
+"""Weight of the next result in a result where the motion is certain. The result k frames ahead has SHARE^k."""
 
 
 @dataclass(frozen=True)
-class Steadied:
-    """A frame after the pass forwards."""
+class FilteredFrame:
+    """A frame after the first pass, forwards in time."""
 
     index: int
     result: Frame
     mask: Plane | None
     """1 = steady, 0 = as it is, float32 (h, w); None = 1 everywhere."""
-    from_last: TrustedMotion | None
-    """Motion from the last frame to this one; None at the first frame of a shot, and where it is not needed."""
+    from_previous: TrustedMotion | None
+    """Motion from the previous frame to this one; None at the first frame of a shot, and without `look_ahead`."""
 
 
-def average_backwards(frames: Iterator[Steadied], ahead: int) -> Iterator[tuple[int, Frame]]:
-    """Indices and averaged frames, in order.
+def average_backwards(frames: Iterator[FilteredFrame], ahead: int) -> Iterator[tuple[int, Frame]]:
+    """Average frames with later ones; yields (frame number, uint8 (h, w, 3)) in order.
 
     Args:
         frames: consecutive frames of one shot.
-        ahead: number of later frames on which a result depends at least, where the shot has them; >= 1.
+        ahead: minimum number of later frames on which a result depends, if the shot has so many; >= 1.
     """
-    window: list[Steadied] = []
+    window: list[FilteredFrame] = []
     for frame in frames:
         window.append(frame)
         if len(window) == 3 * ahead:
@@ -52,7 +52,7 @@ def average_backwards(frames: Iterator[Steadied], ahead: int) -> Iterator[tuple[
     yield from _averaged(window)
 
 
-def _averaged(window: list[Steadied]) -> list[tuple[int, Frame]]:
+def _averaged(window: list[FilteredFrame]) -> list[tuple[int, Frame]]:
     """All frames of a window, averaged with those that follow in it."""
     made: list[tuple[int, Frame]] = []
     later: Picture | None = None
@@ -64,6 +64,6 @@ def _averaged(window: list[Steadied]) -> list[tuple[int, Frame]]:
             share = onward.trust * SHARE
             share = share if frame.mask is None else share * frame.mask
             now += share[..., None] * (moved - now)
-        later, onward = now, frame.from_last
+        later, onward = now, frame.from_previous
         made.append((frame.index, np.asarray(np.rint(now.clip(0, 255)), np.uint8)))
     return made[::-1]

@@ -122,10 +122,10 @@ class DecoderProcess:
         task: the first message to the role: the file and its limits.
         shared_bytes: size of the shared memory in which the process returns arrays.
         timeout_s: time limit of each answer, s.
-        memory_bytes: limit of what the process may allocate.
+        memory_bytes: limit of the process's memory.
         on_progress: called with each intermediate message before the answer to the first message.
 
-    Raises: as `ask`.
+    Raises: like `ask`.
     """
 
     def __init__(

@@ -112,7 +112,7 @@ def _probe(connection: ChildConnection) -> None:
 
 
 def _images(connection: ChildConnection) -> None:
-    """A `NumberedImages`: {"number"} gives one."""
+    """A `NumberedImages`: {"number"} returns an image."""
     task = connection.next()
     found = NumberedImages(Path(task["path"]), task["field"], _limits(task))
     connection.answer({"numbers": list(found)})

@@ -1,4 +1,4 @@
-"""Messages between two processes: a JSON object and bytes. Nothing that the other side sends is executed."""
+"""Messages between two processes: a JSON object and bytes. No received data is executed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Message = dict[str, Any]
 HEADER = struct.Struct("!II")
 MAX_JSON_BYTES = 8 << 20
 MAX_BYTES = 64 << 20
-"""Most bytes beside a message: the times of a million frames take 16 MB."""
+"""Maximum number of bytes with a message; the times of a million frames take 16 MB."""
 
 
 class ConnectionBroken(Exception):

@@ -13,12 +13,12 @@ from service.access.keys import Principal
 from workers.ids import new_id
 
 CONNECT_WITHIN_S = 20.0
-"""A peer that has not connected in this time is closed."""
+"""Time within which a peer must connect, seconds; otherwise it is closed."""
 _FAULTS = (
     ValueError, AssertionError, LookupError, AttributeError, TypeError,
     InternalError, InvalidStateError, OperationError,
 )  # fmt: skip
-"""Exceptions that aiortc raises for an invalid offer, or for one without a common codec."""
+"""Exceptions of aiortc for an invalid offer, or for one without a common codec."""
 
 
 class Peer:
@@ -86,7 +86,7 @@ class Peers:
         await peer.close()
 
     def run(self, work: Coroutine[object, None, None]) -> None:
-        """Run until it is done, in the background."""
+        """Run a task in the background until it is done."""
         task = asyncio.create_task(work)
         self._works.add(task)
         task.add_done_callback(self._works.discard)

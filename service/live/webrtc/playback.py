@@ -22,11 +22,11 @@ MIME = {"h264": "video/h264", "vp8": "video/vp8"}
 
 
 class PaintingTrack(MediaStreamTrack):
-    """The frames of a session. Those of a codec that the player accepts are passed on as they are, others decoded, and
-    encoded again by aiortc.
+    """The frames of a session as a WebRTC track. If the player accepts their codec, they are passed on unchanged;
+    otherwise they are decoded, and aiortc encodes them again.
 
     Args:
-        passed: the codec that is passed on, or "".
+        passed: codec of frames that are passed on unchanged, or "".
     """
 
     kind = "video"

@@ -25,7 +25,7 @@ from workers.model import Json
 log = logging.getLogger(__name__)
 
 NOMINAL_FPS = 30.0
-"""WebRTC does not name a frame rate; the stream measures the real one."""
+"""Assumed frame rate, because WebRTC announces none; the stream measures the actual one."""
 WIRE = WireFormat(send="raw", receive="h264", fps=NOMINAL_FPS)
 TICKS_PER_S = 90_000
 """Ticks per second of the timestamps of viewers' frames; they count from the first frame."""

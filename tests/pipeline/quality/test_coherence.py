@@ -22,9 +22,9 @@ def pair_of(name: str = "shapes", first: int = 3) -> tuple[Frame, Frame]:
     return drawn.image(first), drawn.image(first + 1)
 
 
-def flashing(pair: tuple[Frame, Frame], grey_levels: int) -> tuple[Frame, Frame]:
+def flashing(pair: tuple[Frame, Frame], gray_levels: int) -> tuple[Frame, Frame]:
     """Two equal frames, the second brighter by a constant."""
-    return pair[0], np.clip(pair[1].astype(int) + grey_levels, 0, 255).astype(np.uint8)
+    return pair[0], np.clip(pair[1].astype(int) + gray_levels, 0, 255).astype(np.uint8)
 
 
 def test_the_source_is_as_steady_as_itself() -> None:

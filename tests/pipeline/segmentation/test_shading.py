@@ -14,7 +14,7 @@ HEIGHT, WIDTH = 96, 160
 
 
 def planes(light: NDArray[np.floating]) -> LabPlanes:
-    """A grey picture of that lightness, 8-bit levels."""
+    """A gray picture of that lightness, 8-bit levels."""
     out = np.full((3, *light.shape), 128, np.uint8)
     out[0] = np.rint(light)
     return out

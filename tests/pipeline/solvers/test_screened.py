@@ -27,8 +27,8 @@ def dense(absorb: NDArray[np.float32], source: NDArray[np.float32]) -> NDArray[n
 def test_the_solution_is_that_of_a_dense_solver_within_gray_levels() -> None:
     draw = np.random.default_rng(3)
     absorb = (25 * draw.random(SHAPE)).astype(np.float32)
-    wished = (30 * draw.standard_normal((*SHAPE, 3))).astype(np.float32)
-    source = absorb[..., None] * wished
+    target = (30 * draw.standard_normal((*SHAPE, 3))).astype(np.float32)
+    source = absorb[..., None] * target
     difference = np.abs(solve_screened(absorb, source) - dense(absorb, source))
     assert difference.max() < 3 and difference.mean() < 0.5  # of corrections up to 100
 

@@ -9,7 +9,7 @@ import pytest
 from pipeline.methods.analogy.inputs import StylePair
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.style_scaling import scaled_pair
-from pipeline.synthesis.exemplar import VIDEO_SHARPNESS, Palette, contrast, natural_sigma
+from pipeline.synthesis.exemplar import VIDEO_SHARPNESS, PaintingColours, contrast, natural_sigma
 from pipeline.synthesis.images import halved
 
 
@@ -39,7 +39,7 @@ def test_a_sharpened_picture_is_blurred_to_the_sharpness_of_videos_and_a_smooth_
 def test_colours_become_the_nearest_of_the_palette(colours: int) -> None:
     palette = np.random.default_rng(colours).integers(0, 256, (1, colours, 3), dtype=np.uint8)
     picture = noise(20, 30, 1)
-    found = Palette(palette).nearest(picture).astype(int)
+    found = PaintingColours(palette).nearest(picture).astype(int)
     differences = picture.reshape(-1, 1, 3).astype(int) - palette.reshape(1, -1, 3)
     nearest = (differences**2).sum(-1).min(1)
     np.testing.assert_array_equal(((found - picture) ** 2).sum(-1).ravel(), nearest)

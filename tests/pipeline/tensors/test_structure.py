@@ -84,8 +84,8 @@ def test_memory_layout_does_not_change_the_result() -> None:
     picture = noise(4)
     expected = structure_tensor(picture, 2.0)
     for shift in range(1, 8):
-        room = np.empty(picture.size + shift, np.float32)
-        moved = room[shift:].reshape(ODD)
+        buffer = np.empty(picture.size + shift, np.float32)
+        moved = buffer[shift:].reshape(ODD)
         moved[:] = picture
         tensors = structure_tensor(moved, 2.0)
         assert tensors.tobytes() == expected.tobytes()

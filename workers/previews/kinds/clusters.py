@@ -20,15 +20,16 @@ from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
 
 SCRIBBLES = "scribbles.image"
-"""The part of a layer that scribbles are."""
+"""Name of the layer part with scribbles."""
 REACH_FRAMES = 12
-"""Scribbles that are further before a frame do not count in a preview of its foreground; in the film they do."""
+"""Maximum number of frames between scribbles and a later frame whose foreground is previewed. The film has no such
+limit."""
 
 
 def clusters(context: PreviewContext) -> Iterator[Record]:
     """A label map of every frame with the numbers that jobs find, and the uncertainty of each label.
 
-    They are found at full resolution, and cached. Label maps that the user has corrected do not change them.
+    They are computed at full resolution, and cached. They do not depend on label maps that the user has corrected.
     """
     layer = context.query.layers[0]
     chosen = _able(layer)
@@ -88,7 +89,7 @@ def _able(layer: LayerSources) -> Method:
 
 
 def _for_clusters(chosen: Method, layer: LayerSources) -> LayerSources:
-    """The layer with what clusters depend on: of its drawings, the scribbles only."""
+    """The layer with only the parts on which clusters depend: scribbles, but no other drawings."""
     names = {spec.name for spec in chosen.inputs if spec.part == SCRIBBLES}
     images = {name: found for name, found in layer.images.items() if name in names}
     return replace(layer, images=images, documents={}, files={})

@@ -1,4 +1,4 @@
-"""The direction that strokes have in a frame, with the design as it is now, for drawing it."""
+"""Stroke directions of a frame with the present design, which the page draws."""
 
 from __future__ import annotations
 

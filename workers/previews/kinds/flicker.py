@@ -20,7 +20,7 @@ from workers.previews.kinds.paint import film
 from workers.previews.model import Record
 
 FULL_HEAT = 0.2
-"""Warped difference beyond that of the source, share of the whole range of values, that is drawn as 255."""
+"""Warped difference in excess of the source's that is drawn as 255, as a share of the range of values."""
 BLUR_PX = 1.5
 Pair = tuple[Frame, Frame]
 

@@ -13,7 +13,8 @@ from workers.previews.painting import LayerPainter, composited
 COARSE_SIDE_PX = 288
 """Longest side of the first, coarse picture."""
 COARSE_FROM_PX = 480
-"""Smaller pictures come at once: a coarse one would not be sooner by much."""
+"""Least side, px, of a picture that is preceded by a coarse one; a smaller picture takes hardly longer than a coarse
+one."""
 
 
 def source(context: PreviewContext) -> Iterator[Record]:
@@ -26,7 +27,8 @@ def source(context: PreviewContext) -> Iterator[Record]:
 
 
 def paint(context: PreviewContext) -> Iterator[Record]:
-    """Painted frames: of one frame a coarse picture first, then the wanted size; a crop at full resolution."""
+    """Painted frames. A single frame is painted coarsely first, then at the requested size; a crop is painted at full
+    resolution."""
     if (crop := context.options.get("crop")) is not None:
         yield _cropped(context, crop)
         return
@@ -88,8 +90,8 @@ def film(context: PreviewContext, start: int, stop: int, side_px: int) -> Iterat
 
 
 def _cropped(context: PreviewContext, crop: tuple[int, int, int, int]) -> Record:
-    """A piece of the frame as it will be in the film: strokes are measured by the picture's height, so that the whole
-    frame is painted, once."""
+    """A piece of the frame as it will be in the film. The whole frame is painted, once, because the size of strokes
+    depends on the height of the picture."""
     x, y, width, height = crop
     number, _, _ = _span(context)
     info = context.frames.info(context.query.layers[0].video)

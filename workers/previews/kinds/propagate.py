@@ -1,4 +1,4 @@
-"""A painted key carried to the frames around it, while the artist paints: the nearest frames first."""
+"""Propagates a painted key to the frames around it while the artist paints, to the nearest frames first."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propa
 _LOG = logging.getLogger(__name__)
 
 MASKS = "keys.mask"
-"""The part of a layer with the masks of its painted keys."""
+"""Name of the layer part with the masks of painted keys."""
 
 
 def propagate(context: PreviewContext) -> Iterator[Record]:
-    """Frames key - around .. key + around: by the method's propagator, which works at `PROXY_SIDE_PX` at most; by its
-    plan over these frames if it has none, or if that fails."""
+    """Frames key - around .. key + around, painted by the method's propagator at `PROXY_SIDE_PX` at most. If the method
+    has none, or if it fails, they are painted by the method's plan over these frames."""
     layer, key = context.query.layers[0], context.options["key"]
     name = _input(layer, KEYS)
     if name is None:
@@ -48,9 +48,9 @@ def propagate(context: PreviewContext) -> Iterator[Record]:
 
 
 def _propagated(context: PreviewContext, layer: LayerSources, name: str, side_px: int) -> Generator[Record, None, bool]:
-    """The records; whether the method has a propagator.
+    """Yield the records; returns whether the method has a propagator.
 
-    Frames that have a painted key of their own, and those beyond, are left out: this key does not reach them.
+    Frames with a painted key of their own, and frames beyond them, are left out, because this key does not affect them.
     """
     key = context.options["key"]
     around, span = _span(context, layer, name)
@@ -108,7 +108,8 @@ def key_at_size(drawing: AnyArray, mask: AnyArray | None, size: tuple[int, int])
 
 
 def _shrunk(colours: NDArray[np.uint8], opacity: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """RGBA at `size`. Colours are averaged by opacity: those of transparent pixels have no meaning."""
+    """RGBA at `size`. Colours are averaged with opacity as weight, because transparent pixels have no meaningful
+    colour."""
     if (colours.shape[1], colours.shape[0]) == size:
         return np.dstack([colours, opacity])
     weight = opacity.astype(np.float32) / 255
@@ -137,5 +138,5 @@ def _planned(context: PreviewContext, layer: LayerSources, name: str) -> Iterato
 
 
 def _input(layer: LayerSources, part: str) -> str | None:
-    """The method's input that is made from a part of the layer."""
+    """Name of the method's input that is made from a part of the layer."""
     return next((spec.name for spec in method(layer.method).inputs if spec.part == part), None)

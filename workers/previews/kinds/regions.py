@@ -1,6 +1,6 @@
 """Regions that a method finds in a video before it paints (`Method.frame_regions`).
 
-They are found at full resolution, so that their numbers are those of a job, and cached.
+They are computed at full resolution, so that their numbers equal those of a job, and cached.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
 
 MOST_PIXELS = 400_000_000
-"""Pixels of all frames together that are looked through for a preview: 434 frames of 720p."""
+"""Maximum number of pixels, over all frames, that are searched for a preview: 434 frames of 720p."""
 Files = Mapping[str, bytes]
 
 
 def known_artefacts(context: PreviewContext, layer: LayerSources) -> dict[str, Files]:
-    """Artefacts of the layer's video that are warm."""
+    """Cached artefacts of the layer's video."""
     found = {name: context.cache.peek(_key(layer, name)) for name in method(layer.method).artefacts}
     return {name: files for name, files in found.items() if files is not None}
 
@@ -116,7 +116,7 @@ def _fit(image: NDArray[np.int32], side_px: int) -> NDArray[np.int32]:
 
 def _rows(numbers: NDArray[np.int32], owner: Mapping[int, int]) -> dict[str, JsonValue]:
     """Regions and objects of a frame: area in px of the map, and the box [left, top, right, bottom);
-    of an object also all its regions, those of other frames included."""
+    of an object also all its regions, including those of other frames."""
     inside = {number: numbers == number for number in np.unique(numbers).tolist() if number in owner}
     tubes: dict[str, JsonValue] = {
         str(number): {"object": owner[number], **_extent(mask)} for number, mask in inside.items()

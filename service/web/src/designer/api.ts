@@ -90,7 +90,7 @@ export async function restoreVersion(id: string, version: number, present: numbe
   await bodyOf(client.POST("/v1/projects/{project_id}/versions/{version}/restore", { params }));
 }
 
-/** A link for whoever has it, which shows the project and its films for `days`. */
+/** A link that shows the project and its films to anyone who has it, for `days`. */
 export async function shareProject(id: string, days: number): Promise<string> {
   const { url: path } = await bodyOf(
     client.POST("/v1/projects/{project_id}/share", { params: at(id), body: { days } }),

@@ -12,7 +12,7 @@ export const FRAME_LAYER = "frame";
 const SHOWN_TRIES = 300;
 const LOOK_MS = 30;
 
-/** False once nobody waits for a picture any more. */
+/** False once no caller waits for the picture. */
 export type Wanted = () => boolean;
 
 const always: Wanted = () => true;
@@ -44,7 +44,7 @@ export class Bases {
     }
   }
 
-  /** Load what is missing. Throws an AbortError once it is not wanted any more. */
+  /** Load the missing pictures. Throws an AbortError once they are no longer needed. */
   async load(picture: KeyPicture, wanted = always): Promise<void> {
     for (const { base } of picture.layers) {
       if (!wanted()) throw aborted();

@@ -12,7 +12,7 @@ export interface Card {
   set: Record<string, unknown>;
 }
 
-/** Paint the shown frame for every card; `onpicture` is called as each comes. Nothing happens if the service paints none. */
+/** Paint the shown frame for every card; `onpicture` is called for each picture. Does nothing if the service paints none. */
 export async function paintCards(
   store: Store,
   channel: string,

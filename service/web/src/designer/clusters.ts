@@ -32,7 +32,7 @@ const OVERLAY_ALPHA = 0.55;
 export type FrameUncertainty = Readonly<Record<string, number>>;
 
 export class Clusters {
-  /** The film whose clusters are shown; null: there is none yet. */
+  /** The film whose clusters are shown; null: none yet. */
   readonly film = signal<Job | null>(null);
   /** Label maps as PNG by frame, found without a film; they are newer than the film's. */
   readonly found = signal<ReadonlyMap<number, Uint8Array<ArrayBuffer>>>(new Map());
@@ -123,7 +123,7 @@ export class Clusters {
     if (!life.aborted) this.searching.value = false;
   }
 
-  /** Drop what was found, which is no longer true; a search that is under way ends. */
+  /** Drop the clusters, which are no longer valid, and end a running search. */
   forget(): void {
     this.search.abort();
     this.searching.value = false;
@@ -246,7 +246,7 @@ export class Clusters {
   }
 }
 
-/** What the clusters of a layer depend on. */
+/** The data on which the clusters of a layer depend. */
 const clusterBasis = ({ method, params, seed, scribbles }: Layer): string =>
   JSON.stringify([method, params, seed, scribbles]);
 

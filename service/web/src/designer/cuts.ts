@@ -1,4 +1,4 @@
-/** Where the shots of the video begin: the service looks through a short video by itself, through a long one when asked. */
+/** Finds the first frames of the video's shots: automatically in a short video, on request in a long one. */
 
 import { computed, effect, type ReadonlySignal, signal, untracked } from "@preact/signals";
 import { isAbort } from "../shared/api";
@@ -10,7 +10,7 @@ const SHORT_FRAMES = 1500;
 const REST_MS = 3000;
 
 export interface Cuts {
-  /** Share of the video that was looked through; null: nobody looks. */
+  /** Share of the video that was searched; null: no search is running. */
   readonly done: ReadonlySignal<number | null>;
   /** Whether it has been looked through with the present settings. */
   readonly known: ReadonlySignal<boolean>;
@@ -26,7 +26,7 @@ export function followCuts(store: Store): Cuts {
   let running = new AbortController();
   let timer = 0;
 
-  /** What the cuts depend on. */
+  /** The data on which the cuts depend. */
   const asked = computed(() => {
     const { id, source, params } = store.layer.value;
     return JSON.stringify([id, source, params?.cut_sensitivity]);

@@ -175,7 +175,7 @@ class Designer {
     return effect(() => this.saver.changed(this.store.document.value));
   }
 
-  /** Show the frame, and load what the tool needs of it. */
+  /** Show the frame, and load its data for the tool. */
   private followFrame(): () => void {
     const { store } = this;
     return effect(() => {
@@ -207,7 +207,7 @@ class Designer {
       .catch((error) => shared.isAbort(error) || console.info("Impasto: no preparation.", error));
   }
 
-  /** Make the shown frame, as it is painted now, a key to be corrected by hand. */
+  /** Make the present painting of the shown frame a key, for corrections. */
   async correctFrame(): Promise<void> {
     const { store } = this;
     const frame = store.frame.value;
@@ -216,7 +216,7 @@ class Designer {
     if (store.frame.value === frame) store.tool.value = "brush";
   }
 
-  /** Make a frame of a finished film a key to be corrected by hand. */
+  /** Make a frame of a finished film a key, for corrections. */
   async takeFromFilm(wanted: FilmFrame): Promise<void> {
     const { store } = this;
     store.goTo(wanted.frame);

@@ -306,7 +306,7 @@ export function moveTube(layer: Layer, owner: string, tube: number, name: string
   return { ...layer, regions: { ...layer.regions, [owner]: { ...whole, tubes: left }, [name]: { ...part, tubes } } };
 }
 
-/** Take a tube out of a region: it becomes the region `name`, with the keys of the one that it came from. */
+/** Remove a tube from a region: it becomes the region `name`, with the keys of the former region. */
 export function splitRegion(
   layer: Layer,
   owner: string,
@@ -342,7 +342,7 @@ export function usedAssets(document: ProjectDocument): Set<string> {
   return names;
 }
 
-/** Remove asset entries that nothing refers to, so that the document does not grow with every brush stroke. */
+/** Remove asset entries without references, so that the document does not grow with every brush stroke. */
 export function pruneAssets(document: ProjectDocument): ProjectDocument {
   const used = usedAssets(document);
   const kept = Object.entries(document.assets).filter(([name]) => used.has(name));

@@ -47,7 +47,7 @@ export function FilmProgress({ store, films }: { store: Store; films: Films }) {
   );
 }
 
-/** What is wrong with it, or which frames it has. */
+/** Its fault, or its range of frames. */
 function endText({ error, request }: Job): string {
   if (error) return [error.message, error.remedy].filter(Boolean).join(" ");
   return request.frames ? `Frames ${request.frames[0] + 1} to ${request.frames[1]}` : "";

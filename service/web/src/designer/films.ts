@@ -11,14 +11,14 @@ import { CLUSTER_ARTEFACTS } from "./clusters";
 import { type FilmSource, openFilm } from "./frames";
 import type { Store } from "./store";
 
-/** The frame of a film that the page is asked to make a key. */
+/** The frame of a film that becomes a key. */
 export interface FilmFrame {
   film: string;
   /** Frame of the video. */
   frame: number;
 }
 
-/** A film that was submitted, as it is now. */
+/** A submitted film in its present state. */
 export interface FilmState {
   job: Job;
   queue: Queue | null;
@@ -35,7 +35,7 @@ export interface PlayedFilm {
 export class Films {
   /** The newest film of the shot that was submitted or found unfinished in this visit. */
   readonly current = signal<FilmState | null>(null);
-  /** The newest finished frame of that film while it is painted; null: there is none. */
+  /** The newest finished frame of that film while it is painted; null: none. */
   readonly newest = signal<HTMLImageElement | null>(null);
   private loading = false;
   private watching = new AbortController();

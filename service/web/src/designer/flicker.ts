@@ -41,7 +41,7 @@ export function worstFrames(measured: ReadonlyMap<number, Measured>, most = WORS
     .sort((a, b) => a - b);
 }
 
-/** Red, green, blue and opacity, 0..255, of a value 0..255: yellow, then red; transparent where nothing flickers. */
+/** Red, green, blue and opacity, 0..255, of a value 0..255: yellow, then red; transparent without flicker. */
 export function heatColour(value: number): [number, number, number, number] {
   const share = value / 255;
   return [255, Math.round(220 * (1 - share)), 0, Math.round(255 * MOST_ALPHA * Math.sqrt(share))];

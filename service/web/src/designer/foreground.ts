@@ -9,7 +9,7 @@ import { createCanvas } from "./raster";
 import type { Store } from "./store";
 
 const REST_MS = 250;
-/** Frames after the shown one that are asked for. */
+/** Number of requested frames after the shown one. */
 const AHEAD = 6;
 /** Of the veil over the background. */
 const VEIL_ALPHA = 0.6;

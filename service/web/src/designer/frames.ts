@@ -79,7 +79,7 @@ let copying: Promise<unknown> = Promise.resolve();
  * A picture of any frame at the video's size, whichever the stage shows. One is made at a time: each takes a decoder of
  * its own, which has some 100 MB for 1080p.
  *
- * `wanted`: false once nobody waits for it any more; then an AbortError is thrown.
+ * `wanted`: false once no caller waits for the frame; an AbortError is then thrown.
  */
 export function copyFrame(asset: Asset, frame: number, wanted: () => boolean): Promise<ImageBitmap> {
   const made = copying.then(() => {
@@ -203,7 +203,7 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
 /** How long to wait for the frame of a seek, and how often to look for it. */
 const ARRIVAL_MS = 1000;
 const ARRIVAL_LOOK_MS = 20;
-/** Addresses of videos whose frames have other times than their numbers tell: they do not begin at 0, or their frame rate varies. */
+/** Addresses of videos whose frame times do not follow from frame numbers: they do not begin at 0, or their frame rate varies. */
 const irregular = new Set<string>();
 
 /**

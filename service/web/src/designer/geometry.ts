@@ -105,10 +105,10 @@ const WINDINGS: Record<Pattern, number> = {
   spiral: 2,
   saddle: -2,
 };
-/** Angle between strokes and rays, degrees, for the patterns that look the same from all sides: these do not rotate. */
+/** Angle between strokes and rays, degrees, for rotationally symmetric patterns. */
 const TILTS: Partial<Record<Pattern, number>> = { node: 0, center: 90, spiral: 45 };
 
-/** Whether rotating the pattern changes nothing, so that its angle turns each stroke instead. */
+/** Whether the pattern is rotationally symmetric, so that its angle rotates each stroke instead. */
 export const isSymmetric = (pattern: Pattern): boolean => pattern in TILTS;
 
 /** Double angle of the strokes of one element at an offset from its centre, radians. */
@@ -120,7 +120,7 @@ function doubleAngle({ pattern, angle = 0 }: DirectionElement, dx: number, dy: n
 
 /**
  * Direction of strokes at a point as the elements ask for it: double angles are added, each weighted by its strength and
- * exp(-distance / reach). The service computes the exact field; this is what the page shows meanwhile.
+ * exp(-distance / reach). The service computes the exact field; the page shows this one until it arrives.
  *
  * @param point fractions of width and height
  * @param aspect width / height of the picture

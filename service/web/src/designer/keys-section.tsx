@@ -14,7 +14,7 @@ import { changePictureLayer, type KeyPicture, type PictureLayer } from "./stroke
 export interface KeysSectionProps {
   store: Store;
   keys: PaintedKeys;
-  /** Make the shown frame, as it is painted now, a key. */
+  /** Make the present painting of the shown frame a key. */
   correct(): Promise<void>;
   /** Make a frame of a finished film a key. */
   take(frame: FilmFrame): Promise<void>;

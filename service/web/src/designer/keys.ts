@@ -75,7 +75,7 @@ export class PaintedKeys {
   /**
    * Open a frame for painting: its key's layers, or a new picture over the video's frame.
    *
-   * `wanted`: false once nobody waits for it any more; then an AbortError is thrown, and nothing more is loaded.
+   * `wanted`: false once no caller waits for the key; an AbortError is then thrown, and loading ends.
    */
   async open(frame: number, wanted?: () => boolean): Promise<KeyPicture> {
     const known = this.picture(frame);
@@ -172,7 +172,7 @@ export class PaintedKeys {
     await this.bases.load({ layers: layersMade }); // those that were dropped while others were uploaded
   }
 
-  /** The layers of a frame's picture as they are drawn, from back to front, and the finished picture. */
+  /** The layers of a frame's picture in drawing order, from back to front, and the finished picture. */
   async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
     const key = pictureKey(this.store.layer.value.id, frame);
     const picture = await this.open(frame);

@@ -4,7 +4,7 @@ import type { LabelCorrection } from "./document";
 import type { Size } from "./geometry";
 import type { LabelMap } from "./label-png";
 
-/** As many frames before and after a corrected map are solved again unless the user says otherwise. */
+/** Default number of frames before and after a corrected map that are solved again. */
 export const REACH_FRAMES = 6;
 
 /** A copy in which every pixel within `radius` px of the path has the label. The path is in px of the map. */
@@ -82,7 +82,7 @@ export function solvedFrames(corrections: readonly LabelCorrection[], frames: nu
   return solved.size;
 }
 
-/** Red, green and blue, 0..255, of a cluster, as in the artefact `overlay`; gray where there is none. */
+/** Red, green and blue, 0..255, of a cluster, as in the artefact `overlay`; gray without a cluster. */
 export function colourOf(label: number): [number, number, number] {
   if (!label) return [128, 128, 128];
   const hue = ((label * 111.25) % 180) / 30;

@@ -61,7 +61,7 @@ export function createLoupeTool(store: Store, redraw: () => void): StageTool {
     }
   }
 
-  function look(point: Point): void {
+  function moveTo(point: Point): void {
     at = point;
     clearTimeout(timer);
     timer = window.setTimeout(() => load(point), REST_MS);
@@ -71,16 +71,16 @@ export function createLoupeTool(store: Store, redraw: () => void): StageTool {
   return {
     cursor: "zoom-in",
     down(sample) {
-      look(sample.at);
+      moveTo(sample.at);
       return true;
     },
     move(samples) {
       const last = samples.at(-1);
-      if (last) look(last.at);
+      if (last) moveTo(last.at);
     },
     up() {},
     hover(sample) {
-      if (sample) look(sample.at);
+      if (sample) moveTo(sample.at);
       else {
         clearTimeout(timer);
         running.abort();

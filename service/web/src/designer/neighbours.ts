@@ -1,6 +1,6 @@
 /**
  * The frames around a painted key, repainted from it whenever it changes. A small copy of the key is sent with the request,
- * so that nothing waits for the upload of the key itself.
+ * so that they need not wait for the upload of the key itself.
  */
 
 import { effect, untracked } from "@preact/signals";
@@ -16,7 +16,7 @@ const AROUND = 3;
 const PROXY_PX = 480;
 /** Strokes that follow each other faster are repainted together. */
 const REST_MS = 30;
-/** A service without a free place is asked again after this time. */
+/** Time after which a request to a busy service is repeated. */
 const AGAIN_MS = 1000;
 
 export interface Neighbours {

@@ -34,7 +34,7 @@ export interface PaintTool extends StageTool {
   shown(): { picture: KeyPicture; live: LiveStroke | undefined } | null;
   /** End the stroke under the pen, if there is one: the page is about to close. */
   settle(): void;
-  /** The picture with the stroke under the pen, by `pictureKey`; empty while there is none. */
+  /** The picture with the stroke under the pen, by `pictureKey`; empty without a stroke. */
   unfinished(): Record<string, KeyPicture>;
   /** Load the frame's key, or prepare a new one, so that the first stroke is not delayed. */
   prepare(frame: number): void;
@@ -45,7 +45,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   let keeping = 0;
   let open: { frame: number; layer: string; picture: KeyPicture } | null = null;
   let live: LiveStroke | undefined;
-  /** Of the stroke under the pen, as they are stored: what is drawn while the pen moves is what is drawn later. */
+  /** Samples of the stroke under the pen in their stored form, so that it is drawn the same way later. */
   let samples: Sample[] = [];
   /** The newest sample, if it is too near to the one before; the last one of a stroke is always kept. */
   let skipped: Sample | null = null;
@@ -74,7 +74,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     return picture.layers.find((layer) => layer.id === store.paintLayer.value) ?? picture.layers.at(-1);
   }
 
-  /** Act on the key and the layer to paint on: now, or once a key is open that a quick hand did not wait for. */
+  /** Act on the key and the layer to paint on: now, or once the key is open, if the user starts before that. */
   function whenOpen(act: (picture: KeyPicture, layer: PictureLayer) => void): void {
     const [frame, shot] = [store.frame.value, store.layerId.value];
     const on = (picture: KeyPicture) => {

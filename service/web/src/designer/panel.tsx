@@ -1,4 +1,4 @@
-/** The panel beside the stage: the method, what it needs most, all settings, output, and the button that submits. */
+/** The panel beside the stage: the method, its main inputs, all settings, output, and the button that submits. */
 
 import { effect } from "@preact/signals";
 import { createInputs } from "../forms/inputs";
@@ -33,7 +33,7 @@ export interface PanelProps {
   foreground: Foreground;
   /** Save everything; false if that failed. */
   saveAll(): Promise<boolean>;
-  /** Make the shown frame, as it is painted now, a key. */
+  /** Make the present painting of the shown frame a key. */
   correct(): Promise<void>;
   /** Make a frame of a finished film a key. */
   take(frame: FilmFrame): Promise<void>;

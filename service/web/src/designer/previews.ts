@@ -1,4 +1,4 @@
-/** Previews of the shown frame: asked for when the document or the frame has rested, shown coarse first. */
+/** Previews of the shown frame, requested when document and frame have not changed for a while, and shown coarse first. */
 
 import { effect } from "@preact/signals";
 import * as legacy from "../shared/api";

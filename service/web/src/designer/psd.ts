@@ -1,4 +1,4 @@
-/** Photoshop documents (PSD) with layers, as other painting programs read and write them. ag-psd is loaded when asked for. */
+/** Photoshop documents (PSD) with layers, as other painting programs read and write them. ag-psd is loaded on demand. */
 
 import type { Layer as PsdLayer } from "ag-psd";
 import { Problem } from "../shared/api";

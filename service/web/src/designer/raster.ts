@@ -135,7 +135,7 @@ function liveSmudge(stroke: SmudgeStroke, size: Size): LiveDrawing["whole"] {
 
 /**
  * Bytes of canvases and pictures that are kept, beside those of the picture that is drawn: four of each at 1080p. The
- * browser's decoder of a long 1080p video takes several hundred MB by itself.
+ * browser's decoder of a long 1080p video alone takes several hundred MB.
  */
 const KEPT_BYTES = 64 * 2 ** 20;
 
@@ -218,7 +218,7 @@ export class PictureRaster {
 
   /**
    * The visible layers as one canvas, which stays the same object. `live`: the stroke under the pen, on top of its layer.
-   * Nothing is drawn again while neither has changed.
+   * It is drawn again only if one of them has changed.
    */
   whole(key: string, picture: KeyPicture, live?: LiveStroke): HTMLCanvasElement {
     const layers = picture.layers.map((layer) => this.layer(`${key}/${layer.id}`, layer));

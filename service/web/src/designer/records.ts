@@ -101,7 +101,7 @@ export interface PreviewRecord {
 export class RecordReader {
   private parts: Uint8Array<ArrayBuffer>[] = [];
   private length = 0;
-  /** Bytes without which nothing more can be read: parts are joined when they are there, not each time one arrives. */
+  /** Number of bytes that are needed to read the next record: parts are joined once these have arrived. */
   private needed = 4;
 
   /** The records that are complete with these bytes. */

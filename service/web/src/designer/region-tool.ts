@@ -26,7 +26,7 @@ interface TubeMap {
 }
 
 export type RegionsState = "unknown" | "loading" | "ready" | "missing";
-/** Whether the service can find regions: unknown until asked. */
+/** Whether the service can find regions; unknown before the first request. */
 export const regionsState = signal<RegionsState>("unknown");
 
 /** How many objects there are in the shown frame; 0 until they are known. */

@@ -8,7 +8,7 @@ import { pictureOf, preview } from "./api";
 import type { Store } from "./store";
 
 const SIDE_PX = 480;
-/** Frames asked for at once. */
+/** Number of frames per request. */
 const RUN = 24;
 const KEPT = 200;
 /** Steps of at most `STEP` frames, each within `MOVING_MS` of the last, are a movement from the third on. */

@@ -1,4 +1,4 @@
-/** Keyboard of the studio. Fields keep their keys: nothing here acts while the user types. */
+/** Keyboard shortcuts of the studio. They do nothing while the user types in a field. */
 
 import { notify } from "../shared/notices";
 import type { Playback } from "./playback";

@@ -13,7 +13,7 @@ const KEPT = 0.7;
 const CORE = 0.5;
 
 /**
- * Smudges one layer along a stroke, dab by dab, as its samples come. What is carried is mixed in whole pixels with
+ * Smudges one layer along a stroke, dab by dab, as its samples arrive. The carried paint is mixed in whole pixels with
  * premultiplied alpha, so that the same samples give the same pixels, and opaque paint stays opaque.
  */
 export class Smudger {
@@ -39,7 +39,7 @@ export class Smudger {
     this.kept = (KEPT * stroke.opacity) ** (this.spacing / stroke.size);
   }
 
-  /** Go on to a sample. */
+  /** Continue to a sample. */
   to(sample: Sample): void {
     const from = this.last;
     this.last = sample;

@@ -143,7 +143,7 @@ export function mountStage(
     if (picture) drawWhole(picture);
   }
 
-  /** What the stage shows of a film that is being painted. It is seldom the shown frame, so that no mark fits it. */
+  /** Shows a film that is being painted. Its newest frame is seldom the selected one, so that no marks are drawn on it. */
   function newestFrame(): CanvasImageSource | null {
     const shown = store.stageView.value === "film" && store.tool.value === "pan" && !store.compared.value;
     return shown ? films.newest.value : null;

@@ -20,7 +20,7 @@ export interface FillStroke {
   kind: "fill";
   color: string;
   opacity: number;
-  /** Start index and length of each run of filled pixels; one may go on over several rows. */
+  /** Start index and length of each run of filled pixels; one may cover several rows. */
   runs: readonly number[];
 }
 
@@ -114,7 +114,7 @@ export function floodRuns(
   return runsOf(filled);
 }
 
-/** The pieces of runs that lie in one row each: left, top, length. A run goes on in the next row. */
+/** The pieces of runs that lie in one row each: left, top, length. A run continues in the next row. */
 export function rowsOf(runs: readonly number[], width: number): [x: number, y: number, length: number][] {
   const pieces: [number, number, number][] = [];
   for (let i = 0; i < runs.length; i += 2) {

@@ -45,6 +45,6 @@ export function StyleLane({ store }: { store: Store }) {
   );
 }
 
-/** Parameters that every key of the track sets: of others the page does not know the style's own value. */
+/** Parameters that every key of the track sets. For others, the page does not have the style's own value. */
 const shownBy = (track: readonly StyleKey[]): string[] =>
   Object.keys(track[0]?.set ?? {}).filter((name) => track.every(({ set }) => typeof set?.[name] === "number"));

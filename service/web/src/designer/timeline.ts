@@ -23,7 +23,7 @@ const LEAST_SPAN = 12;
 
 const lengthOf = ([first, end]: Span): number => Math.max(1, end - first);
 
-/** The frame under a position of a strip of `width` px; beyond its edges the frames go on. */
+/** The frame under a position of a strip of `width` px; positions beyond its edges give frames beyond it. */
 export const frameAt = (x: number, width: number, span: Span): number =>
   span[0] + Math.floor((x / Math.max(1, width)) * lengthOf(span));
 

@@ -1,4 +1,4 @@
-/** What a tool of the stage does with the pointer. Positions are pixels of the video. */
+/** The interface of a tool of the stage, which handles the pointer. Positions are pixels of the video. */
 
 import type { Point } from "./document";
 import type { Sample } from "./strokes";

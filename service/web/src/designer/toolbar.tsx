@@ -25,7 +25,7 @@ const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
   scribble: { icon: "brush", label: "Scribble", keys: "" },
 };
 
-/** Tools for what a method takes: painted keys, or regions with styles and directions. */
+/** Tools for the inputs of a method: painted keys, or regions with styles and directions. */
 export function toolsOf(method: string, previews: boolean, clusters: boolean): Tool[] {
   if (method === "analogy") return ["pan", ...PAINT_TOOLS];
   if (method === "patches") return ["pan", "brush", "eraser", ...(clusters ? (["label"] as const) : [])];
@@ -89,7 +89,7 @@ const VIEWS: [StageView, string][] = [
   ["film", "Film"],
 ];
 
-/** Above the stage: what it shows, or the brush while one paints. */
+/** The bar above the stage: the view, or the brush settings while the user paints. */
 export function StageBar({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
   const painting = ["label", "brush", "eraser", "smudge", "fill"].includes(store.tool.value);
   return (

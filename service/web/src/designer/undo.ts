@@ -4,7 +4,7 @@
  */
 
 export interface Step<State> {
-  /** What was done, for example "Brush stroke". */
+  /** Description of the change, for example "Brush stroke". */
   label: string;
   before: State;
   after: State;
@@ -29,7 +29,7 @@ export interface StepOptions {
   at?: number;
 }
 
-/** The history after a change; an equal state changes nothing. */
+/** The history after a change. An equal state does not change it. */
 export function record<State>(
   history: History<State>,
   label: string,

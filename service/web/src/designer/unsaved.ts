@@ -7,7 +7,7 @@ export interface Unsaved {
   /** The stored version that the changes follow. */
   version: number;
   document: ProjectDocument;
-  /** What was being saved: the next version may have this document already, whose answer has not come. */
+  /** The document of a save whose answer has not arrived; the next version may already contain it. */
   sent?: ProjectDocument | undefined;
   /** Painted keys that are not uploaded: by `pictureKey`. */
   pictures: Record<string, KeyPicture>;
@@ -22,7 +22,7 @@ export function readUnsaved(project: string): Unsaved | null {
   return { pictures: {}, ...found };
 }
 
-/** The version that unsaved changes follow, given what is stored now: an answer that never came is no conflict. */
+/** The version that unsaved changes follow, given the stored document. A lost answer to a save is no conflict. */
 export function versionFollowed(unsaved: Unsaved, stored: { version: number; document: ProjectDocument }): number {
   const arrived = JSON.stringify(unsaved.sent) === JSON.stringify(stored.document);
   return arrived ? stored.version : unsaved.version;

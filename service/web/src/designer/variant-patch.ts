@@ -1,9 +1,9 @@
-/** Variants as merge patches (RFC 7396) on their layer as it is now. */
+/** Variants as merge patches (RFC 7396) on the present state of their layer. */
 
 import type { Json, Params } from "../shared/types";
 import type { Layer, Variant } from "./document";
 
-/** Parameters of a variant; null in its patch stands for a parameter that is left at its default. */
+/** Parameters of a variant; null in its patch means a parameter with its default. */
 export const paramsOf = ({ set }: Variant): Params =>
   Object.fromEntries(Object.entries(set.params ?? {}).filter(([, value]) => value !== null));
 

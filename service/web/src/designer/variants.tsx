@@ -11,7 +11,7 @@ import { cardsOf, completedSet, paramsOf } from "./variant-patch";
 
 const CARD_PX = 240;
 const WIPE_PX = 960;
-/** Stands for the layer as it is now. */
+/** Means the present state of the layer. */
 const PRESENT = "present";
 
 export function Variants({ store, saveAll }: { store: Store; saveAll(): Promise<boolean> }) {

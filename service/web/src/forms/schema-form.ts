@@ -192,7 +192,7 @@ function createRow(field: Field, changed: () => void): Row {
     }
   }
 
-  /** Show at once what cannot be parsed; remove what the service said of the previous value. */
+  /** Report a value that cannot be parsed at once; remove the service's message about the previous value. */
   function refresh(): void {
     reset.hidden = value() !== undefined && !altered();
     try {

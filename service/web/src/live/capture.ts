@@ -46,10 +46,10 @@ function captured(about: VideoFrameCallbackMetadata | undefined, now: number): n
   return at <= now && now - at < PLAUSIBLE_MS ? at : now;
 }
 
-/** Newer fields of VideoFrame that TypeScript does not know. */
+/** Newer fields of VideoFrame that TypeScript's types lack. */
 type Oriented = VideoFrame & { rotation?: number; flip?: boolean };
 
-/** Whether an encoder may take the frame as it is: upright, with square pixels. */
+/** Whether an encoder can use the frame unchanged: it is upright, with square pixels. */
 const plain = ({ rotation, flip, visibleRect }: Oriented, width: number, height: number): boolean =>
   !rotation && !flip && visibleRect?.width === width && visibleRect.height === height;
 

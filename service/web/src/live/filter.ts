@@ -14,7 +14,7 @@ export interface FilterSettings {
   problem(name: string, text: string): boolean;
 }
 
-/** `filters`: methods that can be one. Without any, nothing is shown. */
+/** `filters`: methods that can be a filter. Without any, the element is empty. */
 export function createFilter(filters: Method[], chosen: FilterChoice | null, onchange: () => void): FilterSettings {
   const [method] = filters;
   if (!method)

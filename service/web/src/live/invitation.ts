@@ -1,4 +1,4 @@
-/** The card over the picture while nothing runs: the ways to begin, or the fault and its remedy. */
+/** The card over the picture while no session runs: the ways to begin, or the fault and its remedy. */
 
 import type { Problem } from "../shared/api";
 import { fill, h } from "../shared/dom";

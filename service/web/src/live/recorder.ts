@@ -1,4 +1,4 @@
-/** The painting, recorded to a file as it is shown. */
+/** Records the displayed painting to a file. */
 
 import { Problem, saveFile } from "../shared/api";
 

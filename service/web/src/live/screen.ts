@@ -8,7 +8,7 @@ export type LiveView = "painted" | "wipe" | "beside";
 
 export interface Screen {
   element: HTMLElement;
-  /** The painting; its stream is what is recorded. */
+  /** The painting, whose stream is recorded. */
   canvas: HTMLCanvasElement;
   resize(size: Size): void;
   /** Show an answer, and the frame that it was made from. */
@@ -89,7 +89,7 @@ function createSheet(label: string) {
       context.imageSmoothingQuality = "high"; // the service may paint at a smaller size; resizing a canvas resets this
       context.drawImage(picture, 0, 0, canvas.width, canvas.height);
     },
-    /** Keeps the shown picture: nothing flashes when a phone is turned. */
+    /** Keeps the shown picture, so that it does not flash when a phone is rotated. */
     resize(width: number, height: number) {
       const shown = Object.assign(document.createElement("canvas"), { width, height });
       shown.getContext("2d")?.drawImage(canvas, 0, 0, width, height);

@@ -26,7 +26,7 @@ export interface SourceWishes extends Shape {
   file?: File | null;
 }
 
-/** `onended`: the user ended it outside of the page, or the device is gone. Throws a Problem with a remedy. */
+/** `onended`: the user ended it outside of the page, or the device was disconnected. Throws a Problem with a remedy. */
 export async function openSource(kind: SourceKind, wishes: SourceWishes, onended: () => void): Promise<Source> {
   if (kind === "file" && wishes.file) return openFile(wishes.file);
   if (!navigator.mediaDevices) throw insecure();

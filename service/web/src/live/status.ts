@@ -20,7 +20,7 @@ const WAITING = new Set<StatusName>(["asking", "opening", "connecting", "startin
 
 export interface Status {
   pill: HTMLElement;
-  /** What lies on the picture. */
+  /** Elements over the picture. */
   overlay: HTMLElement[];
   /** `until`: time of the next attempt, on the clock of `performance.now()`. */
   show(name: StatusName, until?: number): void;

@@ -25,7 +25,7 @@ import { pack, unpack } from "./wire";
 
 /** Originals kept until their answers come. Cameras have few buffers: none may be kept for long. */
 const MOST_KEPT = 6;
-/** The network is behind if more frames are unanswered: as seconds of the rate, and at least so many. */
+/** Limits of unanswered frames above which the network counts as slow: in seconds of the frame rate, and as a least number. */
 const MOST_UNANSWERED_S = 0.5;
 const LEAST_UNANSWERED = 4;
 /** If no answer comes at all, a frame is sent this often nevertheless. */
@@ -165,7 +165,7 @@ export function createStream({ screen, figures, settings, events }: StreamOption
     return sequence - answered > most && performance.now() - lastSent < PROBE_MS;
   }
 
-  /** The size to encode at. It changes when a phone is turned or another size was chosen; the stream goes on. */
+  /** The size to encode at. It changes when a phone is rotated or another size is chosen; the stream continues. */
   function fitEncoder(): Size | null {
     const now = measure();
     if (!ready) return null;

@@ -1,4 +1,4 @@
-/** The JSON and binary messages of docs/live.md, and what the parts of the live page pass to each other. */
+/** The JSON and binary messages of docs/live.md, and data that the parts of the live page exchange. */
 
 import type { ProblemFields } from "../shared/api";
 import type { Inputs, Params } from "../shared/types";
@@ -75,7 +75,7 @@ export type Incoming =
   | { type: "bye"; stats: Stats }
   | { type: "error"; fatal: boolean; problem: ProblemFields; retry_after_s?: number };
 
-/** What the user has set, as a stream needs it. Inputs that are not given are null. */
+/** The user's settings in the form that a stream needs. Inputs that are not given are null. */
 export interface LiveSettings {
   method: string;
   params: Params;

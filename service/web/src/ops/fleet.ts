@@ -76,7 +76,7 @@ function identity(worker: Worker): Child {
   return [h("strong", {}, worker.host), h("small", {}, parts.filter(Boolean).join(" · "))];
 }
 
-/** The end of the id's random part, which tells a worker from another of its host. */
+/** The end of the id's random part, which distinguishes workers of a host. */
 export const shortId = (id: string): string => (id.split("@")[0] ?? "").slice(-6);
 
 function taskLine(run: TaskRun, onjob: (id: string) => void): HTMLElement {

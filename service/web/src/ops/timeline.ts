@@ -167,8 +167,8 @@ function block(
     y: lane * LANE_PX + (LANE_PX - BAR_PX) / 2,
     width: Math.max(1.5, to - from - 0.5).toFixed(1),
   };
-  const look = { height: BAR_PX, rx: 2, class: `bar ${colour(steps.indexOf(bar.step))}`, "data-outcome": bar.outcome };
-  const rect = s("rect", { ...place, ...look }, s("title", {}, describe(bar)));
+  const style = { height: BAR_PX, rx: 2, class: `bar ${colour(steps.indexOf(bar.step))}`, "data-outcome": bar.outcome };
+  const rect = s("rect", { ...place, ...style }, s("title", {}, describe(bar)));
   rect.addEventListener("click", () => choose(bar));
   return rect;
 }

@@ -35,7 +35,7 @@ export const forget = async (id: string): Promise<void> => {
 
 export type JobVerb = "cancel" | "pause" | "resume" | "retry";
 
-/** Resolves to the job as it is after the action. */
+/** Resolves to the job after the action. */
 export const act = async (id: string, verb: JobVerb): Promise<Job> =>
   (await bodyOf(client.POST(`/v1/jobs/{job_id}/${verb}`, ofJob(id)))) as Job;
 

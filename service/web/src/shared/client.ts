@@ -1,4 +1,4 @@
-/** Typed requests: `client` knows every path, parameter, body and answer of the service's OpenAPI document. */
+/** Typed requests: `client` has the types of every path, parameter, body and answer of the service's OpenAPI document. */
 
 import createClient from "openapi-fetch";
 import type { components, paths } from "../../types/api";
@@ -7,7 +7,7 @@ import { request } from "./http";
 /** The schemas of the HTTP API, by name. */
 export type Schemas = components["schemas"];
 
-/** Requests carry the user's key. Every answer that is no success is thrown as a `Problem`. */
+/** Requests carry the user's key. Every answer with an error status is thrown as a `Problem`. */
 export const client = createClient<paths>({ baseUrl: globalThis.location?.origin ?? "", fetch: request });
 
 /** The body of an answer. */
@@ -15,7 +15,7 @@ export async function bodyOf<Body>(answer: Promise<{ data?: Body }>): Promise<No
   return (await answer).data as NonNullable<Body>;
 }
 
-/** The bytes of an answer that was asked for with `parseAs: "stream"`. */
+/** The bytes of an answer to a request with `parseAs: "stream"`. */
 export async function blobOf(answer: Promise<{ response: Response }>): Promise<Blob> {
   return (await answer).response.blob();
 }

@@ -68,7 +68,7 @@ export function problemBlock(error: Message, ...actions: Child[]): HTMLElement {
   return h("div", { class: "problem", role: "alert" }, icon("alert"), text);
 }
 
-/** What a user should know although the work goes on, as a block in the page; nothing if there is nothing. */
+/** A block with warnings that the user should know although the work continues; null without warnings. */
 export function warningBlock(title: string, messages: string[]): HTMLElement | null {
   if (!messages.length) return null;
   const text = h(

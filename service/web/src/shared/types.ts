@@ -36,7 +36,7 @@ export interface Fault {
   field?: string;
 }
 
-/** Something that the user of a job should know although the job goes on. */
+/** A fact that the user of a job should know although the job continues. */
 export interface JobWarning {
   code: string;
   message: string;

@@ -37,9 +37,9 @@ export function createJobPage(id: string): View {
     document.title = `${isFinal(now) ? stateWord(now) : percent(now.progress)} · ${titleOf(now)} · Impasto`;
     progress.update(now, queue);
     preview.update(now);
-    const look = `${now.state} ${(now.warnings ?? []).map((warning) => warning.message).join()}`;
-    if (drawn !== look) compose(now);
-    drawn = look;
+    const contents = `${now.state} ${(now.warnings ?? []).map((warning) => warning.message).join()}`;
+    if (drawn !== contents) compose(now);
+    drawn = contents;
   }
 
   /** Lay the page out for the job's state. */

@@ -11,21 +11,21 @@ const QUEUE_MS = 4000;
 export interface JobListener {
   /** The job as it is now; `queue`: its position, if it is known. */
   onchange(job: Job, queue: Queue | null): void;
-  /** The job cannot be read, and has not been read before. `again`: it is tried again, since the service may recover. */
+  /** Called if the job cannot be read and has not been read before. `again`: the read is repeated, because the service may recover. */
   onmissing?(problem: api.Problem, again: boolean): void;
 }
 
-/** Whether the same request may succeed later: there was no answer, or the service was too busy for one. */
+/** Whether the same request may succeed later, because the service did not answer or was too busy. */
 const mayPass = ({ status }: api.Problem): boolean => status === 0 || status === 429 || status >= 500;
 
-/** Follow a job until it is final or `signal` aborts. It is read not more often than the eye can follow. */
+/** Follow a job until it is final or `signal` aborts. Readings are limited to a rate that a user can follow. */
 export async function watchJob(id: string, { onchange, onmissing }: JobListener, signal: AbortSignal): Promise<void> {
   let job: Job | null = null;
   let queue: Queue | null = null;
-  let looking = 0;
+  let timer = 0;
   const stop = new AbortController();
   const end = () => {
-    clearTimeout(looking);
+    clearTimeout(timer);
     stop.abort();
   };
   signal.addEventListener("abort", end, { once: true });
@@ -42,19 +42,19 @@ export async function watchJob(id: string, { onchange, onmissing }: JobListener,
     }
     if (signal.aborted) return;
     onchange(job, queue);
-    if (job.state === "queued" && !looking) looking = window.setTimeout(look, 0);
+    if (job.state === "queued" && !timer) timer = window.setTimeout(readQueue, 0);
     if (isFinal(job)) end();
   }
 
   /** Read the position now and every few seconds while the job is queued. */
-  async function look(): Promise<void> {
+  async function readQueue(): Promise<void> {
     if (stop.signal.aborted || job?.state !== "queued") {
-      looking = 0;
+      timer = 0;
       return;
     }
     queue = await api.get<Queue>(api.url`/v1/jobs/${id}/queue`, stop.signal).catch(() => queue);
     if (job?.state === "queued" && !stop.signal.aborted) onchange(job, queue);
-    looking = window.setTimeout(look, QUEUE_MS);
+    timer = window.setTimeout(readQueue, QUEUE_MS);
   }
 
   await refresh();

@@ -8,13 +8,13 @@ from typing import TypeVar
 
 from pipeline.errors import StorageError
 
-PATIENCE_S = 600.0
+RETRY_S = 600.0
 T = TypeVar("T")
 
 
-def patiently(ask: Callable[[], T | None]) -> T:
-    """The first answer that is not None, however often the stores are away meanwhile. Fails after PATIENCE_S."""
-    deadline = time.monotonic() + PATIENCE_S
+def with_retries(ask: Callable[[], T | None]) -> T:
+    """Call `ask` until it returns an answer that is not None, also while the stores are down. Fails after `RETRY_S`."""
+    deadline = time.monotonic() + RETRY_S
     while True:
         try:
             if (answer := ask()) is not None:
