@@ -15,6 +15,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
@@ -32,6 +33,8 @@ os.environ.setdefault("IMPASTO_WARM_UP", "false")
 os.environ.setdefault("IMPASTO_LIVE_SPARES", "0")
 os.environ.setdefault("RAY_worker_niceness", "0")  # as in the images; else actors starve beside other programs
 MEDIA = ROOT.parent / "shared" / "media"
+settings.register_profile("impasto", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no time limits
+settings.load_profile("impasto")
 
 
 class TestSettings(BaseSettings):

@@ -168,7 +168,7 @@ class Watched:
 
     def check(self) -> None:
         """Check that there were no complaints and no requests to other hosts."""
-        assert self.complaints == []
+        assert not self.complaints, "\n".join(self.complaints)
         assert self.hosts <= {"127.0.0.1", ""}, "blob: and data: addresses have no host"
 
 

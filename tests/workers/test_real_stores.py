@@ -125,6 +125,7 @@ def test_only_orphaned_blobs_are_swept(real: FarmSettings, opened: Callable[...,
     done = finished(farm, farm.jobs.submit(request_on(farm, data)).id)
     failed = finished(farm, farm.jobs.submit(request_on(farm, data, params={"trouble": "raise"})).id)
     until(lambda: len(list(farm.blobs.keys(f"jobs/{done.id}/"))) == 1)
+    _collector(farm).stop()  # its thread could sweep at any time
     before = list(farm.blobs.keys(""))
     for key in ("jobs/job_gone/att_1/segment", f"jobs/{done.id}/late", "assets/" + "0" * 64):
         farm.blobs.put(key, b"left")
