@@ -159,8 +159,8 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
 
 @kernel
 def _cells(at: int, size: int, cells: int) -> tuple[int, int, np.float32]:
-    """Of `cells` cells over `size` px, the two whose centres enclose the centre of pixel `at`, and its distance, in
-    cells, from the first centre."""
+    """The two cells whose centres enclose the centre of pixel `at`, and the pixel's distance from the first centre, in
+    cells. `cells` cells cover `size` px."""
     place = min(max((at + 0.5) * cells / size - 0.5, 0.0), cells - 1.0)
     first = int(place)
     return first, min(first + 1, cells - 1), np.float32(place - first)

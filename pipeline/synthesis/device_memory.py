@@ -17,6 +17,9 @@ _LOG = logging.getLogger(__name__)
 FRAME_BYTES = 120
 """Memory of the current frame, bytes per pixel: packed colours and guides, offsets before and after, motion, ribbons,
 costs."""
+PREPARED_BYTES = 25
+"""Memory of the next frame, which is prepared meanwhile, bytes per pixel: packed pixels, rounded offsets, direction,
+distance."""
 OFFSET_BYTES = 12
 """Memory of the offsets of every other frame, bytes per pixel."""
 STYLE_BYTES = 28
@@ -39,7 +42,8 @@ def operations(device: Device, size: tuple[int, int], style: Bytes, frames: int)
         DeviceError: the style and 64 rows do not fit.
     """
     style_bytes = int(style.shape[0] * style.shape[1]) * STYLE_BYTES
-    needed = _all_levels(size[0] * size[1] * (FRAME_BYTES + frames * OFFSET_BYTES) + style_bytes)
+    frame_bytes = FRAME_BYTES + PREPARED_BYTES + frames * OFFSET_BYTES
+    needed = _all_levels(size[0] * size[1] * frame_bytes + style_bytes)
     available = device.memory_bytes
     if needed <= available:
         return OpenCLOperations(device), ""
