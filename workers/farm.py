@@ -173,8 +173,11 @@ class Farm:
         return {**self.store.statistics.snapshot(), "pool": pool}
 
 
-def open_farm(settings: FarmSettings) -> Farm:
+def open_farm(settings: FarmSettings, *, overview: bool = True) -> Farm:
     """The farm of these settings; call `start` to let it work. With Ray: on the main thread.
+
+    Args:
+        overview: whether jobs of a local pool get a poster and a contact sheet.
 
     Raises:
         StorageError: the database or the blob store cannot be used.
@@ -183,14 +186,14 @@ def open_farm(settings: FarmSettings) -> Farm:
     check_installed(settings)
     blobs = open_blobs(settings)
     machine = None if settings.workers else this_machine()
-    pool, live_workers = _pool(settings, blobs, machine), _live_workers(settings, blobs)
+    pool, live_workers = _pool(settings, blobs, machine, overview), _live_workers(settings, blobs)
     farm = Farm(settings, pool, live_workers, preview_runner=_preview_runner(settings, blobs))
     if machine is not None:
         machine.live_sessions = lambda: farm.live.sessions
     return farm
 
 
-def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None) -> Pool | None:
+def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, overview: bool) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "ray":
@@ -200,10 +203,10 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None) -> Pool
     from workers.execution.renderer import Renderer
     from workers.pools.local_pool import LocalPool
 
-    most = settings.most_workers
-    return LocalPool(
-        lambda: Renderer(blobs, settings.scratch, warms_up=settings.warm_up), most, machine, settings.task_memory_bytes
-    )
+    def renderer() -> Renderer:
+        return Renderer(blobs, settings.scratch, warms_up=settings.warm_up, overview=overview)
+
+    return LocalPool(renderer, settings.most_workers, machine, settings.task_memory_bytes)
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

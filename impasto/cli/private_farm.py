@@ -118,7 +118,7 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
     from workers.farm import open_farm
     from workers.settings import FarmSettings
 
-    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers))
+    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), overview=False)
     farm.start()
     try:
         yield farm
@@ -143,12 +143,7 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
     try:
         while not (job := farm.jobs.get(job_id)).state.final:
             show(_shown(job))
-            beat = time.monotonic() + _BEAT_S
-            farm.jobs.wait_for_event(job_id, last_seq, timeout_s=_POLL_S)
-            events, _ = farm.jobs.events(job_id, after=last_seq)
-            last_seq = events[-1].seq if events else last_seq
-            if all(event.type != "job.state" for event in events):
-                time.sleep(max(0.0, beat - time.monotonic()))
+            last_seq = _wait_for_news(farm, job_id, last_seq)
     except KeyboardInterrupt:
         raise Interrupted(
             f"Interrupted at {farm.jobs.get(job_id).progress:.0%}.", remedy="Run the same command again to resume."
@@ -157,6 +152,21 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
     if job.state != "succeeded":
         raise _failure(farm, job)
     return job
+
+
+def _wait_for_news(farm: Farm, job_id: str, last_seq: int) -> int:
+    """Wait for the next event, and for those that follow within the interval of updates; not after a change of the
+    job's state. Returns the number of the last event."""
+    update_at, timeout_s = time.monotonic() + _BEAT_S, _POLL_S
+    while timeout_s > 0 and farm.jobs.wait_for_event(job_id, last_seq, timeout_s):
+        events, _ = farm.jobs.events(job_id, after=last_seq)
+        if not events:
+            break
+        last_seq = events[-1].seq
+        if any(event.type == "job.state" for event in events):
+            break
+        timeout_s = update_at - time.monotonic()
+    return last_seq
 
 
 def _shown(job: Job) -> Json:

@@ -33,13 +33,21 @@ def ribbons_to_keys(
     keys = [index for index in frames if index in painted]
     if not keys:
         return {}
-    found = {index: np.full((2, *painted[keys[0]].shape), NOWHERE, np.float32) for index in frames}
+    shape = painted[keys[0]].shape
+    found = {index: np.empty((2, *shape), np.float32) for index in frames}
     for slot, ahead in ((0, frames), (1, frames[::-1])):
+        empty = set(frames)
         for key in (index for index in ahead if index in painted):
             reached = ahead[ahead.index(key) :]
             for index, offsets in _traced(ops, style, animation, reached, painted[key]):
-                ribbons = found[index]
-                ribbons[slot] = np.where(offsets > NOWHERE, offsets, ribbons[slot])
+                ribbon = found[index][slot]
+                if index in empty:
+                    ribbon[...] = offsets
+                else:
+                    np.copyto(ribbon, offsets, where=offsets > NOWHERE)
+            empty.difference_update(reached)
+        for index in empty:
+            found[index][slot] = NOWHERE
     return found
 
 

@@ -205,6 +205,12 @@ def render(renderer: Renderer, info: MediaInfo, **changes: Any) -> tuple[list[Ta
     return outcomes, last
 
 
+def test_a_job_without_overview_has_neither_poster_nor_contact_sheet(info: MediaInfo, blobs: DiskBlobs) -> None:
+    with Renderer(blobs, None, lambda name: Toy(), overview=False) as renderer:
+        _outcomes, last = render(renderer, info)
+        assert set(renderer.run(last).files) == {"result", "report", "svg"}
+
+
 def test_a_job_from_frames_to_file(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs, tiny_clip: Path) -> None:
     outcomes, last = render(renderer, info)
     assert [o.result["count"] for o in outcomes] == [10, 20, 24]

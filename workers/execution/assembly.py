@@ -34,14 +34,20 @@ _COPY_BYTES = 1 << 20
 
 
 class Assembly:
-    """Makes a job's files from the results of its tasks. The files are blobs in the folder of the job's last step."""
+    """Makes a job's files from the results of its tasks. The files are blobs in the folder of the job's last step.
 
-    def __init__(self, order: TaskOrder, chosen: Method, blobs: Blobs, decoders: Decoders, scratch: Path) -> None:
+    Args:
+        overview: whether the files include a poster and a contact sheet.
+    """
+
+    def __init__(
+        self, order: TaskOrder, chosen: Method, blobs: Blobs, decoders: Decoders, scratch: Path, overview: bool = True
+    ) -> None:  # fmt: skip
         self._order = order
         self._method = chosen
         self._blobs = blobs
         self._decoders = decoders
-        self._scratch = scratch
+        self._scratch, self._overview = scratch, overview
         self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
         self._format: Format = order.output.format  # type: ignore[assignment]
         self.files: Files = {}
@@ -84,8 +90,9 @@ class Assembly:
 
     def _describe(self, result: Path, tiles: Mapping[int, Frame]) -> TaskResult:
         with VideoReader(result) as reader:
-            self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
-            self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
+            if self._overview:
+                self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
+                self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
             width, height = reader.size
             fps, seconds = (reader.fps, reader.index.duration_s) if self._format != "png" else self._source_pace()
             return {

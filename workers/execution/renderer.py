@@ -63,6 +63,7 @@ class Renderer:
         scratch: folder for files while they are written; None: the system's.
         find: finds a method by name; by default, the registry.
         warms_up: whether `warm_up` does anything.
+        overview: whether jobs get a poster and a contact sheet, which only the service shows.
     """
 
     def __init__(
@@ -72,12 +73,13 @@ class Renderer:
         find: Callable[[str], Method] = method,
         *,
         warms_up: bool = True,
+        overview: bool = True,
     ) -> None:
         prepare_process()
         self._blobs = blobs
         self._scratch = scratch
         self._find = find
-        self._warms_up = warms_up
+        self._warms_up, self._overview = warms_up, overview
         self._decoders = Decoders(blobs)
 
     def __enter__(self) -> Self:
@@ -161,7 +163,8 @@ class Renderer:
         return replace(outcome, trace=context.reads.outcome(outcome))
 
     def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
-        assembly = Assembly(order, self._find(order.method), self._blobs, self._decoders, folder)
+        chosen = self._find(order.method)
+        assembly = Assembly(order, chosen, self._blobs, self._decoders, folder, self._overview)
         with context.stages.waiting("join"):
             result = assembly.run(context.progress)
         return TaskOutcome(order.attempt_id, result, {}, assembly.files, None, context.stages.seconds(), "")

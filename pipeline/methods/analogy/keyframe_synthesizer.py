@@ -5,7 +5,7 @@ Section 4 of benard2013stylizing. Each keyframe, paired with the frame that it w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +14,8 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import KeyframeAnimation, LevelFrames, estimated_velocities, levels_of
+from pipeline.methods.analogy.level_animation import EstimatedVelocities, KeyframeAnimation, LevelFrames, levels_of
+from pipeline.methods.analogy.ordered_output import OrderedOutput
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import KeyInterval, interval_key
 from pipeline.methods.analogy.shot_layers import LayerStatistics
@@ -52,10 +53,12 @@ class KeyframeSynthesizer(Synthesizer):
 
     def __init__(self, context: TaskContext[AnalogyParams], interval: KeyInterval) -> None:
         inputs = inputs_of(context, interval.layer, keyframe_style=True)
+        frames = LevelFrames(inputs, context.clock, interval.start, interval.stop, 0)
+        velocities = EstimatedVelocities(frames)  # while the keyframes are read
         levels = levels_of(inputs.params, context.size, min(context.size))
         pad = energy_of(inputs.params, inputs.guides, 0).pad
         further = _given_style_pair(context, inputs) if inputs.layer < 0 and inputs.has_style_pair() else None
-        style = keyframe_style(context, inputs, interval, levels, pad, further)
+        style = keyframe_style(context, inputs, interval, frames, levels, pad, further)
         self.interval = interval
         super().__init__(context, inputs, style.pair, inputs.params)
         self.levels, self._painted = levels, style.painted
@@ -64,11 +67,17 @@ class KeyframeSynthesizer(Synthesizer):
             self._painted[index] = unpack_offsets(edge, self._style_side(0))
         self._ribbons: dict[int, Offsets] = {}
         self._full: list[int] = []
-        self._frames = [LevelFrames(inputs, context.clock, interval.start, interval.stop, 0)]
+        self._frames = [frames]
         for level in range(1, levels):
             with context.clock("guides"):
                 self._frames.append(self._frames[level - 1].halved())
-        self._velocities = estimated_velocities(self._frames[0], context.clock)
+        self._animations = {level: self._animation(level, velocities) for level in reversed(range(levels))}
+        velocities.threads.shutdown(wait=False)
+
+    def _animation(self, level: int, velocities: EstimatedVelocities) -> KeyframeAnimation:
+        usable = self.style(level).style.first_usable
+        frames, clock = self._frames[level], self.context.clock
+        return KeyframeAnimation(frames, clock, usable, self._painted, velocities, self.boil(level))
 
     def _frames_on_device(self) -> int:
         return self.interval.stop - self.interval.start
@@ -81,19 +90,19 @@ class KeyframeSynthesizer(Synthesizer):
 
     def paint(self, key: str) -> None:
         """Run all levels and sweeps, emit the frames, and save the boundary frames for the next interval."""
-        solved: dict[int, SolvedFrame[Any]] = {}
-        interval = self.interval
-        for level in reversed(range(self.levels)):
+        interval, solved = self.interval, dict[int, SolvedFrame[Any]]()
+        for level in reversed(range(1, self.levels)):
             solved = self._level(level, solved)
-            if level:
-                self.preview(level, self.ops.fetch(solved[(interval.first + interval.last) // 2].offsets))
-        for index in range(interval.first, interval.last):
-            offsets = self.ops.fetch(solved[self._shown_at(index)].offsets)
-            self.emit_frame(index, self.painting(index, offsets), self._frames[0])
+            self.preview(level, self.ops.fetch(solved[(interval.first + interval.last) // 2].offsets))
+        with OrderedOutput(range(interval.first, interval.last), self._shown_at, self.painting, self._emit) as output:
+            solved = self._level(0, solved, output)
         ends = sorted({interval.start, interval.last} & set(solved))
         side = self._style_side(0)
         edge = {str(index): pack_offsets(self.ops.fetch(solved[index].offsets), side) for index in ends}
         self.context.save(f"{key}-edge", edge)
+
+    def _emit(self, index: int, painting: Bytes) -> None:
+        self.emit_frame(index, painting, self._frames[0])
 
     def _shown_at(self, index: int) -> int:
         """The frame whose painting is shown at frame `index`; keyframes keep their frames."""
@@ -124,17 +133,11 @@ class KeyframeSynthesizer(Synthesizer):
             blended = np.where(self._painted[shown][..., :1] > NOWHERE, opaque, blended)
         return np.ascontiguousarray(np.concatenate([blended, painting[..., 3:]], axis=-1))
 
-    def _level(self, level: int, coarser: dict[int, SolvedFrame[Any]]) -> dict[int, SolvedFrame[Any]]:
-        """Run all sweeps of a level; returns its frames."""
-        style = self.style(level)
-        animation = KeyframeAnimation(
-            self._frames[level],
-            self.context.clock,
-            style.style.first_usable,
-            self._painted,
-            self._velocities,
-            self.boil(level),
-        )
+    def _level(
+        self, level: int, coarser: dict[int, SolvedFrame[Any]], output: OrderedOutput | None = None
+    ) -> dict[int, SolvedFrame[Any]]:  # fmt: skip
+        """Run all sweeps of a level; returns its frames. Each is added to `output` after its last sweep."""
+        style, animation = self.style(level), self._animations.pop(level)
         with self.context.clock("ribbons"):
             painted = {index: downscaled_offsets(offsets, level) for index, offsets in self._painted.items()}
             interval = range(self.interval.start, self.interval.stop)
@@ -151,7 +154,19 @@ class KeyframeSynthesizer(Synthesizer):
                     solved[each.index] = SolvedFrame(each.index, _without_inputs(each.state), each.offsets)
                     # Each level takes four times as long as all coarser ones together, less a quarter.
                     self.context.progress(0.25**level * (0.25 + 0.75 * number / len(sweeps)))
+                    if output is not None:
+                        output.emit_finished()
+            if output is not None:
+                self._add_finished(output, solved, frames, sweeps[number + 1 :])
         return solved
+
+    def _add_finished(
+        self, output: OrderedOutput, solved: Mapping[int, SolvedFrame[Any]], frames: range, later: Sequence[range]
+    ) -> None:  # fmt: skip
+        """Add the frames of a sweep that are shown and that no later sweep changes."""
+        shown = {self._shown_at(index) for index in range(self.interval.first, self.interval.last)}
+        for index in sorted(shown.intersection(frames).difference(*later)):
+            output.add(index, self.ops.fetch(solved[index].offsets))
 
     def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[range]:
         """Frame numbers of each sweep of a level, in order.

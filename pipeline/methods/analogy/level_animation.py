@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
@@ -159,21 +158,31 @@ def _reduced_distances(distances: Plane, level: int) -> Plane:
     return _reduced_plane(distances, level) * np.float32(0.5**level)
 
 
-def estimated_velocities(full_size: LevelFrames, clock: Clock) -> dict[int, tuple[Flow, Flow]]:
-    """Optical flow at full size, once for all levels: frame number -> (V+ of the frame, V- of the next), px.
+class EstimatedVelocities:
+    """Optical flow at full size, once for all levels, estimated on two threads while the caller does other work.
 
-    Pairs of frames are estimated on two threads. Empty if the inputs have velocities.
+    Nothing is estimated if the inputs have velocities.
+
+    Attributes:
+        firsts: the first frame of each pair that is estimated.
+        threads: run the estimates in order, and then what callers submit.
     """
-    firsts = sorted(full_size.frames)[:-1]
-    if not firsts or full_size.inputs.velocities(firsts[0]) is not None:
-        return {}
-    gray = {index: to_gray(frame) for index, frame in full_size.frames.items()}
 
-    def estimated(first: int) -> tuple[Flow, Flow]:
-        return _estimated(gray[first], gray[first + 1], full_size.inputs.params.flow)
+    def __init__(self, full_size: LevelFrames) -> None:
+        self.threads = ThreadPoolExecutor(_THREADS, "impasto-flow")
+        firsts = sorted(full_size.frames)[:-1]
+        given = bool(firsts) and full_size.inputs.velocities(firsts[0]) is not None
+        self.firsts = [] if given else firsts
+        gray = {index: to_gray(frame) for index, frame in full_size.frames.items()} if self.firsts else {}
+        flow = full_size.inputs.params.flow
+        self._pairs = {
+            first: self.threads.submit(_estimated, gray[first], gray[first + 1], flow) for first in self.firsts
+        }
 
-    with clock("flow"), ThreadPoolExecutor(_THREADS, "impasto-flow") as threads:
-        return dict(zip(firsts, threads.map(estimated, firsts), strict=True))
+    def get(self, first: int) -> tuple[Flow, Flow] | None:
+        """(V+ of frame `first`, V- of the next), px, as soon as it is estimated; None if it is not estimated."""
+        pair = self._pairs.get(first)
+        return None if pair is None else pair.result()
 
 
 def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:
@@ -215,18 +224,18 @@ class LevelAnimation:
 
     Args:
         usable_position: a usable position (x, y) of the style, assigned to pixels that may not be painted.
-        velocities: as `estimated_velocities` returns them; frames that it lacks are estimated at this level.
+        velocities: estimated at full size; pairs of frames that it lacks are estimated at this level.
         boil: seeded removal of temporal coherence; see `Boil`.
         continues: whether each frame continues its neighbour, instead of merging it with its own previous result.
     """
 
     def __init__(
         self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int] = (0, 0),
-        velocities: Mapping[int, tuple[Flow, Flow]] | None = None, boil: Boil | None = None, continues: bool = False,
+        velocities: EstimatedVelocities | None = None, boil: Boil | None = None, continues: bool = False,
     ) -> None:  # fmt: skip
         self._continues, self._estimates = continues, False
         self._frames, self._clock, self._usable_position = level_frames, clock, usable_position
-        self._velocities, self._boil = velocities or {}, boil
+        self._velocities, self._boil = velocities, boil
         self._motions: dict[int, tuple[Motion, Motion]] = {}
         self._next: dict[int, Future[tuple[Motion, Motion]]] = {}
         """Motion that a thread estimates: first frame of the pair -> future."""
@@ -254,7 +263,7 @@ class LevelAnimation:
         Layers are left out: their velocities are extrapolated on the device, which one thread uses.
         """
         frames = self._frames
-        known = first in self._velocities or not self._estimates or bool(frames.silhouettes)
+        known = not self._estimates or bool(frames.silhouettes)
         if known or first not in frames.frames or first + 1 not in frames.frames:
             return
         threads = ThreadPoolExecutor(1, "impasto-flow")
@@ -267,7 +276,7 @@ class LevelAnimation:
         epsilon = params.occlusion_epsilon if params.occlusion == "on" else math.inf
         level, given = level_frames.level, level_frames.inputs.velocities(first)
         self._estimates = given is None
-        full_size = given or self._velocities.get(first)
+        full_size = given or (self._velocities.get(first) if self._velocities else None)
         gray = None if given is not None else self._gray(first)
         if full_size is None:
             assert gray is not None
@@ -331,26 +340,32 @@ class KeyframeAnimation(LevelAnimation):
         ribbon_offsets: frame number -> offsets of each pixel in the previous and the next keyframe, float32
             (2, h, w, 2).
 
+    The motion of all pairs of frames is computed on the threads of `velocities`, while the device works on coarser
+    levels. Layers are left out, see `LevelAnimation`.
+
     Args:
         painted: frame number -> offsets of its painted pixels, at the finest level.
-        velocities: as `estimated_velocities` returns them.
+        velocities: estimated at full size.
     """
 
     def __init__(
         self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int],
-        painted: dict[int, Offsets], velocities: Mapping[int, tuple[Flow, Flow]], boil: Boil | None = None,
+        painted: dict[int, Offsets], velocities: EstimatedVelocities, boil: Boil | None = None,
     ) -> None:  # fmt: skip
         super().__init__(level_frames, clock, usable_position, velocities, boil)
         self._painted, self._level = painted, level_frames.level
         self.full = sorted(i for i, offsets in painted.items() if (offsets[..., 0] > NOWHERE).all())
         self.ribbon_offsets: dict[int, Offsets] = {}
+        firsts = [] if level_frames.silhouettes else velocities.firsts
+        self._submitted = {first: velocities.threads.submit(self._between, first) for first in firsts}
         self._all_motions: dict[int, tuple[Motion, Motion]] = {}
 
     def motion(self, index: int, other: int) -> Motion:
         first = min(index, other)
         if first not in self._all_motions:
-            super().motion(index, other)
-            self._all_motions[first] = self._motions.pop(first)
+            submitted = self._submitted.pop(first, None)
+            with self._clock("flow"):
+                self._all_motions[first] = self._between(first) if submitted is None else submitted.result()
         return self._all_motions[first][0 if index < other else 1]
 
     def fixed_offsets(self, index: int) -> Offsets | None:

@@ -31,9 +31,10 @@ class OrderedOutput:
     def add(self, index: int, rendered: AnyArray) -> None:
         """Paint frame `index` from its data on the thread, and emit the frames that are finished."""
         self._paintings[index] = self._thread.submit(self._paint, index, rendered)
-        self._emit_finished(wait=False)
+        self.emit_finished()
 
-    def _emit_finished(self, wait: bool) -> None:
+    def emit_finished(self, wait: bool = False) -> None:
+        """Emit the frames whose paintings are finished. `wait`: also those that are not, when they are."""
         while self._waiting:
             painting = self._paintings.get(self._shown(self._waiting[-1]))
             if painting is None or not (wait or painting.done()):
@@ -46,6 +47,6 @@ class OrderedOutput:
     def __exit__(self, kind: object, *_: object) -> None:
         try:
             if kind is None:
-                self._emit_finished(wait=True)
+                self.emit_finished(wait=True)
         finally:
             self._thread.shutdown(cancel_futures=True)

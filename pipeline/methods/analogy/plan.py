@@ -301,13 +301,15 @@ def split_intervals(
         layer: number of the layer; -1 = the whole picture.
     """
     full = [index for index, whole in keys if whole]
-    edges = sorted({begin, *full, end})
-    for left, right in pairwise(edges):
+    # A keyframe that is the last frame belongs to the interval before it, since a task of its own takes half a second.
+    ending = end - 1 if end - 1 in full and end - 1 > begin else end
+    for left, right in pairwise(sorted({begin, *full, ending})):
         stop = right + 1 if right in full else right
         inside = tuple(index for index, _ in keys if left <= index < stop)
         style = inside or tuple(index for index, _ in keys)
         for part in _interval_parts(left, right, stop, style, (left in full, right in full), most):
-            yield interval_key(part.start, layer), replace(part, layer=layer)
+            last = end if part.last == ending else part.last
+            yield interval_key(part.start, layer), replace(part, last=last, layer=layer)
 
 
 def interval_key(start: int, layer: int = -1) -> str:

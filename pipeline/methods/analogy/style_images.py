@@ -191,6 +191,7 @@ def keyframe_style(
     context: TaskContext[AnalogyParams],
     inputs: SynthesisInputs,
     interval: KeyInterval,
+    frames: LevelFrames,
     levels: int,
     pad_px: int,
     further: StylePair | None,
@@ -198,12 +199,13 @@ def keyframe_style(
     """Pack the keyframes of an interval into one style image (section 4 of benard2013stylizing).
 
     Args:
+        frames: the frames of the interval at full size.
         levels: number of levels of the pyramid.
         pad_px: maximum distance of a tap of a patch from its centre, px; see `Energy.pad`.
         further: a style pair that is used in addition; None = keyframes only.
     """
     keys = [inputs.keyframe(index) for index in interval.keys]
-    pairs = [_keyframe_pair(context, inputs, key) for key in keys] + ([further] if further else [])
+    pairs = [_keyframe_pair(context, frames, key) for key in keys] + ([further] if further else [])
     layout = atlas([(pair.output.shape[1], pair.output.shape[0]) for pair in pairs], levels, 2 * pad_px)
     usable = layout.usable([pair.usable for pair in pairs])
     colours = np.asarray(layout.compose([pair.output for pair in pairs]), np.uint8)
@@ -223,9 +225,10 @@ def keyframe_style(
     return KeyframeStyle(pair, painted)
 
 
-def _keyframe_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInputs, key: Keyframe) -> StylePair:
-    """A keyframe as a style pair with the frame that it was painted over."""
-    frames = LevelFrames(inputs, context.clock, key.index, key.index + 1, 0)
+def _keyframe_pair(context: TaskContext[AnalogyParams], frames: LevelFrames, key: Keyframe) -> StylePair:
+    """A keyframe as a style pair with the frame that it was painted over, which is among `frames` or is read."""
+    if key.index not in frames.frames:
+        frames = LevelFrames(frames.inputs, context.clock, key.index, key.index + 1, 0)
     guides = frames.guides[key.index]
     extra_guides = np.ascontiguousarray(guides[..., 3:]) if guides.shape[2] > 3 else None
     lines = frames.line_distances.get(key.index)

@@ -262,6 +262,11 @@ def test_intervals_emit_every_frame_once_and_start_from_their_neighbour(
         assert {interval_key(start) for _, start in interval.fixed} <= set(keys_in_order[:number])
 
 
+def test_a_keyframe_at_the_end_is_emitted_by_the_interval_before_it() -> None:
+    parts = [interval for _, interval in split_intervals(0, 11, [(0, True), (10, True)])]
+    assert [(part.first, part.last, part.keys) for part in parts] == [(0, 11, (0, 10))]
+
+
 @pytest.mark.parametrize("end", [53, 96, 97, 150, 301])
 def test_a_long_gap_is_continued_from_both_keyframes(end: int) -> None:
     """Each part but the middle one follows a keyframe or a part nearer to it; the middle part has both ends fixed."""
