@@ -69,9 +69,9 @@ def test_a_film_is_seen_on_the_stage_while_it_is_painted_found_after_a_reload_an
     watched: Watched, service: str, tmp_path: Path
 ) -> None:
     page = watched.page
-    long = make_clip(tmp_path / "long.mp4", size=(640, 352), frames=10 * FPS)
+    long = make_clip(tmp_path / "long.mp4", size=(640, 352), frames=40 * FPS)
     video = HTTP.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
-    project = open_project(page, service, video, "multistyle", frame=40)
+    project = open_project(page, service, video, "multistyle", frame=160)
     page.get_by_role("button", name="Paint the film").click()
     state = page.get_by_role("region", name="The film")
     expect(state).to_be_visible(timeout=SOON_MS)

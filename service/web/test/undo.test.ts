@@ -1,7 +1,7 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
 import * as doc from "../src/designer/document";
-import { type History, record, redo, rewrite, startHistory, undo } from "../src/designer/undo";
+import { DRAG_MS, type History, record, redo, rewrite, startHistory, undo } from "../src/designer/undo";
 
 const PLACE = { shot: "s1", layer: "l1" };
 type Change = (document: doc.ProjectDocument) => doc.ProjectDocument;
@@ -86,6 +86,17 @@ test("steps of one group within a second are one step", () => {
   }
   expect(history.past.map((step) => step.after)).toEqual([3, 4]);
   expect(undo(history).present).toBe(3);
+});
+
+test("a drag that pauses is one step", () => {
+  let history = startHistory(0);
+  for (const [value, at] of [
+    [1, 0],
+    [2, 60_000],
+  ] as const) {
+    history = record(history, "drag", value, { group: "drag-1", at, within: DRAG_MS });
+  }
+  expect(undo(history).present).toBe(0);
 });
 
 test("a new step ends the redo list, an equal state is no step", () => {

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
 from pipeline.video.exr import read_exr, write_exr
-from pipeline.video.guard import roles
+from pipeline.video.guard import decoder_server, roles
 from pipeline.video.guard.decoder_server import _SERVER, DecoderProcess
 from pipeline.video.guard.files import GuardedImages, guarded_join
 from pipeline.video.guard.pictures import _DECODER, guarded_exr, guarded_raw
@@ -250,7 +250,14 @@ def test_a_decoder_server_that_hangs_is_replaced(clip: Path, monkeypatch: pytest
     GuardedReader(clip).close()
     (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
     server.suspend()
-    monkeypatch.setattr("pipeline.video.guard.decoder_server.START_S", 5.0)
+    usual_s, stop = decoder_server.START_S, decoder_server._SERVER.stop
+
+    def stop_and_wait_as_usual() -> None:
+        monkeypatch.setattr(decoder_server, "START_S", usual_s)
+        stop()
+
+    monkeypatch.setattr(decoder_server, "START_S", 1.0)
+    monkeypatch.setattr(decoder_server._SERVER, "stop", stop_and_wait_as_usual)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
     assert not server.is_running()

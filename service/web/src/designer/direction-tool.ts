@@ -13,6 +13,7 @@ import {
 import { angleOf, directionAt, distance, isSymmetric } from "./geometry";
 import type { Store } from "./store";
 import type { PointerSample, StageTool } from "./tool";
+import { DRAG_MS, GROUP_MS } from "./undo";
 
 /** Region of all pixels that no other region has. */
 export const REST = "rest";
@@ -35,13 +36,14 @@ export function editElements(
   label: string,
   change: (elements: readonly DirectionElement[]) => DirectionElement[],
   group = "",
+  within = GROUP_MS,
 ): void {
   const region = store.region.value || REST;
   const frame = store.frame.value;
   const known = presentKey(store);
   const elements = change(known?.elements ?? []);
   const key: DirectionKey = { edge_weight: 0.2, ...known, region, frame, elements };
-  store.editLayer(label, (layer) => ({ ...layer, directions: putOnTrack(layer.directions, key) }), group);
+  store.editLayer(label, (layer) => ({ ...layer, directions: putOnTrack(layer.directions, key) }), group, within);
 }
 
 /** "size": a new element, of which the pointer sets the reach, and the angle where that turns the whole pattern. */
@@ -88,6 +90,7 @@ export function createDirectionTool(store: Store, redraw: () => void): StageTool
         return [...elements, element];
       },
       `direction-${drags}`,
+      DRAG_MS,
     );
   }
 
@@ -103,6 +106,7 @@ export function createDirectionTool(store: Store, redraw: () => void): StageTool
       label,
       (elements) => elements.map((element, i) => (i === index ? changed(element) : element)),
       `direction-${drags}`,
+      DRAG_MS,
     );
     redraw();
   }

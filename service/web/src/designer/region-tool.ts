@@ -9,6 +9,7 @@ import { createCanvas } from "./raster";
 import type { RegionsHeader } from "./records";
 import type { Store } from "./store";
 import type { PointerSample, StageTool } from "./tool";
+import { DRAG_MS } from "./undo";
 
 const SIMPLIFY = 0.002;
 const LEAST_POINTS = 3;
@@ -127,7 +128,8 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
   /** Make a part of a region a region of its own, with the same styles and directions at first. */
   function split(owner: string, tube: number, at: Point): void {
     const name = newName();
-    store.editLayer("Split a region", (layer) => splitRegion(layer, owner, tube, name, partsOf), `split-${name}`);
+    const change = (layer: Layer) => splitRegion(layer, owner, tube, name, partsOf);
+    store.editLayer("Split a region", change, `split-${name}`, DRAG_MS);
     if (!(name in (store.layer.value.regions ?? {}))) return;
     store.region.value = name;
     splitting = { owner, name, last: at };
@@ -143,7 +145,8 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
       const steps = Math.ceil(distance(last, at) / step);
       for (let i = 1; i <= steps; i++) {
         const tube = tubeAt([last[0] + ((at[0] - last[0]) * i) / steps, last[1] + ((at[1] - last[1]) * i) / steps]);
-        store.editLayer("Split a region", (layer) => moveTube(layer, owner, tube, name), `split-${name}`);
+        const change = (layer: Layer) => moveTube(layer, owner, tube, name);
+        store.editLayer("Split a region", change, `split-${name}`, DRAG_MS);
       }
       splitting.last = at;
     }

@@ -8,7 +8,7 @@ import { changeLayer, type Layer, type LayerPlace, layerOf, type ProjectDocument
 import type { View } from "./geometry";
 import type { KeyPicture } from "./strokes";
 import { clampFrame, type Span, spanWith } from "./timeline";
-import { type History, record, redo, startHistory, undo } from "./undo";
+import { GROUP_MS, type History, record, redo, startHistory, undo } from "./undo";
 
 export type Tool =
   | "pan"
@@ -136,21 +136,26 @@ export class Store {
     this.frame.value = shown;
   }
 
-  /** One step of the user; steps of one group within a second are joined. */
-  edit(label: string, change: (state: State) => State, group = ""): void {
+  /** One step of the user; steps of one group that follow within this time are joined. */
+  edit(label: string, change: (state: State) => State, group = "", within = GROUP_MS): void {
     const history = this.history.value;
-    this.history.value = record(history, label, change(history.present), { group, at: performance.now() });
+    this.history.value = record(history, label, change(history.present), { group, at: performance.now(), within });
   }
 
   /** One step that changes the document only. */
-  editDocument(label: string, change: (document: ProjectDocument) => ProjectDocument, group = ""): void {
-    this.edit(label, (state) => ({ ...state, document: change(state.document) }), group);
+  editDocument(
+    label: string,
+    change: (document: ProjectDocument) => ProjectDocument,
+    group = "",
+    within = GROUP_MS,
+  ): void {
+    this.edit(label, (state) => ({ ...state, document: change(state.document) }), group, within);
   }
 
   /** One step that changes the selected layer. */
-  editLayer(label: string, change: (layer: Layer) => Layer, group = ""): void {
+  editLayer(label: string, change: (layer: Layer) => Layer, group = "", within = GROUP_MS): void {
     const place = this.place;
-    this.editDocument(label, (document) => changeLayer(document, place, change), group);
+    this.editDocument(label, (document) => changeLayer(document, place, change), group, within);
   }
 
   undo(): void {

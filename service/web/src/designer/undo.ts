@@ -8,7 +8,7 @@ export interface Step<State> {
   label: string;
   before: State;
   after: State;
-  /** Steps with the same non-empty group within `GROUP_MS` of each other are one, for example one slider drag. */
+  /** Successive steps with the same non-empty group are one if they follow soon enough, for example one slider drag. */
   group: string;
   /** Milliseconds, on any clock that grows. */
   at: number;
@@ -22,11 +22,16 @@ export interface History<State> {
 
 export const GROUP_MS = 1000;
 
+/** For groups of which each belongs to one drag of the pointer: the drag is one step, however long it pauses. */
+export const DRAG_MS = Number.POSITIVE_INFINITY;
+
 export const startHistory = <State>(present: State): History<State> => ({ present, past: [], future: [] });
 
 export interface StepOptions {
   group?: string;
   at?: number;
+  /** Most milliseconds between two steps of a group that are one. */
+  within?: number;
 }
 
 /** The history after a change. An equal state does not change it. */
@@ -34,11 +39,11 @@ export function record<State>(
   history: History<State>,
   label: string,
   after: State,
-  { group = "", at = 0 }: StepOptions = {},
+  { group = "", at = 0, within = GROUP_MS }: StepOptions = {},
 ): History<State> {
   if (after === history.present) return history;
   const last = history.past.at(-1);
-  if (last && group && last.group === group && at - last.at <= GROUP_MS) {
+  if (last && group && last.group === group && at - last.at <= within) {
     return { present: after, past: [...history.past.slice(0, -1), { ...last, after, at }], future: [] };
   }
   return { present: after, past: [...history.past, { label, before: history.present, after, group, at }], future: [] };
