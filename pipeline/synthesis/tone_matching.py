@@ -76,11 +76,12 @@ class ToneAccumulator:
         Args:
             inside: the pixels that count, (h, w); None = all.
         """
-        part = guide[::_STEP, ::_STEP].astype(np.int64)
+        part = guide[::_STEP, ::_STEP]
         part = part.reshape(-1, 3) if inside is None else part[inside[::_STEP, ::_STEP]]
-        self._counts += np.bincount(part[:, 0], minlength=256)
+        lightness, *hue = (np.bincount(part[:, channel], minlength=256) for channel in range(3))
+        self._counts += lightness
         for order in (1, 2):
-            self._sums[order - 1] += (part[:, 1:] ** order).sum(0)
+            self._sums[order - 1] += np.array([(counts * np.arange(256) ** order).sum() for counts in hue])
         self._add_contrasts(guide[..., 0], inside)
 
     def _add_contrasts(self, lightness: Bytes, inside: Mask | None) -> None:
