@@ -82,15 +82,14 @@ def add_clipped(styled: Any, correction: Any, result: Any) -> None:
 
 
 @kernel
-def show(picture: Any, texture: Any, styled: Any, mask: Any, out: Any) -> None:
-    """Fill the uint8 frame `out` with picture + texture where `mask` is 1 and with `styled` where it is 0."""
+def show(picture: Any, styled: Any, mask: Any, out: Any) -> None:
+    """Fill the uint8 frame `out` with `picture` where `mask` is 1 and with `styled` where it is 0."""
     height, width, channels = picture.shape
     for y in range(height):
         for x in range(width):
             share = mask[y, x]
             for c in range(channels):
-                value = picture[y, x, c] + texture[y, x, c]
-                value = styled[y, x, c] + share * (value - styled[y, x, c])
+                value = styled[y, x, c] + share * (picture[y, x, c] - styled[y, x, c])
                 out[y, x, c] = np.uint8(min(max(value, np.float32(0)), np.float32(255)) + np.float32(0.5))
 
 

@@ -13,7 +13,7 @@ from pipeline.buffers import Buffers
 from pipeline.flow.warp import positions
 from pipeline.frames import Frame, Plane, same_size
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
-from pipeline.methods.steady.detail import NO_AMOUNTS, resized_amounts, restore_detail
+from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
 from pipeline.methods.steady.equation import add_clipped, equation_terms, remember, show
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
@@ -47,10 +47,9 @@ class SteadyFilter:
     Source: bonneel2015blind, eq. 1 to 3.
 
     Departures:
-        - The weight is high enough to keep fine texture steady, too, and the warp is bicubic, so that it does not blur.
-          Detail that is averaged out is amplified afterwards (`restore_detail`), outside the recursion. It has the
-          amount of the styled frame's texture, not its place: a result with the texture of each frame would flicker as
-          they do.
+        - The weight is high enough to keep fine texture steady, too. The warp is bicubic, and P is sharpened as far as
+          results have less texture than the styled frames (`sharpen`). The result has the amount of the styled frames'
+          texture, not its place: a result with the texture of each frame would flicker as they do.
         - The third term lets the colours follow the styled video with half-life h. Without it, a shot keeps the mean
           colour of its first frame.
         - The fourth term keeps the colours of one object from diffusing into another where the motion is unknown.
@@ -118,19 +117,19 @@ class SteadyFilter:
         np.copyto(target, styled)
         mask = self._everywhere if mask is None else mask
         self._solve(analysis.back, target, mask)
-        texture, detail = buffers.get("no texture", shape), self.params.detail
-        if detail > 0:
-            frames, trust = (self._result, target), analysis.back.trust
-            texture, self._amounts = restore_detail(frames, trust, detail, self._amounts, buffers)
+        if self.params.detail > 0:
+            self._amounts = amounts_of(self._result, target, self._amounts, buffers)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
-        show(self._result, texture, target, mask, shown)
+        show(self._result, target, mask, shown)
         return shown
 
     def _solve(self, back: TrustedMotion, target: Picture, mask: Plane) -> None:
         """Replace the previous result by the solution of the equation for the styled frame `target`."""
         buffers = self._applying
         moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
-        cv2.remap(self._result, *back.to, cv2.INTER_CUBIC, dst=moved, borderMode=cv2.BORDER_REPLICATE)
+        blurred = buffers.get("blurred", target.shape)
+        cv2.remap(self._result, *back.to, cv2.INTER_CUBIC, dst=blurred, borderMode=cv2.BORDER_REPLICATE)
+        sharpen(blurred, back, self._amounts, self.params.detail, moved)
         weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
         np.multiply(back.trust, mask * np.float32(self.params.strength), out=weight)
         equation_terms(moved, target, back.trust, weight, self._return, (absorb, source))
