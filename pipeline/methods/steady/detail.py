@@ -25,7 +25,7 @@ WINDOW_CELLS = 9
 MEMORY = np.float32(0.9)
 """Share of the previous frame's amounts in those of a frame. The amount in a single frame flickers as its texture does,
 and the sharpened texture would flicker with it."""
-GOAL = np.float32(0.95)
+GOAL = np.float32(0.93)
 """Amount of the Laplacian that is restored, relative to the styled frames. The last twentieth would flicker much."""
 FINE_RATE, FINE_LARGEST = np.float32(20), np.float32(1)
 """Gain of the fine band for each relative shortage of the Laplacian, and the largest gain."""

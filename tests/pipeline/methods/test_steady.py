@@ -19,6 +19,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams, plan
 from pipeline.methods.steady.confidence import TrustedMotion
 from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, sharpen
+from pipeline.methods.steady.equation import age_weights
 from pipeline.scenes import scene
 from tests.pipeline.methods.frames import painted
 
@@ -94,6 +95,27 @@ def test_what_an_object_uncovers_has_no_trail() -> None:
     for index in range(8, 10):
         difference = result[index][uncovered].astype(float) - video[index][uncovered]
         assert np.abs(difference.mean(axis=(0, 1))).max() < 20  # the colours of object and background differ by 140
+
+
+def test_what_an_object_uncovers_gets_a_past_of_its_own_age() -> None:
+    """For some frames the past weighs little, so that its errors are averaged out."""
+    steady = SteadyFilter(SteadyParams(), SIZE)
+    weights = [found.weight for frame in moving_square() if (found := steady.analyze(frame))]
+    uncovered = [float(weight[24:40, 14:17].mean()) for weight in weights[2:]]  # by the fourth frame
+    assert weights[0][24:40, 70:].min() > 39
+    assert uncovered[0] < 2 and uncovered[1] < 8 and uncovered[2] < 15
+    assert uncovered == sorted(uncovered)
+
+
+def test_one_frame_of_low_confidence_does_not_end_a_long_past() -> None:
+    long, short = (np.full((1, 4), frames, np.float32) for frames in (40, 5))
+    trust = np.array([[1, 0.8, 0.1, 0]], np.float32)
+    weights = [np.empty_like(trust) for _ in range(2)]
+    for age, weight in zip((long, short), weights, strict=True):
+        age_weights(age, trust, np.float32(40), weight)
+    np.testing.assert_allclose(weights[0], 40 * trust, rtol=1e-6)
+    np.testing.assert_allclose(weights[1], 0.6 * 40 * trust**1.25, rtol=1e-6)
+    np.testing.assert_allclose(long, [[40, 41 * 0.8**0.25, 41 * 0.1**0.25, 0]], rtol=1e-5)
 
 
 def test_a_cut_starts_afresh() -> None:
