@@ -36,7 +36,7 @@ class SteadyParams(Params):
     )  # fmt: skip
     detail: float = number(
         1, 0, 1, "Restored detail",
-        "Share of the fine detail that the styled frames have and the result lacks which is restored by amplification. "
+        "Share of the fine detail that the styled frames have and the result lacks which is restored by sharpening. "
         "0 = off; higher values flicker more.",
         "ratio", "Detail",
     )  # fmt: skip
