@@ -1,8 +1,13 @@
-"""Restoration of the texture that averaging along the motion has blurred, in two frequency bands."""
+"""Sharpening of the previous result, so that results keep the texture that averaging along the motion would blur.
+
+Two filters along an axis divide a picture into bands: u = (0, -1, 2, -1, 0) / 4 and q = (1, -4, 6, -4, 1) / 16, with
+the responses s and s^2 for s = (1 - cos(frequency)) / 2. The fine band is q. The middle band is u - q, which is
+strongest at half of the Nyquist frequency.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -11,66 +16,70 @@ from numpy.typing import NDArray
 from pipeline.buffers import Buffers
 from pipeline.frames import Plane
 from pipeline.jit import kernel
-from pipeline.methods.steady.confidence import Picture
+from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
-SIGMAS_PX = (0.5, 1.2)
-"""Standard deviations of two Gaussian blurs. The first removes the fine band, the second also the middle band."""
 CELL_PX = 4
 """Amounts of texture are averaged in cells of this side first."""
-WINDOW_CELLS = 5
+WINDOW_CELLS = 9
 """Side of the window, in cells, over which the amounts are averaged."""
 MEMORY = np.float32(0.9)
 """Share of the previous frame's amounts in those of a frame. The amount in a single frame flickers as its texture does,
-and the amplified texture would flicker with it."""
-LARGEST = 3.0
-"""Largest gain of a band, so that faint texture does not become noise."""
-_LEAST_DETERMINANT = np.float32(1e-3)
-"""Added to the determinant, squared gray levels: without texture, the gain is 0."""
+and the sharpened texture would flicker with it."""
+GOAL = np.float32(0.93)
+"""Amount of the Laplacian that is restored, relative to the styled frames. The last twentieth would flicker much."""
+FINE_RATE, FINE_LARGEST = np.float32(20), np.float32(1)
+"""Gain of the fine band for each relative shortage of the Laplacian, and the largest gain."""
+MIDDLE_RATE, MIDDLE_LARGEST = np.float32(1.5), np.float32(0.3)
+"""Gain of the middle band for each relative shortage or excess of that band, and the largest gain of either sign."""
+FAINT = np.float32(0.1)
+"""Added to the styled frames' amounts, gray levels, so that faint texture does not become noise."""
+HALF_PIXEL = np.array([0.2, -0.25], np.float32)
+"""Gains of the two bands half-way between two pixels. There, OpenCV's cubic interpolation weakens the fine band and
+amplifies the frequencies below, which a recursion would accumulate."""
 _LUMA = np.array([[0.299, 0.587, 0.114]], np.float32)
 
-Amounts = NDArray[np.float32]
-"""Mean absolute lightness of bands around each cell, gray levels, float32 (8, rows, columns): fine and middle band of
-the result, those of the styled frame, and those of each band of the result when it is divided into bands again (fine of
-fine, middle of fine, fine of middle, middle of middle). Without rows before the second frame of a shot."""
-NO_AMOUNTS: Amounts = np.empty((8, 0, 0), np.float32)
+Amounts: TypeAlias = NDArray[np.float32]
+"""Mean absolute lightness around each cell, gray levels, float32 (4, rows, columns): a quarter of the Laplacian and the
+middle band of the result, and those of the styled frame. Without rows before the second frame of a shot."""
+NO_AMOUNTS: Amounts = np.empty((4, 0, 0), np.float32)
 
 
-def restore_detail(
-    frames: tuple[Picture, Picture], trust: Plane, share: float, before: Amounts, buffers: Buffers
-) -> tuple[Picture, Amounts]:
-    """The texture to add to a result, so that its texture is as strong as that of the styled frames around each pixel.
-
-    An average of n frames with independent texture keeps 1/sqrt(n) of its contrast. Amplification restores the
-    contrast; the texture stays that of the average, which changes slowly. Where the motion is not trusted, nothing was
-    averaged, and amplification would only add flicker. Averaging weakens fine texture more than coarse texture, and
-    warping sharpens some edges. With one gain for both bands, the fine band would be too weak or the middle band too
-    strong.
+def amounts_of(result: Picture, styled: Picture, before: Amounts, buffers: Buffers) -> Amounts:
+    """Amounts at a frame, averaged with those at the last frame, `before`.
 
     Args:
-        frames: the result and the styled frame, float32 (h, w, 3), 0..255.
-        trust: confidence in the motion to the previous frame, float32 (h, w), 0..1. The gains are multiplied by it.
-        share: of the missing texture that is restored, 0..1.
-        before: amounts at the last frame.
-        buffers: working memory. It contains the returned texture until the next call with the same `buffers`.
-
-    Returns:
-        The texture, float32 (h, w, 3); and the amounts at this frame.
+        result, styled: float32 (h, w, 3), 0..255.
+        buffers: working memory.
     """
-    picture, styled = frames
-    blurred = [buffers.get(f"blurred {sigma}", picture.shape) for sigma in SIGMAS_PX]
-    for sigma, plane in zip(SIGMAS_PX, blurred, strict=True):
-        cv2.GaussianBlur(picture, _kernel_size(sigma), sigma, dst=plane)
-    light = [_lightness(plane) for plane in (picture, *blurred)]
-    fine, middle = light[0] - light[1], light[1] - light[2]
-    planes = (fine, middle, *_bands(_lightness(styled)), *_bands(fine), *_bands(middle))
-    amounts = np.stack([_amount(plane) for plane in planes])
-    if before.size:
-        amounts = MEMORY * before + (1 - MEMORY) * amounts
-    size = (picture.shape[1], picture.shape[0])
-    gains = [cv2.resize(gain, size, interpolation=cv2.INTER_LINEAR) for gain in _gains(amounts, np.float32(share))]
-    texture = buffers.get("texture", picture.shape)
-    _amplify(picture, blurred[0], blurred[1], gains[0], gains[1], trust, texture)
-    return texture, amounts
+    laplacian, middle = (buffers.get(name, result.shape[:2]) for name in ("laplacian", "middle"))
+    planes = []
+    for picture in (result, styled):
+        _strengths(np.asarray(cv2.transform(picture, _LUMA), np.float32), laplacian, middle)
+        planes += [_around_cells(laplacian), _around_cells(middle)]
+    amounts = np.stack(planes)
+    return MEMORY * before + (1 - MEMORY) * amounts if before.size else amounts
+
+
+def sharpen(moved: Picture, back: TrustedMotion, amounts: Amounts, share: float, out: Picture) -> None:
+    """Fill `out` with the moved previous result, sharpened as far as results have less texture than the styled frames.
+
+    An average of n frames with independent texture keeps 1/sqrt(n) of its contrast, and each interpolation weakens the
+    finest texture. Sharpened within the recursion, texture keeps its contrast and moves with the scene. If each result
+    were amplified outside the recursion, the gains would be large, and it would flicker more. Two bands are sharpened:
+    with one gain, edges become too strong before the finest texture is strong enough. Values stay between the least and
+    the largest of the pixel and its four neighbours before sharpening, so that edges have no halos.
+
+    Args:
+        moved: the previous result, moved along the motion, float32 (h, w, 3), 0..255.
+        back: the motion. The gains are multiplied by the third power of the trust: sharp texture flickers where the
+            motion is inaccurate.
+        amounts: amounts at the previous frame; may be empty.
+        share: of the missing texture that is restored, 0..1.
+        out: float32 (h, w, 3).
+    """
+    height, width = moved.shape[:2]
+    fine, middle = (_resized(np.float32(share) * gain, (width, height)) for gain in _gains(amounts))
+    _sharpen(moved.reshape(height, -1), *back.to, back.trust, fine, middle, HALF_PIXEL, out.reshape(height, -1))
 
 
 def resized_amounts(amounts: Amounts, size: tuple[int, int]) -> Amounts:
@@ -78,42 +87,27 @@ def resized_amounts(amounts: Amounts, size: tuple[int, int]) -> Amounts:
     if not amounts.size:
         return amounts
     cells = _cells(size[1], size[0])
-    return np.stack([np.asarray(cv2.resize(plane, cells, interpolation=cv2.INTER_LINEAR)) for plane in amounts])
+    return np.stack([_resized(plane, cells) for plane in amounts])
 
 
-def _gains(amounts: Amounts, share: np.float32) -> tuple[Plane, Plane]:
-    """Gains of the fine and of the middle band, -1..LARGEST.
-
-    They solve two linear equations for each cell: after amplification, both bands have the amounts of the styled frame.
-    """
-    have, want = amounts[:2], amounts[2:4]
-    (fine_of_fine, middle_of_fine), (fine_of_middle, middle_of_middle) = amounts[4:6], amounts[6:8]
-    fine, middle = share * (want - have)
-    determinant = np.maximum(fine_of_fine * middle_of_middle - fine_of_middle * middle_of_fine, 0) + _LEAST_DETERMINANT
-    gains = middle_of_middle * fine - fine_of_middle * middle, fine_of_fine * middle - middle_of_fine * fine
-    first, second = ((gain / determinant).clip(-1, LARGEST) for gain in gains)
-    return first, second
+def _resized(plane: Plane, size: tuple[int, int]) -> Plane:
+    """The plane, interpolated to the size (width, height)."""
+    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def _lightness(picture: Picture) -> Plane:
-    return np.asarray(cv2.transform(picture, _LUMA), np.float32)
+def _gains(amounts: Amounts) -> tuple[Plane, Plane]:
+    """Gains of the fine and of the middle band for each cell, or 0 without amounts."""
+    if not amounts.size:
+        return np.zeros((1, 1), np.float32), np.zeros((1, 1), np.float32)
+    laplacian, middle, wanted_laplacian, wanted_middle = amounts
+    fine = FINE_RATE * (GOAL * wanted_laplacian - laplacian) / (wanted_laplacian + FAINT)
+    middle = MIDDLE_RATE * (wanted_middle - middle) / (wanted_middle + FAINT)
+    return fine.clip(0, FINE_LARGEST), middle.clip(-MIDDLE_LARGEST, MIDDLE_LARGEST)
 
 
-def _bands(plane: Plane) -> tuple[Plane, Plane]:
-    """Fine and middle band of a plane of lightness."""
-    first, second = (cv2.GaussianBlur(plane, _kernel_size(sigma), sigma) for sigma in SIGMAS_PX)
-    return plane - first, first - second
-
-
-def _kernel_size(sigma_px: float) -> tuple[int, int]:
-    """Width and height of a blur's kernel, px: up to 2.5 sigma from its centre."""
-    side = 2 * round(2.5 * sigma_px) + 1
-    return side, side
-
-
-def _amount(band: Plane) -> Plane:
-    """Mean absolute value of a band in each cell, averaged over the window, float32 (rows, columns)."""
-    cells = cv2.resize(np.abs(band), _cells(*band.shape), interpolation=cv2.INTER_AREA)
+def _around_cells(plane: Plane) -> Plane:
+    """Mean in each cell, averaged over the window, float32 (rows, columns)."""
+    cells = cv2.resize(plane, _cells(*plane.shape), interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.blur(cells, (WINDOW_CELLS, WINDOW_CELLS)), np.float32)
 
 
@@ -123,13 +117,62 @@ def _cells(height: int, width: int) -> tuple[int, int]:
 
 
 @kernel
-def _amplify(picture: Any, soft: Any, softer: Any, fine: Any, middle: Any, trust: Any, texture: Any) -> None:
-    """Fill `texture` with trust (fine (picture - soft) + middle (soft - softer)); `fine` and `middle` are planes of
-    gains."""
-    height, width, channels = picture.shape
+def _extend(row: Any, channels: int, out: Any) -> None:
+    """Fill `out` with the row and two more pixels at either end, which equal the first and the last."""
+    values = row.shape[0]
+    for j in range(values):
+        out[2 * channels + j] = row[j]
+    for j in range(2 * channels):
+        out[j] = row[j % channels]
+        out[2 * channels + values + j] = row[values - channels + j % channels]
+
+
+@kernel
+def _strengths(light: Any, laplacian: Any, middle: Any) -> None:
+    """Fill the planes with the absolute values of u and of u - q, added along both axes."""
+    height, width = light.shape
+    wide = np.empty(width + 4, np.float32)
+    for y in range(height):
+        _extend(light[y], 1, wide)
+        above, below = light[max(y - 1, 0)], light[min(y + 1, height - 1)]
+        top, bottom = light[max(y - 2, 0)], light[min(y + 2, height - 1)]
+        first, second = laplacian[y], middle[y]
+        for x in range(width):
+            near = wide[x + 1] + wide[x + 3] + above[x] + below[x]
+            far = wide[x] + wide[x + 4] + top[x] + bottom[x]
+            u = wide[x + 2] - np.float32(0.25) * near
+            q = np.float32(0.0625) * (np.float32(12) * wide[x + 2] - np.float32(4) * near + far)
+            first[x], second[x] = abs(u), abs(u - q)
+
+
+@kernel
+def _sharpen(moved: Any, xs: Any, ys: Any, trust: Any, fine: Any, middle: Any, half_pixel: Any, out: Any) -> None:
+    """See `sharpen`; rows of `moved` and `out` are interleaved channels, `fine` and `middle` are planes of gains."""
+    height, width = trust.shape
+    values = 3 * width
+    wide = np.empty(values + 12, np.float32)
+    gains = np.empty((4, values), np.float32)
+    fine_x, middle_x, fine_y, middle_y = gains[0], gains[1], gains[2], gains[3]
     for y in range(height):
         for x in range(width):
-            first, second = trust[y, x] * fine[y, x], trust[y, x] * middle[y, x]
-            for c in range(channels):
-                between = soft[y, x, c]
-                texture[y, x, c] = first * (picture[y, x, c] - between) + second * (between - softer[y, x, c])
+            power = trust[y, x] * trust[y, x] * trust[y, x]
+            across, along = xs[y, x] - np.floor(xs[y, x]), ys[y, x] - np.floor(ys[y, x])
+            across, along = np.float32(4) * across * (1 - across), np.float32(4) * along * (1 - along)
+            for j in range(3 * x, 3 * x + 3):
+                fine_x[j] = power * fine[y, x] + half_pixel[0] * across
+                middle_x[j] = power * middle[y, x] + half_pixel[1] * across
+                fine_y[j] = power * fine[y, x] + half_pixel[0] * along
+                middle_y[j] = power * middle[y, x] + half_pixel[1] * along
+        _extend(moved[y], 3, wide)
+        above, below = moved[max(y - 1, 0)], moved[min(y + 1, height - 1)]
+        top, bottom = moved[max(y - 2, 0)], moved[min(y + 2, height - 1)]
+        sharp = out[y]
+        for j in range(values):
+            value, left, right, up, down = wide[j + 6], wide[j + 3], wide[j + 9], above[j], below[j]
+            ux = np.float32(0.25) * (np.float32(2) * value - left - right)
+            uy = np.float32(0.25) * (np.float32(2) * value - up - down)
+            qx = np.float32(0.0625) * (np.float32(6) * value - np.float32(4) * (left + right) + wide[j] + wide[j + 12])
+            qy = np.float32(0.0625) * (np.float32(6) * value - np.float32(4) * (up + down) + top[j] + bottom[j])
+            changed = value + fine_x[j] * qx + fine_y[j] * qy + middle_x[j] * (ux - qx) + middle_y[j] * (uy - qy)
+            least, most = min(min(left, right), min(up, down)), max(max(left, right), max(up, down))
+            sharp[j] = min(max(changed, min(least, value)), max(most, value))

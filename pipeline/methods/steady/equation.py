@@ -13,6 +13,10 @@ from pipeline.methods.steady.confidence import Picture
 
 DISTRUST = np.float32(1)
 """Weight of the styled frame's colours where the motion cannot be trusted at all."""
+FULL_AGE = np.float32(10)
+"""Age in frames from which on the past has its full weight."""
+LARGEST_AGE = np.float32(40)
+"""Largest age. Above FULL_AGE, so that the past survives a single frame of low confidence."""
 
 
 def equation_terms(
@@ -82,27 +86,37 @@ def add_clipped(styled: Any, correction: Any, result: Any) -> None:
 
 
 @kernel
-def show(picture: Any, texture: Any, styled: Any, mask: Any, out: Any) -> None:
-    """Fill the uint8 frame `out` with picture + texture where `mask` is 1 and with `styled` where it is 0."""
+def show(picture: Any, styled: Any, mask: Any, out: Any) -> None:
+    """Fill the uint8 frame `out` with `picture` where `mask` is 1 and with `styled` where it is 0."""
     height, width, channels = picture.shape
     for y in range(height):
         for x in range(width):
             share = mask[y, x]
             for c in range(channels):
-                value = picture[y, x, c] + texture[y, x, c]
-                value = styled[y, x, c] + share * (value - styled[y, x, c])
+                value = styled[y, x, c] + share * (picture[y, x, c] - styled[y, x, c])
                 out[y, x, c] = np.uint8(min(max(value, np.float32(0)), np.float32(255)) + np.float32(0.5))
 
 
 @kernel
-def remember(source: Any, expected: Any, trust: Any, strength: Any, memory: Any) -> None:
-    """Fill `memory` with the average of the frame `source`, of weight 1, and the expected frame, of weight strength
-    c."""
+def age_weights(age: Any, trust: Any, strength: Any, weight: Any) -> None:
+    """Replace `age`, that of the pixels' past along the motion, by its value at this frame; fill `weight` with strength
+    c min(age / FULL_AGE, 1)."""
+    height, width = age.shape
+    for y in range(height):
+        for x in range(width):
+            c = trust[y, x]
+            frames = min((age[y, x] + np.float32(1)) * np.sqrt(np.sqrt(c)), LARGEST_AGE)
+            age[y, x] = frames
+            weight[y, x] = strength * c * min(frames / FULL_AGE, np.float32(1))
+
+
+@kernel
+def remember(source: Any, expected: Any, weight: Any, memory: Any) -> None:
+    """Fill `memory` with the average of the frame `source`, of weight 1, and the expected frame, of weight `weight`."""
     height, width, channels = expected.shape
     for y in range(height):
         for x in range(width):
-            weight = trust[y, x] * strength
-            share = weight / (weight + np.float32(1))
+            share = weight[y, x] / (weight[y, x] + np.float32(1))
             for c in range(channels):
                 value = np.float32(source[y, x, c])
                 memory[y, x, c] = value + share * (expected[y, x, c] - value)

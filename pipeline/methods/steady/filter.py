@@ -13,8 +13,8 @@ from pipeline.buffers import Buffers
 from pipeline.flow.warp import positions
 from pipeline.frames import Frame, Plane, same_size
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
-from pipeline.methods.steady.detail import NO_AMOUNTS, resized_amounts, restore_detail
-from pipeline.methods.steady.equation import add_clipped, equation_terms, remember, show
+from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
+from pipeline.methods.steady.equation import LARGEST_AGE, add_clipped, age_weights, equation_terms, remember, show
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.solvers.screened import solve_screened
@@ -26,6 +26,8 @@ class SourceAnalysis:
 
     back: TrustedMotion
     """Motion from this frame to the previous one."""
+    weight: Plane
+    """Weight of the previous result, moved along that motion, float32 (h, w), 0..strength."""
     onward: TrustedMotion | None
     """Motion from the previous frame to this one; only with `look_ahead`."""
 
@@ -41,19 +43,21 @@ class SteadyFilter:
         |grad x - grad S|^2  +  w |x - P|^2  +  (2^(1/h) - 1) w |x - S|^2  +  (1 - c)^2 |x - S - m|^2
 
     with the styled frame S, the previous result P moved along the motion of the source, the confidence c in that
-    motion, the weight w = strength * c * mask, and the mean m of P - S weighted by w. The Euler-Lagrange equation, a
-    screened Poisson equation, is solved for x - S - m.
+    motion, the weight w = strength * c * min(age / 10, 1) * mask, and the mean m of P - S weighted by w. The
+    Euler-Lagrange equation, a screened Poisson equation, is solved for x - S - m.
 
     Source: bonneel2015blind, eq. 1 to 3.
 
     Departures:
-        - The weight is high enough to keep fine texture steady, too, and the warp is bicubic, so that it does not blur.
-          Detail that is averaged out is amplified afterwards (`restore_detail`), outside the recursion. It has the
-          amount of the styled frame's texture, not its place: a result with the texture of each frame would flicker as
-          they do.
+        - The weight is high enough to keep fine texture steady, too. The warp is bicubic, and P is sharpened as far as
+          results have less texture than the styled frames (`sharpen`). The result has the amount of the styled frames'
+          texture, not its place: a result with the texture of each frame would flicker as they do.
         - The third term lets the colours follow the styled video with half-life h. Without it, a shot keeps the mean
           colour of its first frame.
         - The fourth term keeps the colours of one object from diffusing into another where the motion is unknown.
+        - A pixel's past has an age in frames: (age of the previous frame's pixel + 1) c^(1/4), at most 40. Where an
+          object has uncovered the background, the past weighs little for some frames, so that its errors are averaged
+          out.
         - The confidence compares the source with a memory of the source that is averaged along the motion as results
           are (bilinear samples suffice here). A trail of a result is a trail in the memory, too, is recognised there in
           every later frame, and fades.
@@ -67,6 +71,7 @@ class SteadyFilter:
         self.params, self.size = params, size
         self._source: Frame | None = None
         self._memory = self._result = np.empty((0, 0, 3), np.float32)
+        self._age = np.empty((0, 0), np.float32)
         self._analyzing, self._applying = Buffers(), Buffers()
         self._everywhere = np.ones((size[1], size[0]), np.float32)
         self._amounts = NO_AMOUNTS
@@ -93,6 +98,7 @@ class SteadyFilter:
         before, self._source = self._source, source
         if before is None or is_cut(thumbnail(before), thumbnail(source), self.params.cut_sensitivity):
             self._memory = source.astype(np.float32)
+            self._age = np.full(source.shape[:2], LARGEST_AGE, np.float32)
             return None
         two_sided, alpha = self.params.look_ahead > 0, self.params.trail_suppression
         back, forth = motion(before, source, two_sided)
@@ -103,9 +109,14 @@ class SteadyFilter:
         warped = cv2.remap(before, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         evidence = Evidence(back, round_trip, source, np.asarray(warped, np.uint8), expected)
         trust = confidence(evidence, alpha, buffers)
-        remember(source, expected, trust, np.float32(self.params.strength), self._memory)
+        self._age = np.asarray(
+            cv2.remap(self._age, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32
+        )
+        weight = np.empty_like(trust)
+        age_weights(self._age, trust, np.float32(self.params.strength), weight)
+        remember(source, expected, weight, self._memory)
         onward = onward_motion(before, source, (back, forth), alpha, buffers) if two_sided else None
-        return SourceAnalysis(TrustedMotion(there, trust), onward)
+        return SourceAnalysis(TrustedMotion(there, trust), weight, onward)
 
     def apply(self, analysis: SourceAnalysis | None, styled: Frame, mask: Plane | None = None) -> Frame:
         """Second half of `step`. Raises: BadFrame."""
@@ -117,22 +128,22 @@ class SteadyFilter:
         target = buffers.get("target", shape)
         np.copyto(target, styled)
         mask = self._everywhere if mask is None else mask
-        self._solve(analysis.back, target, mask)
-        texture, detail = buffers.get("no texture", shape), self.params.detail
-        if detail > 0:
-            frames, trust = (self._result, target), analysis.back.trust
-            texture, self._amounts = restore_detail(frames, trust, detail, self._amounts, buffers)
+        self._solve(analysis, target, mask)
+        if self.params.detail > 0:
+            self._amounts = amounts_of(self._result, target, self._amounts, buffers)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
-        show(self._result, texture, target, mask, shown)
+        show(self._result, target, mask, shown)
         return shown
 
-    def _solve(self, back: TrustedMotion, target: Picture, mask: Plane) -> None:
+    def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane) -> None:
         """Replace the previous result by the solution of the equation for the styled frame `target`."""
-        buffers = self._applying
+        buffers, back = self._applying, analysis.back
         moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
-        cv2.remap(self._result, *back.to, cv2.INTER_CUBIC, dst=moved, borderMode=cv2.BORDER_REPLICATE)
+        blurred = buffers.get("blurred", target.shape)
+        cv2.remap(self._result, *back.to, cv2.INTER_CUBIC, dst=blurred, borderMode=cv2.BORDER_REPLICATE)
+        sharpen(blurred, back, self._amounts, self.params.detail, moved)
         weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
-        np.multiply(back.trust, mask * np.float32(self.params.strength), out=weight)
+        np.multiply(analysis.weight, mask, out=weight)
         equation_terms(moved, target, back.trust, weight, self._return, (absorb, source))
         add_clipped(target, solve_screened(absorb, source, buffers), self._result)
 
@@ -148,10 +159,11 @@ class SteadyFilter:
         """The complete state; a filter restored from it continues with the same bytes."""
         assert self._source is not None
         memory, result = self._memory.copy(), self._result.copy()
-        return {"source": self._source, "memory": memory, "result": result, "amounts": self._amounts}
+        state: State = {"source": self._source, "memory": memory, "age": self._age, "result": result}
+        return state | {"amounts": self._amounts}
 
     def restore(self, state: Arrays) -> None:
-        self._source, self._amounts = state["source"], state["amounts"]
+        self._source, self._age, self._amounts = state["source"], state["age"], state["amounts"]
         self._memory, self._result = state["memory"].copy(), state["result"].copy()
 
 

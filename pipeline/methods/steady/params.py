@@ -15,7 +15,7 @@ class SteadyParams(Params):
         "0 = the styled video as it is.", "ratio", "Time", "lambda",
     )  # fmt: skip
     trail_suppression: float = number(
-        40, 0, 1000, "Trail suppression",
+        25, 0, 1000, "Trail suppression",
         "How fast the weight falls where the source differs from what the motion predicts. Higher values leave fewer "
         "trails and more flicker on things that move fast.", "per squared RGB distance, RGB in 0..1", "Time", "alpha",
     )  # fmt: skip
@@ -36,7 +36,7 @@ class SteadyParams(Params):
     )  # fmt: skip
     detail: float = number(
         1, 0, 1, "Restored detail",
-        "Share of the fine detail that the styled frames have and the result lacks which is restored by amplification. "
+        "Share of the fine detail that the styled frames have and the result lacks which is restored by sharpening. "
         "0 = off; higher values flicker more.",
         "ratio", "Detail",
     )  # fmt: skip

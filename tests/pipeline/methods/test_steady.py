@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.buffers import Buffers
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.methods.base import Task
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams, plan
-from pipeline.methods.steady.detail import NO_AMOUNTS, restore_detail
+from pipeline.methods.steady.confidence import TrustedMotion
+from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, sharpen
+from pipeline.methods.steady.equation import age_weights
 from pipeline.scenes import scene
 from tests.pipeline.methods.frames import painted
 
@@ -92,6 +95,27 @@ def test_what_an_object_uncovers_has_no_trail() -> None:
     for index in range(8, 10):
         difference = result[index][uncovered].astype(float) - video[index][uncovered]
         assert np.abs(difference.mean(axis=(0, 1))).max() < 20  # the colours of object and background differ by 140
+
+
+def test_what_an_object_uncovers_gets_a_past_of_its_own_age() -> None:
+    """For some frames the past weighs little, so that its errors are averaged out."""
+    steady = SteadyFilter(SteadyParams(), SIZE)
+    weights = [found.weight for frame in moving_square() if (found := steady.analyze(frame))]
+    uncovered = [float(weight[24:40, 14:17].mean()) for weight in weights[2:]]  # by the fourth frame
+    assert weights[0][24:40, 70:].min() > 39
+    assert uncovered[0] < 2 and uncovered[1] < 8 and uncovered[2] < 15
+    assert uncovered == sorted(uncovered)
+
+
+def test_one_frame_of_low_confidence_does_not_end_a_long_past() -> None:
+    long, short = (np.full((1, 4), frames, np.float32) for frames in (40, 5))
+    trust = np.array([[1, 0.8, 0.1, 0]], np.float32)
+    weights = [np.empty_like(trust) for _ in range(2)]
+    for age, weight in zip((long, short), weights, strict=True):
+        age_weights(age, trust, np.float32(40), weight)
+    np.testing.assert_allclose(weights[0], 40 * trust, rtol=1e-6)
+    np.testing.assert_allclose(weights[1], 0.6 * 40 * trust**1.25, rtol=1e-6)
+    np.testing.assert_allclose(long, [[40, 41 * 0.8**0.25, 41 * 0.1**0.25, 0]], rtol=1e-5)
 
 
 def test_a_cut_starts_afresh() -> None:
@@ -184,66 +208,114 @@ def test_a_cropped_styled_video_is_an_error() -> None:
     assert "cropped" in caught.value.remedy
 
 
-def averaged_texture() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The mean of four noise images, and one of them."""
-    noise = 128 + 30 * np.random.default_rng(3).standard_normal((4, 64, 96, 3)).astype(np.float32)
-    return noise.mean(axis=0, dtype=np.float32), noise[0]
+def texture_of(picture: AnyArray) -> float:
+    return float(np.abs(cv2.Laplacian(np.asarray(picture, np.float32), cv2.CV_32F)).mean())
 
 
-def texture_of(picture: NDArray[np.float32]) -> float:
-    return float(np.abs(cv2.Laplacian(picture, cv2.CV_32F)).mean())
+def drifting_blots(frames: int = 24) -> tuple[list[Frame], list[Frame]]:
+    """A source that drifts by fractions of a pixel, and a style with independent, hard-edged texture in each frame."""
+    draw = np.random.default_rng(3)
+    large = cv2.resize(draw.random((80, 112, 3)).astype(np.float32) * 255, (448, 320), interpolation=cv2.INTER_CUBIC)
+    sources, styled = [], []
+    for index in range(frames):
+        shift = np.array([[1, 0, -0.4 * index - 10], [0, 1, -0.3 * index - 10]], np.float32)
+        frame = cv2.warpAffine(large, shift, (192, 128), flags=cv2.INTER_CUBIC).clip(0, 255)
+        noise = cv2.GaussianBlur(draw.standard_normal((128, 192)).astype(np.float32), (0, 0), 1)
+        sources.append(frame.astype(np.uint8))
+        styled.append((frame // 2 + 80 * (noise > 0)[..., None]).astype(np.uint8))
+    return sources, styled
 
 
-def gradient_of(picture: NDArray[np.float32]) -> float:
-    return float(cv2.magnitude(*(cv2.Sobel(picture, cv2.CV_32F, *axis).ravel() for axis in ((1, 0), (0, 1)))).mean())
+def steadied(sources: list[Frame], styled: list[Frame], detail: float) -> list[Frame]:
+    steady = SteadyFilter(SteadyParams(detail=detail), (sources[0].shape[1], sources[0].shape[0]))
+    return [steady.step(source, frame) for source, frame in zip(sources, styled, strict=True)]
 
 
-def restored_detail(
-    average: NDArray[np.float32], styled: NDArray[np.float32], share: float, before: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The average with restored texture, and the amounts at this frame."""
-    everywhere = np.ones(average.shape[:2], np.float32)
-    texture, amounts = restore_detail((average, styled), everywhere, share, before, Buffers())
-    return average + texture, amounts
+def test_texture_that_averaging_would_blur_keeps_its_contrast_and_remains_steady() -> None:
+    sources, styled = drifting_blots()
+    plain, half, full = (steadied(sources, styled, share)[-6:] for share in (0, 0.5, 1))
+    wanted = np.mean([texture_of(frame) for frame in styled[-6:]])
+    amounts = [np.mean([texture_of(frame) for frame in frames]) / wanted for frames in (plain, half, full)]
+    assert 1.2 * amounts[0] < amounts[1] and 1.2 * amounts[1] < amounts[2]
+    assert amounts[0] < 0.35 and amounts[2] > 0.5
+    assert change(full) < 0.5 * change(styled[-6:])
 
 
-def test_averaged_texture_gets_the_contrast_of_the_styled_frame() -> None:
-    average, styled = averaged_texture()
-    assert texture_of(average) < 0.6 * texture_of(styled)
-    restored, _ = restored_detail(average, styled, 1, NO_AMOUNTS)
-    assert texture_of(restored) == pytest.approx(texture_of(styled), rel=0.15)
-    half, _ = restored_detail(average, styled, 0.5, NO_AMOUNTS)
-    assert texture_of(average) < texture_of(half) < texture_of(restored)
+def motion_of(trust: NDArray[np.float32], offset: float) -> TrustedMotion:
+    rows, columns = np.indices(trust.shape, np.float32) + np.float32(offset)
+    return TrustedMotion((np.asarray(columns, np.float32), np.asarray(rows, np.float32)), trust)
 
 
-def test_nothing_is_amplified_where_the_motion_is_not_trusted() -> None:
-    average, styled = averaged_texture()
-    trust = np.ones(average.shape[:2], np.float32)
+def noise_picture() -> NDArray[np.float32]:
+    picture = 128 + 30 * np.random.default_rng(3).standard_normal((64, 96, 3)).astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.6), np.float32)
+
+
+def amounts_for(result: NDArray[np.float32], styled: NDArray[np.float32]) -> NDArray[np.float32]:
+    return amounts_of(result, styled, NO_AMOUNTS, Buffers())
+
+
+def test_nothing_is_sharpened_where_the_motion_is_not_trusted() -> None:
+    picture = noise_picture()
+    amounts = amounts_for(picture, 128 + 2 * (picture - 128))
+    trust = np.ones(picture.shape[:2], np.float32)
     trust[:, :20] = 0
-    texture, _ = restore_detail((average, styled), trust, 1, NO_AMOUNTS, Buffers())
-    assert not texture[:, :20].any()
-    assert np.abs(texture[:, 20:]).mean() > 0.5
+    out = np.empty_like(picture)
+    sharpen(picture, motion_of(trust, 0), amounts, 1, out)
+    np.testing.assert_array_equal(out[:, :20], picture[:, :20])
+    assert texture_of(out[:, 20:]) > 1.2 * texture_of(picture[:, 20:])
 
 
-def test_fine_texture_is_restored_without_more_of_the_coarser_texture() -> None:
-    """A single gain for all texture left the gradient 12 % above that of the styled frame."""
-    _, styled = averaged_texture()
-    blurred, more = (cv2.GaussianBlur(styled, (0, 0), sigma) for sigma in (0.5, 1.2))
-    softer = styled - np.float32(0.6) * (styled - blurred) + np.float32(0.4) * (blurred - more)
-    assert texture_of(softer) < 0.9 * texture_of(styled)
-    restored, _ = restored_detail(softer, styled, 1, NO_AMOUNTS)
-    assert texture_of(restored) == pytest.approx(texture_of(styled), rel=0.03)
-    assert gradient_of(restored) == pytest.approx(gradient_of(styled), rel=0.04)
+def test_sharpened_values_stay_between_those_of_the_neighbours() -> None:
+    picture = noise_picture()
+    out = np.empty_like(picture)
+    everywhere = np.ones(picture.shape[:2], np.float32)
+    sharpen(picture, motion_of(everywhere, 0), amounts_for(picture, 128 + 3 * (picture - 128)), 1, out)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    assert np.all(out <= cv2.dilate(picture, cross)) and np.all(out >= cv2.erode(picture, cross))
 
 
-def test_a_single_frame_with_more_texture_hardly_changes_the_restored_contrast() -> None:
-    average, styled = averaged_texture()
-    before, amounts = restored_detail(average, styled, 1, NO_AMOUNTS)
-    rough = 128 + 1.5 * (styled - 128)
-    after, _ = restored_detail(average, rough, 1, amounts)
-    alone, _ = restored_detail(average, rough, 1, NO_AMOUNTS)
-    assert texture_of(alone) > 1.25 * texture_of(before)
-    assert texture_of(after) < 1.1 * texture_of(before)
+def test_a_picture_with_enough_texture_changes_only_between_pixels() -> None:
+    """Half-way between pixels, the interpolation's response is corrected."""
+    picture = noise_picture()
+    out = np.empty_like(picture)
+    everywhere = np.ones(picture.shape[:2], np.float32)
+    sharpen(picture, motion_of(everywhere, 0), amounts_for(picture, picture), 1, out)
+    np.testing.assert_allclose(out, picture, atol=1e-3)
+    sharpen(picture, motion_of(everywhere, 0.5), amounts_for(picture, picture), 1, out)
+    assert texture_of(out) > 1.02 * texture_of(picture)
+
+
+def test_a_recursion_of_half_pixel_steps_keeps_coarse_waves_as_they_are() -> None:
+    """OpenCV's cubic interpolation amplifies waves of 7 px by 3 % in each step of half a pixel."""
+    still = motion_of(np.ones((64, 96), np.float32), 0)
+    (columns, rows), trust = still.to, still.trust
+    wave = np.repeat((128 + 40 * np.sin(columns * np.float32(2 * np.pi / 7)))[..., None], 3, -1)
+    half = TrustedMotion((columns + np.float32(0.5), rows), trust)
+    picture = wave
+    for _ in range(6):
+        moved = np.asarray(cv2.remap(picture, *half.to, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32)
+        picture = np.empty_like(moved)
+        sharpen(moved, half, NO_AMOUNTS, 1, picture)
+    assert picture[20:40, 20:76].std() == pytest.approx(wave[20:40, 20:76].std(), rel=0.06)
+
+
+def test_amounts_measure_both_bands_of_both_pictures() -> None:
+    picture = noise_picture()
+    amounts = amounts_for(picture, 128 + 2 * (picture - 128))
+    assert amounts.shape == (4, 16, 24)
+    np.testing.assert_allclose(amounts[2:], 2 * amounts[:2], rtol=0.01)
+    light = cv2.transform(picture, np.array([[0.299, 0.587, 0.114]], np.float32))
+    laplacian = cv2.Laplacian(light, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)
+    assert amounts[0].mean() == pytest.approx(np.abs(laplacian).mean() / 4, rel=0.05)
+
+
+def test_a_single_frame_with_more_texture_hardly_changes_the_amounts() -> None:
+    picture = noise_picture()
+    before = amounts_for(picture, picture)
+    after = amounts_of(picture, 128 + 1.5 * (picture - 128), before, Buffers())
+    np.testing.assert_allclose(after[2:], 1.05 * before[2:], rtol=0.01)
+    np.testing.assert_allclose(after[:2], before[:2], rtol=1e-5)
 
 
 def test_a_resized_filter_continues_with_its_amounts_of_texture() -> None:
@@ -251,7 +323,7 @@ def test_a_resized_filter_continues_with_its_amounts_of_texture() -> None:
     for source, styled in zip(still(3), flickering(still(3)), strict=True):
         steady.step(source, styled)
     half = steady.reconfigure(SteadyParams(), (48, 32))
-    assert half.state()["amounts"].shape == (8, 8, 12)
+    assert half.state()["amounts"].shape == (4, 8, 12)
     small = np.ascontiguousarray(cv2.resize(texture(), (48, 32)))
     assert half.step(small, small).shape == small.shape
 
