@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.buffers import Buffers
 from pipeline.flow.warp import positions
-from pipeline.frames import Frame, Plane, same_size
+from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
 from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
 from pipeline.methods.steady.equation import LARGEST_AGE, add_clipped, age_weights, equation_terms, remember, show
@@ -91,9 +91,20 @@ class SteadyFilter:
         """
         return self.apply(self.analyze(source), styled, mask)
 
-    def analyze(self, source: Frame) -> SourceAnalysis | None:
+    @property
+    def source(self) -> Frame | None:
+        """The source of the last analysed frame."""
+        return self._source
+
+    def analyze(self, source: Frame, flows: tuple[Flow, Flow] | None = None) -> SourceAnalysis | None:
         """First half of `step`: motion and confidence; None at the first frame of a shot, where the result starts
-        afresh. Raises: BadFrame."""
+        afresh.
+
+        Args:
+            flows: `motion` between the last source and this one; None = estimated here.
+
+        Raises: BadFrame.
+        """
         same_size(source, self.size, "source")
         before, self._source = self._source, source
         if before is None or is_cut(thumbnail(before), thumbnail(source), self.params.cut_sensitivity):
@@ -101,7 +112,7 @@ class SteadyFilter:
             self._age = np.full(source.shape[:2], LARGEST_AGE, np.float32)
             return None
         two_sided, alpha = self.params.look_ahead > 0, self.params.trail_suppression
-        back, forth = motion(before, source, two_sided)
+        back, forth = motion(before, source, two_sided) if flows is None else flows
         there, buffers = positions(back), self._analyzing
         round_trip, expected = buffers.get("round trip", forth.shape), buffers.get("expected", source.shape)
         for picture, moved in ((forth, round_trip), (self._memory, expected)):

@@ -21,9 +21,10 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
-from pipeline.frames import Frame, Plane
+from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
+from pipeline.methods.steady.confidence import motion
 from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.methods.steady.two_sided import FilteredFrame, average_backwards
@@ -148,18 +149,26 @@ def _part(steady: SteadyFilter, begin: int, end: int, context: TaskContext[Stead
 
 
 def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[SteadyParams]) -> Iterator[_Waiting]:
-    """Frames with their analysis to come. A thread analyses the sources AHEAD frames ahead, in order; the analysis does
-    not depend on the results, so that the bytes are those of one thread."""
+    """Frames with their analysis to come. A thread estimates the optical flow AHEAD frames ahead, another one analyses
+    the sources in order. Neither depends on the results, so that the bytes are those of one thread."""
 
-    def analyze(source: Frame) -> SourceAnalysis | None:
+    def flows(before: Frame, source: Frame) -> tuple[Flow, Flow]:
+        with context.clock("flow"):
+            return motion(before, source, context.params.look_ahead > 0)
+
+    def analyze(source: Frame, estimated: Future[tuple[Flow, Flow]] | None) -> SourceAnalysis | None:
+        between = None if estimated is None else estimated.result()
         with context.clock("motion"):
-            return steady.analyze(source)
+            return steady.analyze(source, between)
 
     waiting: deque[_Waiting] = deque()
+    before = steady.source
     inputs = context.frames("video", start, stop), context.frames("styled", start, stop), _masks(context, start, stop)
-    with ThreadPoolExecutor(1, "impasto-motion") as thread:
+    with ThreadPoolExecutor(1, "impasto-flow") as flow, ThreadPoolExecutor(1, "impasto-motion") as thread:
         for source, styled, mask in zip(*inputs, strict=False):
-            waiting.append(_Waiting(thread.submit(analyze, source), styled, mask))
+            estimated = None if before is None else flow.submit(flows, before, source)
+            waiting.append(_Waiting(thread.submit(analyze, source, estimated), styled, mask))
+            before = source
             if len(waiting) > AHEAD:
                 yield waiting.popleft()
         yield from waiting
