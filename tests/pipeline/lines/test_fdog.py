@@ -18,6 +18,7 @@ from pipeline.methods.abstraction import flow_lines
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.tensors.structure import structure_tensor, tangent_field
 
 SIGMA, TAU, ALONG = 0.9, 0.99, 2.25
@@ -153,7 +154,7 @@ def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Past]:
 
 def test_a_restored_session_continues_with_the_same_bytes() -> None:
     params = AbstractionParams(lines="flow", line_width=9, line_length=10)
-    whole, first, second = (LineExtractor(params, (96, 64)) for _ in range(3))
+    whole, first, second = (LineExtractor(params, sizes_of(params, (96, 64))) for _ in range(3))
     expected = [whole.step(g, w, p if k else None).tobytes() for k, (g, w, p) in enumerate(map(moving, range(5)))]
     for k in range(3):
         gray, weight, past = moving(k)
@@ -161,7 +162,7 @@ def test_a_restored_session_continues_with_the_same_bytes() -> None:
     second.restore({name: array.copy() for name, array in first.state().items()})
     assert set(first.state()) == {"ink", "tensors"}
     assert [second.step(*moving(k)).tobytes() for k in (3, 4)] == expected[3:]
-    forgetful = LineExtractor(params, (96, 64))
+    forgetful = LineExtractor(params, sizes_of(params, (96, 64)))
     forgetful.restore({"ink": first.state()["ink"]})
     assert forgetful.step(*moving(3)).tobytes() != expected[3]
 
