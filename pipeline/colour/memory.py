@@ -11,7 +11,7 @@ from pipeline.frames import Flow, Frame, Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
 
-MOVING_SHARE = 200
+MOVING_SHARE = 230
 """Weight of the past at moving borders relative to that elsewhere, in 1/256."""
 REACH_PX = 2
 """Radius of the neighbourhood whose colours count as nearby."""

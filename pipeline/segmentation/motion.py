@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.background import INLINE, Background
 from pipeline.colour.lab8 import LabPlanes
+from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
@@ -108,8 +109,8 @@ def backward_maps(flow: Flow, size: tuple[int, int] | None = None) -> BackwardMa
         moves = flow[rows, columns]
         if size != own:
             rows, columns = _scaled(rows, down), _scaled(columns, across)
-            enlarged = cv2.resize(moves, (columns.stop - columns.start, rows.stop - rows.start))
-            moves = np.asarray(enlarged * np.array([across, down], np.float32), np.float32)
+            part = (columns.stop - columns.start, rows.stop - rows.start)
+            moves = np.asarray(cv2.resize(scale_flow(moves, across, down), part), np.float32)
         where = grid[rows, columns] - moves
         whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
         parts.append(MovingPart(rows, columns, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)))

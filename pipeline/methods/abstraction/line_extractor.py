@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
+from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Plane
 from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes
 from pipeline.lines.dog import dog_response, soft_threshold
@@ -77,8 +78,8 @@ class LineExtractor:
         if past is None or self.small == self.size:
             return past
         flow, residual = (cv2.resize(plane, self.small, interpolation=cv2.INTER_NEAREST) for plane in past)
-        scale = np.divide(self.small, self.size).astype(np.float32)
-        return Past(np.asarray(flow * scale, np.float32), np.asarray(residual, np.uint8))
+        across, down = np.divide(self.small, self.size)
+        return Past(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
 
     def _previous_ink(self, past: Past | None) -> PreviousInk | None:
         return None if past is None or self.last is None else PreviousInk(self.last, past.flow)

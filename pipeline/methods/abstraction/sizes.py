@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.methods.abstraction.params import AbstractionParams
 
@@ -64,8 +65,8 @@ def shrink_frame(frame: Frame, sizes: Sizes) -> Frame:
 
 def resize_flow(flow: Flow, grid: tuple[int, int], sizes: Sizes) -> Flow:
     """The flow of an analysed frame on a grid of (width, height), float32 (h, w, 2), px of the incoming frame."""
-    scale = np.divide(sizes.frame, sizes.work).astype(np.float32)
-    return np.asarray(cv2.resize(flow, grid, interpolation=cv2.INTER_LINEAR) * scale, np.float32)
+    across, down = np.divide(sizes.frame, sizes.work)
+    return scale_flow(np.asarray(cv2.resize(flow, grid, interpolation=cv2.INTER_LINEAR), np.float32), across, down)
 
 
 def enlarge_mask(plane: NDArray[np.uint8], sizes: Sizes) -> NDArray[np.uint8]:
