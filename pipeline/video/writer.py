@@ -26,13 +26,14 @@ import av
 import cv2
 import numpy as np
 from av.video.codeccontext import VideoCodecContext
-from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc, Interpolation
+from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 from av.video.stream import VideoStream
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame, same_size
 from pipeline.video.geometry import customary_matrix
 from pipeline.video.stills import encode_png
+from pipeline.video.yuv import REC_601, REC_709, to_yuv420
 
 Format = Literal["mp4", "webm", "png", "gif"]
 FORMATS: tuple[Format, ...] = ("mp4", "webm", "png", "gif")
@@ -148,14 +149,8 @@ class VideoSegment(SegmentWriter):
         self._encode(picture)
 
     def _picture(self, frame: Frame) -> av.VideoFrame:
-        return av.VideoFrame.from_ndarray(_even(frame, self.spec.coded_size), format="rgb24").reformat(
-            format="yuv420p",
-            dst_colorspace=customary_matrix(self.spec.size[1]),
-            src_color_range=ColorRange.JPEG,
-            dst_color_range=ColorRange.MPEG,
-            interpolation=Interpolation.BILINEAR,
-            threads=1,
-        )
+        hd = customary_matrix(self.spec.size[1]) == Colorspace.ITU709
+        return to_yuv420(_even(frame, self.spec.coded_size), REC_709 if hd else REC_601)
 
     def _encode(self, picture: av.VideoFrame | None) -> None:
         for packet in self._stream.encode(picture):

@@ -13,7 +13,7 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
-from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, enlarge_mask, shrink_mask
+from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, shrink_mask
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import backward_maps, past_weights
 from pipeline.segmentation.ramps import divide_ramps
@@ -102,7 +102,6 @@ class SharpCompositor(Compositor):
             return picture
         weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
-        residual = enlarge_mask(analysis.residual, self.sizes)
-        moving = enlarge_mask(moving_borders(labels, analysis.flow), self.sizes)
-        blend_colours(picture, past, residual, weights, moving, self.background)
+        moving = moving_borders(labels, analysis.flow)
+        blend_colours(picture, past, analysis.residual, weights, moving, self.background)
         return past

@@ -69,13 +69,6 @@ def resize_flow(flow: Flow, grid: tuple[int, int], sizes: Sizes) -> Flow:
     return scale_flow(np.asarray(cv2.resize(flow, grid, interpolation=cv2.INTER_LINEAR), np.float32), across, down)
 
 
-def enlarge_mask(plane: NDArray[np.uint8], sizes: Sizes) -> NDArray[np.uint8]:
-    """A plane at the output size by its nearest neighbours, uint8 (h, w)."""
-    if sizes.work == sizes.output:
-        return plane
-    return np.asarray(cv2.resize(plane, sizes.output, interpolation=cv2.INTER_NEAREST), np.uint8)
-
-
 def shrink_mask(plane: NDArray[np.uint8], sizes: Sizes) -> NDArray[np.uint8]:
     """A plane of the output size at the size of the analysed frames, by area averages, uint8 (h, w)."""
     if sizes.work == sizes.output:
