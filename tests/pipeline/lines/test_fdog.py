@@ -169,9 +169,9 @@ def test_a_restored_session_continues_with_the_same_bytes() -> None:
 
 @pytest.mark.real("opencl")
 def test_the_result_is_the_same_without_a_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    with_device = FlowLines(SIGMA, TAU, 0.8, 1)
+    with_device = FlowLines(SIGMA, TAU, 0.8)
     monkeypatch.setattr(flow_lines, "device", _no_device)
-    without = FlowLines(SIGMA, TAU, 0.8, 1)
+    without = FlowLines(SIGMA, TAU, 0.8)
     assert with_device.device and not without.device
     for k in range(3):
         gray, weight, past = moving(k)
@@ -190,7 +190,7 @@ def test_temporal_smoothing_steadies_directions() -> None:
 
 def trembling(memory: float) -> float:
     """Mean change of the directions near an edge from one noisy frame to the next, as a sine."""
-    lines, weight, still = FlowLines(SIGMA, TAU, memory, 1), np.zeros((63, 63), np.float32), np.zeros((63, 63, 2))
+    lines, weight, still = FlowLines(SIGMA, TAU, memory), np.zeros((63, 63), np.float32), np.zeros((63, 63, 2))
     fields = []
     for k in range(8):
         lines.step(edge(0.5, height=24) + noise((63, 63), k, 5), weight, still.astype(np.float32))
@@ -205,7 +205,7 @@ def test_dots_are_kept_where_importance_is_high() -> None:
     cv2.circle(gray, (20, 20), 2, 90, -1, cv2.LINE_AA)
     peaks = []
     for weight in (0.0, 1.0):
-        lines = FlowLines(SIGMA, TAU, 0, 1)
+        lines = FlowLines(SIGMA, TAU, 0)
         peaks.append(lines.step(gray, np.full_like(gray, weight), None).max())
     assert peaks[1] == pytest.approx(dog_response(gray, SIGMA, TAU).max(), rel=1e-5)
     assert peaks[0] < 0.8 * peaks[1]
