@@ -11,8 +11,8 @@ from pipeline.frames import Flow, Frame, Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
 
-MOVING_SHARE = 230
-"""Weight of the past at moving borders relative to that elsewhere, in 1/256."""
+MOVING_SHARE = 115
+"""Weight of the past at moving borders relative to that elsewhere, in 1/128."""
 REACH_PX = 2
 """Radius of the neighbourhood whose colours count as nearby."""
 NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
@@ -95,7 +95,7 @@ def _blend(
 ) -> None:  # fmt: skip
     """Blend the rows of a band, which begins at row `top` of a picture of `whole` rows."""
     rows, width = picture.shape[0], picture.shape[1]
-    weight, share = np.empty(3 * width, np.int32), np.empty(3 * width, np.int32)
+    weight, share = np.empty(3 * width, np.int16), np.empty(3 * width, np.int16)
     columns = np.arange(width) * residual.shape[1] // width
     row = -1
     for y in range(rows):
@@ -103,12 +103,14 @@ def _blend(
             row = (top + y) * residual.shape[0] // whole
             for x in range(width):
                 at, x_there = 3 * x, columns[x]
-                weight[at] = weight[at + 1] = weight[at + 2] = weights[residual[row, x_there]]
-                share[at] = share[at + 1] = share[at + 2] = MOVING_SHARE if moving[row, x_there] else 256
+                weight[at] = weight[at + 1] = weight[at + 2] = np.int16(weights[residual[row, x_there]] >> 1)
+                share[at] = share[at + 1] = share[at + 2] = np.int16(MOVING_SHARE if moving[row, x_there] else 128)
         now, then = picture[y].reshape(3 * width), past[y].reshape(3 * width)
         least, most = low[y].reshape(3 * width), high[y].reshape(3 * width)
-        for k in range(3 * width):  # this vectorises
-            before = np.int32(then[k])
-            near = min(max(before, np.int32(least[k])), np.int32(most[k]))
-            change = before - near + (((near - np.int32(now[k])) * share[k]) >> 8)
-            then[k] = np.uint8(np.int32(now[k]) + ((weight[k] * change + 128) >> 8))
+        for k in range(3 * width):  # this vectorises, in 16 bits
+            before = np.int16(then[k])
+            near = min(max(before, np.int16(least[k])), np.int16(most[k]))
+            part = np.int16(np.int16(near - np.int16(now[k])) * share[k]) >> np.int16(7)
+            change = np.int16(np.int16(before - near) + np.int16(part))
+            step = np.int16(np.int16(weight[k] * change) + np.int16(64)) >> np.int16(7)
+            then[k] = np.uint8(np.int16(now[k]) + step)

@@ -99,7 +99,8 @@ def backward_maps(flow: Flow, size: tuple[int, int] | None = None) -> BackwardMa
 
     Args:
         flow: float32 (h, w, 2), px.
-        size: (width, height) of the frames to warp, px; the flow is interpolated to it. None = that of the flow.
+        size: (width, height) of the frames to warp, px; they move as the nearest pixel of the flow. None = that of the
+            flow.
     """
     own = (flow.shape[1], flow.shape[0])
     size = size or own
@@ -110,7 +111,8 @@ def backward_maps(flow: Flow, size: tuple[int, int] | None = None) -> BackwardMa
         if size != own:
             rows, columns = _scaled(rows, down), _scaled(columns, across)
             part = (columns.stop - columns.start, rows.stop - rows.start)
-            moves = np.asarray(cv2.resize(scale_flow(moves, across, down), part), np.float32)
+            enlarged = cv2.resize(scale_flow(moves, across, down), part, interpolation=cv2.INTER_NEAREST)
+            moves = np.asarray(enlarged, np.float32)
         where = grid[rows, columns] - moves
         whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
         parts.append(MovingPart(rows, columns, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)))
