@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import av
 import cv2
 import numpy as np
@@ -40,7 +42,9 @@ def to_yuv420(frame: Frame, shares: tuple[float, float]) -> av.VideoFrame:
 
 def _samples(plane: VideoPlane) -> Bytes:
     """The writable samples of a plane, uint8 (h, w)."""
-    return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
+    buffer: Any = plane  # Any: the stubs do not show that planes are buffers
+    samples = np.frombuffer(buffer, np.uint8).reshape(plane.height, plane.line_size)
+    return np.asarray(samples[:, : plane.width], np.uint8)
 
 
 def _weights(red: float, blue: float) -> Weights:
@@ -48,7 +52,8 @@ def _weights(red: float, blue: float) -> Weights:
     luma = np.array([red, 1 - red - blue, blue])
     u = (np.array([0, 0, 1]) - luma) / (2 * (1 - blue))
     v = (np.array([1, 0, 0]) - luma) / (2 * (1 - red))
-    return np.rint(np.stack([_LUMA_SPAN * luma, _CHROMA_SPAN * u, _CHROMA_SPAN * v]) * _UNIT).astype(np.int32)
+    rows = np.stack([_LUMA_SPAN * luma, _CHROMA_SPAN * u, _CHROMA_SPAN * v])
+    return np.asarray(np.rint(rows * _UNIT), np.int32)
 
 
 @kernel

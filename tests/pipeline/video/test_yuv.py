@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,8 +12,8 @@ from pipeline.video.yuv import REC_601, REC_709, to_yuv420
 
 
 def planes_of(frame: NDArray[np.uint8], shares: tuple[float, float]) -> list[NDArray[np.uint8]]:
-    picture = to_yuv420(frame, shares)
-    return [np.frombuffer(p, np.uint8).reshape(p.height, p.line_size)[:, : p.width] for p in picture.planes]
+    planes: Any = to_yuv420(frame, shares).planes  # Any: the stubs do not show that planes are buffers
+    return [np.frombuffer(p, np.uint8).reshape(p.height, p.line_size)[:, : p.width] for p in planes]
 
 
 def exact(rgb: NDArray[np.float64], shares: tuple[float, float]) -> list[NDArray[np.float64]]:
