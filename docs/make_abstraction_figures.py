@@ -51,6 +51,8 @@ class Strip:
     painting: str = ""
     zoom: tuple[float, float, float] = (0, 0, 1)
     """(left, top, side) of the displayed part, as fractions of the frame."""
+    height: int = HEIGHT
+    """Height of the frames, px."""
 
 
 CUT = Clip("Cut", "cut", OURS)
@@ -69,6 +71,14 @@ STRIPS: Mapping[str, Strip] = {
     ),
     "boundary_smoothing": Strip(*BROOK, (0, 16), "borders along pixels, or rounded.", zoom=(0.4, 0.45, 0.5)),
     "edges": Strip(*BIRD, ("sharp",), "the width of edges; at this size auto is soft.", zoom=(0.3, 0.1, 0.4)),
+    "analysis": Strip(
+        "coffee",
+        40,
+        ("full",),
+        "frames of 720 lines, at their own size: the smallest regions.",
+        zoom=(0.25, 0.1, 0.4),
+        height=720,
+    ),
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
     "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the estimated motion; hue shows its direction.", show="flow"),
     "flow_error_limit": Strip(
@@ -174,7 +184,7 @@ def _tile(shown: Strip, media: Path, params: Settings) -> tuple[Frame, str]:
         return _motion(shown, media, params), ""
     if shown.show == "importance":
         return _importance(shown, media, params), ""
-    pairs = _pairs(shown.clip, shown.frame, shown.painting, media, params)
+    pairs = _pairs(shown, media, params)
     if shown.show == "picture":
         return _zoomed(pairs[-1][1], shown.zoom), ""
     picture, mean = show_change(*zip(*pairs, strict=True))
@@ -210,11 +220,12 @@ def _change(pictures: Sequence[Frame]) -> NDArray[Any]:
 
 
 @lru_cache(maxsize=8)
-def _pairs(name: str, frame: int, scheme: str, media: Path, params: Settings) -> list[tuple[Frame, Frame]]:
-    """(original, cartoon) of the last `WATCHED` frames up to `frame`."""
-    clip = CUT if name == "cut" else CLIPS[name]
-    source = frames(clip, media, max(0, frame - WARM_UP), frame + 1, HEIGHT)
-    return list(render(source, dict(params), colours_of(media, scheme) if scheme else None))[-WATCHED:]
+def _pairs(shown: Strip, media: Path, params: Settings) -> list[tuple[Frame, Frame]]:
+    """(original, cartoon) of the last `WATCHED` frames up to the displayed one."""
+    clip = CUT if shown.clip == "cut" else CLIPS[shown.clip]
+    source = frames(clip, media, max(0, shown.frame - WARM_UP), shown.frame + 1, shown.height)
+    scheme = colours_of(media, shown.painting) if shown.painting else None
+    return list(render(source, dict(params), scheme))[-WATCHED:]
 
 
 def _zoomed(picture: Frame, part: tuple[float, float, float]) -> Frame:

@@ -11,8 +11,8 @@ from pipeline.frames import Flow, Frame, Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
 
-MOVING_SHARE = 200
-"""Weight of the past at moving borders relative to that elsewhere, in 1/256."""
+MOVING_SHARE = 115
+"""Weight of the past at moving borders relative to that elsewhere, in 1/128."""
 REACH_PX = 2
 """Radius of the neighbourhood whose colours count as nearby."""
 NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
@@ -40,23 +40,25 @@ def blend_colours(
     Args:
         now: uint8 (h, w, 3), the regions of this frame.
         past: uint8 (h, w, 3): the result for the previous frame, moved to this frame.
-        residual: uint8 (h, w), of the source.
+        residual: uint8, of the source; of the picture's size or smaller.
         weights: int32 (256,): weight of the past by residual, 256 = 1.
-        moving: uint8 (h, w), non-zero at borders that move.
+        moving: uint8, of the size of `residual`, non-zero at borders that move.
     """
+    height = len(now)
 
     def work(first: int, last: int) -> None:
         for top in range(first, last, BAND_ROWS):
             rows = slice(top, min(top + BAND_ROWS, last))
             low = high = now[rows]
-            if moving[rows].any():  # the range of the colours nearby counts at moving borders only
+            nearest = slice(top * len(moving) // height, (rows.stop - 1) * len(moving) // height + 1)
+            if moving[nearest].any():  # the range of the colours nearby counts at moving borders only
                 around = slice(max(top - REACH_PX, 0), rows.stop + REACH_PX)
                 inner = slice(top - around.start, rows.stop - around.start)
                 low = np.asarray(cv2.erode(now[around], NEARBY), np.uint8)[inner]
                 high = np.asarray(cv2.dilate(now[around], NEARBY), np.uint8)[inner]
-            _blend(now[rows], low, high, past[rows], residual[rows], weights, moving[rows])
+            _blend(now[rows], low, high, past[rows], residual, weights, moving, top, height)
 
-    background.rows(work, len(now))
+    background.rows(work, height)
 
 
 def moving_borders(labels: Labels, flow: Flow) -> NDArray[np.uint8]:
@@ -89,19 +91,26 @@ def _borders(labels: Labels, out: NDArray[np.uint8]) -> None:
 @kernel
 def _blend(
     picture: Frame, low: Frame, high: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32],
-    moving: NDArray[np.uint8],
+    moving: NDArray[np.uint8], top: int, whole: int,
 ) -> None:  # fmt: skip
-    height, width = residual.shape
-    weight, share = np.empty(3 * width, np.int32), np.empty(3 * width, np.int32)
-    for y in range(height):
-        for x in range(width):
-            at = 3 * x
-            weight[at] = weight[at + 1] = weight[at + 2] = weights[residual[y, x]]
-            share[at] = share[at + 1] = share[at + 2] = MOVING_SHARE if moving[y, x] else 256
+    """Blend the rows of a band, which begins at row `top` of a picture of `whole` rows."""
+    rows, width = picture.shape[0], picture.shape[1]
+    weight, share = np.empty(3 * width, np.int16), np.empty(3 * width, np.int16)
+    columns = np.arange(width) * residual.shape[1] // width
+    row = -1
+    for y in range(rows):
+        if (top + y) * residual.shape[0] // whole != row:
+            row = (top + y) * residual.shape[0] // whole
+            for x in range(width):
+                at, x_there = 3 * x, columns[x]
+                weight[at] = weight[at + 1] = weight[at + 2] = np.int16(weights[residual[row, x_there]] >> 1)
+                share[at] = share[at + 1] = share[at + 2] = np.int16(MOVING_SHARE if moving[row, x_there] else 128)
         now, then = picture[y].reshape(3 * width), past[y].reshape(3 * width)
         least, most = low[y].reshape(3 * width), high[y].reshape(3 * width)
-        for k in range(3 * width):  # this vectorises
-            before = np.int32(then[k])
-            near = min(max(before, np.int32(least[k])), np.int32(most[k]))
-            change = before - near + (((near - np.int32(now[k])) * share[k]) >> 8)
-            then[k] = np.uint8(np.int32(now[k]) + ((weight[k] * change + 128) >> 8))
+        for k in range(3 * width):  # this vectorises, in 16 bits
+            before = np.int16(then[k])
+            near = min(max(before, np.int16(least[k])), np.int16(most[k]))
+            part = np.int16(np.int16(near - np.int16(now[k])) * share[k]) >> np.int16(7)
+            change = np.int16(np.int16(before - near) + np.int16(part))
+            step = np.int16(np.int16(weight[k] * change) + np.int16(64)) >> np.int16(7)
+            then[k] = np.uint8(np.int16(now[k]) + step)

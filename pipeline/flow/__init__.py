@@ -22,6 +22,7 @@ def estimate(
     current: object,
     method: FlowMethod = "dis-fast",
     *,
+    finer: bool = False,
     params: TvL1 = DEFAULTS,
     device: Device | None = None,
 ) -> Flow:
@@ -30,6 +31,7 @@ def estimate(
     Args:
         previous, current: uint8, RGB (height, width, 3) or gray (height, width), one size, at least 16 px a side.
         method: solver, see `FlowMethod`.
+        finer: whether DIS goes one scale further than its preset: for pictures of half the sides of the frames.
         params: parameters of `tvl1`; DIS has presets.
         device: device for `tvl1`; None = the device that `pipeline.compute.device()` selects.
 
@@ -44,11 +46,11 @@ def estimate(
     first, second = gray_pair(previous, current)
     match method:
         case "dis-ultrafast":
-            return dis(first, second, "ultrafast")
+            return dis(first, second, "ultrafast", finer)
         case "dis-fast":
-            return dis(first, second, "fast")
+            return dis(first, second, "fast", finer)
         case "dis-medium":
-            return dis(first, second, "medium")
+            return dis(first, second, "medium", finer)
         case "tvl1":
             return tvl1(first, second, params, device or default_device())
     raise BadParameter(

@@ -18,6 +18,13 @@ def positions(flow: Flow) -> tuple[Plane, Plane]:
     return np.asarray(x, dtype=np.float32), np.asarray(y, dtype=np.float32)
 
 
+def scale_flow(flow: Flow, across: float, down: float) -> Flow:
+    """Vectors (dx, dy) multiplied by (`across`, `down`), as for pictures of another size; a new array."""
+    height, width = flow.shape[:2]
+    factors = np.tile(np.array([across, down], np.float32), width)  # whole rows vectorise, pairs do not
+    return np.asarray(flow.reshape(height, 2 * width) * factors, np.float32).reshape(flow.shape)
+
+
 def fetch(image: AnyArray, flow: Flow) -> AnyArray:
     """Backward warp: out(x) = image(x + flow(x)), bilinear; border pixels are replicated.
 

@@ -39,13 +39,11 @@ class PreviousInk(NamedTuple):
 
     Attributes:
         ink: uint8 (h, w).
-        flow: previous to current frame at full size, px.
-        shrink: ratio of the full size to the ink's size; 0 = there is no previous frame.
+        flow: previous to current frame, float32 (h, w, 2), px.
     """
 
     ink: Ink
     flow: Flow
-    shrink: int
 
 
 class StrokeLimits(NamedTuple):
@@ -74,7 +72,7 @@ def keep_strokes(ink: Ink, past: PreviousInk | None, importance: Plane, limits: 
         importance: float32 (h, w), 0..1.
     """
     if past is None:
-        past = PreviousInk(np.zeros_like(ink), np.zeros((1, 1, 2), np.float32), 0)
+        past = PreviousInk(np.zeros_like(ink), np.zeros((*ink.shape, 2), np.float32))
     out = np.zeros(ink.shape, np.uint8)
     runs = np.empty(ink.shape[0] * (ink.shape[1] + 1) // 2, RUN)
     count = _find_runs(ink, limits.weak, runs)
@@ -154,11 +152,9 @@ def _add_run(run: np.void, ink: Ink, past: PreviousInk, importance: Plane, strok
     for x in range(start, stop):
         peak = max(peak, np.int32(ink[y, x]))
         weight = max(weight, importance[y, x])
-        if past.shrink:
-            dx, dy = past.flow[y * past.shrink, x * past.shrink, 0], past.flow[y * past.shrink, x * past.shrink, 1]
-            i = min(max(x - int(np.rint(dx / past.shrink)), 0), width - 1)
-            j = min(max(y - int(np.rint(dy / past.shrink)), 0), height - 1)
-            known += past.ink[j, i] > DRAWN
+        i = min(max(x - int(np.rint(past.flow[y, x, 0])), 0), width - 1)
+        j = min(max(y - int(np.rint(past.flow[y, x, 1])), 0), height - 1)
+        known += past.ink[j, i] > DRAWN
     stroke["peak"] = peak
     stroke["importance"] = max(stroke["importance"], int(weight * 255))
     stroke["drawn_before"] += known

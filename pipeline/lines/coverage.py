@@ -87,16 +87,14 @@ class PastMotion(NamedTuple):
     """Motion since the previous frame, and how far it can be trusted.
 
     Attributes:
-        flow: previous to current frame at full size, px.
-        residual: uint8 at full size, difference of each pixel to its past (`motion.denoise`).
+        flow: previous to current frame, float32 (h, w, 2), px of the line planes.
+        residual: uint8 (h, w), difference of each pixel to its past (`motion.denoise`).
         weights: float32 (256,), weight of the past by residual, 0..1.
-        shrink: ratio of the full size to the size of the line planes.
     """
 
     flow: Flow
     residual: NDArray[np.uint8]
     weights: NDArray[np.float32]
-    shrink: int
 
 
 def blend_response(response: Plane, before: Plane, motion: PastMotion) -> Plane:
@@ -116,16 +114,15 @@ def blend_response(response: Plane, before: Plane, motion: PastMotion) -> Plane:
 @kernel
 def _blend_response(response: Plane, before: Plane, motion: PastMotion, out: Plane) -> None:
     height, width = response.shape
-    flow, shrink = motion.flow, motion.shrink
-    scale, one = np.float32(1) / np.float32(shrink), np.float32(1)
+    flow, one = motion.flow, np.float32(1)
     for y in range(height):
         for x in range(width):
-            dx, dy = flow[y * shrink, x * shrink, 0] * scale, flow[y * shrink, x * shrink, 1] * scale
+            dx, dy = flow[y, x, 0], flow[y, x, 1]
             past = before[y, x]
             if dx != 0.0 or dy != 0.0:
                 past = _bilinear(before, np.float32(x) - dx, np.float32(y) - dy)
             apart = (past - response[y, x]) / RESPONSE_TOLERANCE
-            weight = motion.weights[motion.residual[y * shrink, x * shrink]] / (one + apart * apart)
+            weight = motion.weights[motion.residual[y, x]] / (one + apart * apart)
             out[y, x] = response[y, x] + weight * (past - response[y, x])
 
 
@@ -159,14 +156,14 @@ def _blend_opacity(
     opacity: NDArray[np.uint8], before: NDArray[np.uint8], motion: PastMotion, out: NDArray[np.uint8]
 ) -> None:  # fmt: skip
     height, width = opacity.shape
-    flow, shrink = motion.flow, motion.shrink
+    flow = motion.flow
     for y in range(height):
         for x in range(width):
-            dx, dy = flow[y * shrink, x * shrink, 0], flow[y * shrink, x * shrink, 1]
+            dx, dy = flow[y, x, 0], flow[y, x, 1]
             i, j = x, y
             if dx != 0.0 or dy != 0.0:
-                i = min(max(x - int(np.rint(dx / np.float32(shrink))), 0), width - 1)
-                j = min(max(y - int(np.rint(dy / np.float32(shrink))), 0), height - 1)
+                i = min(max(x - int(np.rint(dx)), 0), width - 1)
+                j = min(max(y - int(np.rint(dy)), 0), height - 1)
             now = np.float32(opacity[y, x])
-            weight = motion.weights[motion.residual[y * shrink, x * shrink]]
+            weight = motion.weights[motion.residual[y, x]]
             out[y, x] = np.uint8(now + weight * (np.float32(before[j, i]) - now))

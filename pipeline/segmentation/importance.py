@@ -123,9 +123,10 @@ class ImportanceTracker:
         """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`.
 
         `faces_in`: the gray frame in which faces are searched, uint8 (height, width); None = `image`. `colours`: the
-        RGB frame in which hands are searched; None: they are not.
+        RGB frame in which hands are searched; None: they are not. With `faces_in`, `image` and `colours` may be
+        smaller than the frame.
         """
-        _check_shape(image, self._size, "image")
+        _check_shape(image if faces_in is None else faces_in, self._size, "image")
         if cut:
             self._age = 0
         if mask is not None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.background import INLINE, Background
 from pipeline.colour.lab8 import LabPlanes
+from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
@@ -93,13 +94,26 @@ BackwardMaps = tuple[MovingPart, ...]
 """The parts of a frame in which something moves; the rest is as in the previous frame."""
 
 
-def backward_maps(flow: Flow) -> BackwardMaps:
-    """Position of each pixel in the previous frame, for `warp_back`, without blocks in which nothing moves."""
-    height, width = flow.shape[:2]
-    grid = _grid(width, height)
+def backward_maps(flow: Flow, size: tuple[int, int] | None = None) -> BackwardMaps:
+    """Position of each pixel in the previous frame, for `warp_back`, without blocks in which nothing moves.
+
+    Args:
+        flow: float32 (h, w, 2), px.
+        size: (width, height) of the frames to warp, px; they move as the nearest pixel of the flow. None = that of the
+            flow.
+    """
+    own = (flow.shape[1], flow.shape[0])
+    size = size or own
+    grid, across, down = _grid(*size), size[0] / own[0], size[1] / own[1]
     parts = []
     for rows, columns in _moving_spans(flow):
-        where = grid[rows, columns] - flow[rows, columns]
+        moves = flow[rows, columns]
+        if size != own:
+            rows, columns = _scaled(rows, down), _scaled(columns, across)
+            part = (columns.stop - columns.start, rows.stop - rows.start)
+            enlarged = cv2.resize(scale_flow(moves, across, down), part, interpolation=cv2.INTER_NEAREST)
+            moves = np.asarray(enlarged, np.float32)
+        where = grid[rows, columns] - moves
         whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
         parts.append(MovingPart(rows, columns, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)))
     return tuple(parts)
@@ -118,6 +132,10 @@ def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
         for first, last in zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True):
             found.append((rows, slice(first * BLOCK_PX, min(last * BLOCK_PX, width))))
     return found
+
+
+def _scaled(span: slice, scale: float) -> slice:
+    return slice(round(scale * span.start), round(scale * span.stop))
 
 
 @kernel

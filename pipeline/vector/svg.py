@@ -11,6 +11,7 @@ that it covers no other pixel centre.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +38,7 @@ def to_svg(
     ink_colour: Sequence[int] = (0, 0, 0),
     tolerance_px: float = 0.5,
     smoothing: int | Borders = DEFAULT_PASSES,
+    size: tuple[int, int] | None = None,
 ) -> bytes:
     """Write one frame as a stand-alone SVG document, UTF-8.
 
@@ -51,13 +53,16 @@ def to_svg(
         smoothing: number of low-pass passes over each boundary; 0 = the pixels' edges. If both are 0, filling the
             document by the even-odd rule at pixel centres gives `labels` exactly. Or the smoothed borders of `labels`,
             which are drawn as they are; the outlines of `ink` then get the default number of passes.
+        size: (width, height) of the picture and of `ink`, px; the regions are enlarged to it. None = that of `labels`.
 
     Raises:
         BadFrame: labels, colours, ids or ink are inconsistent.
     """
-    _check(labels, colours, ids, ink)
+    _check(labels, colours, ids)
+    width, height = size or (labels.shape[1], labels.shape[0])
+    if ink is not None and ink.shape != (height, width):
+        raise BadFrame("The ink must have the size of the picture.", field="ink", value=ink.shape)
     names = np.arange(len(colours)) if ids is None else ids
-    height, width = labels.shape
     ink_smoothing = DEFAULT_PASSES if isinstance(smoothing, Borders) else smoothing
     return "\n".join(
         [
@@ -66,7 +71,7 @@ def to_svg(
             '<g id="regions" stroke-width="0.6" stroke-linejoin="round">',
             *(
                 f'<path id="r{names[label]}" fill="{colour}" stroke="{colour}" d="{path}"/>'
-                for label, path in _paths(labels, tolerance_px, smoothing).items()
+                for label, path in _paths(labels, tolerance_px, smoothing, (width, height)).items()
                 for colour in [_hex(colours[label])]
             ),
             "</g>",
@@ -77,14 +82,17 @@ def to_svg(
 
 
 def _ink(ink: Plane, colour: str, tolerance_px: float, smoothing: int) -> list[str]:
-    drawn = _paths((ink >= 0.5).astype(np.int32), tolerance_px, smoothing)
+    drawn = _paths((ink >= 0.5).astype(np.int32), tolerance_px, smoothing, ink.shape[::-1])
     return [f'<path id="lines" fill="{colour}" d="{path}"/>' for path in drawn.values()]
 
 
-def _paths(labels: Labels, tolerance_px: float, smoothing: int | Borders) -> dict[int, str]:
-    """SVG path data by label."""
+def _paths(
+    labels: Labels, tolerance_px: float, smoothing: int | Borders, size: tuple[int, ...]
+) -> dict[int, str]:  # fmt: skip
+    """SVG path data by label, in px of a picture of (width, height) `size`."""
     arcs = trace(labels)
     arcs = follow(arcs, smoothing) if isinstance(smoothing, Borders) else smooth(arcs, smoothing)
+    arcs = replace(arcs, points=arcs.points * np.divide(size, labels.shape[::-1]))
     curved = smoothing != 0 and tolerance_px > 0
     outlines = fit_curves(arcs, tolerance_px) if curved else simplify(arcs, tolerance_px)
     text = _ArcText(outlines)
@@ -147,7 +155,7 @@ def _hex(colour: Sequence[int] | NDArray[np.uint8]) -> str:
     return "#" + "".join(f"{int(part):02x}" for part in colour)
 
 
-def _check(labels: Labels, colours: NDArray[np.uint8], ids: NDArray[np.integer] | None, ink: Plane | None) -> None:
+def _check(labels: Labels, colours: NDArray[np.uint8], ids: NDArray[np.integer] | None) -> None:
     if labels.ndim != 2 or not np.issubdtype(labels.dtype, np.integer) or labels.size == 0:
         raise BadFrame("A label map must be an integer array (height, width).", field="labels", value=labels.shape)
     lowest, highest = int(labels.min()), int(labels.max())
@@ -159,5 +167,3 @@ def _check(labels: Labels, colours: NDArray[np.uint8], ids: NDArray[np.integer] 
         raise BadFrame("A label has no colour.", field="colours", value=highest, remedy="Give a row for every label.")
     if ids is not None and len(ids) != len(colours):
         raise BadFrame("Each colour needs one id.", field="ids", value=f"{len(ids)} for {len(colours)}")
-    if ink is not None and ink.shape != labels.shape:
-        raise BadFrame("The ink must have the size of the labels.", field="ink", value=ink.shape)

@@ -19,7 +19,7 @@ from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
-from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, draws_curves
+from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
@@ -60,9 +60,8 @@ class FrameAnalyzer:
     def __init__(
         self, params: AbstractionParams, sizes: Sizes, tone: bool, shot: int, clock: Clock, background: Background
     ) -> None:
-        size = sizes.work
-        self.params, self.size, self.clock, self.shot, self.background = params, size, clock, shot, background
-        self.importance = ImportanceTracker(_importance(params), size)
+        self.params, self.sizes, self.clock, self.shot, self.background = params, sizes, clock, shot, background
+        self.importance = ImportanceTracker(_importance(params), sizes.frame)
         self.lines = _line_extractor(params, sizes)
         self.tone = ToneTracker() if tone else None
         self.gray: NDArray[np.uint8] | None = None
@@ -71,16 +70,17 @@ class FrameAnalyzer:
         self.light_steadiness = 1.0
         self._deferred: Pending[None] = Ready(None)
         self._search_due = False
-        self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(size))
+        self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(sizes))
 
     def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
         """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper."""
-        frame = same_size(frame, self.size)
-        planes = self._smooth(frame)
+        fresh = self._begins_shot(same_size(frame, self.sizes.frame))
+        with self.clock("lab"):
+            small = shrink_frame(frame, self.sizes)
+        planes = self._smooth(small)
         gray = planes[0]
-        fresh = self._begins_shot(frame)
         flow = self._flow(gray, fresh)
-        importance = self.background(self._importance, frame, gray, flow, fresh, mask)
+        importance = self.background(self._importance, frame, small, gray, flow, fresh, mask)
         back, planes, residual = self._denoise(planes, flow)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         edge_map = self.background(self._edges, lightness, importance)
@@ -89,7 +89,7 @@ class FrameAnalyzer:
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
-            tone = self.tone.step(measure_tone(frame), fresh) if self.tone else None
+            tone = self.tone.step(measure_tone(small), fresh) if self.tone else None
         self.gray, self.denoised = gray, denoised
         return FrameAnalysis(
             denoised, edge_map, importance, flow, back, residual, ink, tone, self.shot, self.light_steadiness
@@ -103,14 +103,14 @@ class FrameAnalyzer:
             return planes
 
     def _importance(
-        self, frame: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
+        self, frame: Frame, small: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
     ) -> Plane:  # fmt: skip
         self._search_faces()  # still due from the previous frame
         with self.clock("importance"):
-            sharp = None
-            if self.params.face_importance > 0:  # the blur hides small faces
-                sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-            importance = self.importance.step_coarse(gray, flow, fresh, mask, sharp, frame)
+            # Small faces need the frame's own size, without the blur.
+            sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
+            coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
+            importance = self.importance.step_coarse(gray, coarse, fresh, mask, sharp, small)
         self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
         return importance
 
@@ -146,7 +146,7 @@ class FrameAnalyzer:
         if fresh or self.gray is None:
             return None
         with self.clock("flow"):
-            flow = estimate(self.gray, gray, self.params.flow)
+            flow = estimate(self.gray, gray, self.params.flow, finer=self.sizes.work != self.sizes.frame)
             return zero_still_flow(flow, self.gray, gray, self.params.stillness)
 
     def _denoise(
@@ -169,7 +169,7 @@ class FrameAnalyzer:
             parts["lines"] = self.lines.state()
         if self.tone:
             parts["tone"] = self.tone.state()
-        own: State = {"shot": np.array(self.shot)}
+        own: State = {"shot": np.array(self.shot), "frame_size": np.array(self.sizes.frame)}
         if self.gray is not None and self.denoised is not None and self.thumbnail is not None:
             own |= {"gray": self.gray, "denoised": self.denoised, "thumbnail": self.thumbnail}
         return own | flatten(parts)
@@ -197,7 +197,7 @@ class FrameAnalyzer:
 def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:
     if params.lines == "off":
         return None
-    return SharpLineExtractor(params, sizes) if draws_curves(params, sizes) else LineExtractor(params, sizes.work)
+    return SharpLineExtractor(params, sizes) if sizes.curves else LineExtractor(params, sizes)
 
 
 def _short_gaussian(sigma_px: float) -> tuple[int, float]:

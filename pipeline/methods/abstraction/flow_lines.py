@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from pipeline.arrays import Arrays, State
@@ -33,11 +32,10 @@ class FlowLines:
         sigma_px: standard deviation of the narrower Gaussian across a line, px of `gray`.
         tau: weight of the wider Gaussian.
         memory: weight of the previous frame's tensors, 0..1.
-        shrink: ratio of the full size, which the flow has, to the size of `gray`.
     """
 
-    def __init__(self, sigma_px: float, tau: float, memory: float, shrink: int) -> None:
-        self.sigma_px, self.tau, self.memory, self.shrink = sigma_px, tau, memory, shrink
+    def __init__(self, sigma_px: float, tau: float, memory: float) -> None:
+        self.sigma_px, self.tau, self.memory = sigma_px, tau, memory
         self.tensors: Tensors | None = None
         self.device = _device()
 
@@ -47,7 +45,7 @@ class FlowLines:
         Args:
             gray: float32 (h, w), gray levels.
             importance: float32 (h, w), 0..1.
-            flow: from the previous frame, px of the full size; None = a shot begins.
+            flow: from the previous frame, float32 (h, w, 2), px; None = a shot begins.
         """
         tensors = structure_tensor(gray, TENSOR * self.sigma_px)
         if flow is not None and self.tensors is not None:
@@ -59,17 +57,11 @@ class FlowLines:
         return np.asarray(lines + importance * importance * dots, np.float32)
 
     def _smooth_over_time(self, tensors: Tensors, before: Tensors, flow: Flow) -> None:
-        moved = self._shrink(flow, (tensors.shape[2], tensors.shape[1]))
         for now, past in zip(tensors, before, strict=True):
-            change = advect(past, moved)
+            change = advect(past, flow)
             change -= now
             change *= np.float32(self.memory)
             now += change
-
-    def _shrink(self, flow: Flow, size: tuple[int, int]) -> Flow:
-        if self.shrink == 1:
-            return flow
-        return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_NEAREST) / np.float32(self.shrink), np.float32)
 
     def state(self) -> State:
         return {} if self.tensors is None else {"tensors": self.tensors}

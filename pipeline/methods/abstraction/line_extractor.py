@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -9,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
+from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Plane
 from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes
 from pipeline.lines.dog import dog_response, soft_threshold
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.sizes import FINEST_LINE_PX, Sizes
 
 TAU = 0.99
 """Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
-FINEST_PX = 0.7
-"""Smallest standard deviation of the narrower Gaussian; a smaller one would respond to single pixels."""
 WEAK, STRONG = 64, 153
 """Hysteresis thresholds on ink, see `StrokeLimits`."""
 RIM = np.ones((3, 3), np.uint8)
@@ -39,17 +40,17 @@ class Past(NamedTuple):
 class LineExtractor:
     """Draws lines for frame after frame, at a resolution where the narrow Gaussian is about a pixel wide."""
 
-    def __init__(self, params: AbstractionParams, size: tuple[int, int]) -> None:
+    def __init__(self, params: AbstractionParams, sizes: Sizes) -> None:
         self.params = params
-        self.size = size
-        sigma_px = max(FINEST_PX, params.line_width / 1000 * size[1])
-        self.shrink = max(1, round(sigma_px))
-        self.small = (max(1, size[0] // self.shrink), max(1, size[1] // self.shrink))
-        self.sigma_px = sigma_px / self.shrink
+        self.size = sizes.work
+        sigma_px = max(FINEST_LINE_PX, params.line_width / 1000 * sizes.frame[1])
+        shrink = max(math.ceil(sizes.frame[1] / sizes.work[1]), round(sigma_px))
+        self.small = (max(1, sizes.frame[0] // shrink), max(1, sizes.frame[1] // shrink))
+        self.sigma_px = sigma_px / shrink
         self.limits = StrokeLimits(WEAK, STRONG, params.line_length / 1000 * self.small[1])
         self.last: Ink | None = None
         flows = params.lines == "flow"
-        self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness, self.shrink) if flows else None
+        self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness) if flows else None
 
     def step(self, gray: NDArray[np.uint8], importance: Plane, past: Past | None) -> Ink:
         """Ink of the next frame, uint8 (h, w), 0..255, before opacity.
@@ -61,18 +62,27 @@ class LineExtractor:
         """
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
+        past = self._shrunk(past)
         response = self._respond(small, weight, past)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
         keep = keep_strokes(ink, self._previous_ink(past), weight, self.limits)
         # One pixel more on each side keeps the soft rim of a stroke.
         drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
         self.last = drawn
-        if self.shrink == 1:
+        if self.small == self.size:
             return drawn
         return np.asarray(cv2.resize(drawn, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
 
+    def _shrunk(self, past: Past | None) -> Past | None:
+        """The relation to the previous frame at the size of the line planes, px of these."""
+        if past is None or self.small == self.size:
+            return past
+        flow, residual = (cv2.resize(plane, self.small, interpolation=cv2.INTER_NEAREST) for plane in past)
+        across, down = np.divide(self.small, self.size)
+        return Past(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
+
     def _previous_ink(self, past: Past | None) -> PreviousInk | None:
-        return None if past is None or self.last is None else PreviousInk(self.last, past.flow, self.shrink)
+        return None if past is None or self.last is None else PreviousInk(self.last, past.flow)
 
     def _respond(self, gray: Plane, importance: Plane, past: Past | None) -> Plane:
         if self.flow_lines:

@@ -49,6 +49,13 @@ class AbstractionParams(Params):
         "480 lines on.", "Regions",
     )  # fmt: skip
 
+    analysis: Literal["auto", "full"] = choice(
+        "auto", "Analysed size",
+        "Size at which motion, regions and lines are found; they are always drawn at the frame's own. auto = half of "
+        "the frame's sides from 720 lines on, with sharp edges; full = the frame's own size: thinner regions, and "
+        "twice the time.", "Regions",
+    )  # fmt: skip
+
     # -- time
     temporal: Switch = choice(
         "on", "Temporal coherence", "off = every frame is processed on its own, as a baseline; it flickers.", "Time"

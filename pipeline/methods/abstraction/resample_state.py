@@ -14,7 +14,7 @@ from pipeline.methods.abstraction.sizes import Sizes
 PICTURES = ("analyzer.gray", "analyzer.denoised")
 OUTPUT = "compositor.picture"
 LABELS, AREAS, REMAINDER = "regions.segmenter.labels", "regions.segmenter.areas", "regions.segmenter.remainder"
-FACES = "analyzer.importance.faces"
+FACES, FRAME_SIZE = "analyzer.importance.faces", "analyzer.frame_size"
 FACE_COLUMNS = 8
 """Columns of a stored face in px: smoothed and detected box, (x, y, width, height) each."""
 COARSE = (
@@ -37,6 +37,9 @@ def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, 
     """
     size = sizes.work
     moved = dict(state)
+    faces = np.array(moved[FACES], np.float64)
+    faces[:, :FACE_COLUMNS] *= np.tile(np.divide(sizes.frame, state[FRAME_SIZE]), FACE_COLUMNS // 2)
+    moved[FACES] = faces
     if OUTPUT in moved:
         moved[OUTPUT] = _resample(moved[OUTPUT], sizes.output)
     for name in COARSE:
@@ -55,14 +58,11 @@ def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, 
         counts = np.bincount(moved[LABELS].ravel(), minlength=len(moved[AREAS]))
         moved[AREAS] = counts.astype(np.int32)
         moved[REMAINDER] = np.zeros((size[1], size[0], 2), np.int8)
-    faces = np.array(moved[FACES], np.float64)
-    faces[:, :FACE_COLUMNS] *= np.tile([size[0] / before[0], size[1] / before[1]], FACE_COLUMNS // 2)
-    moved[FACES] = faces
     return moved
 
 
 def _size(state: Arrays) -> tuple[int, int] | None:
-    """(width, height) of the state's frames; None before the first frame."""
+    """(width, height) of the analysed frames of a state; None before the first frame."""
     gray = state.get("analyzer.gray")
     return None if gray is None else (gray.shape[1], gray.shape[0])
 

@@ -27,7 +27,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions, RegionStage
 from pipeline.methods.abstraction.resample_state import resample_state
 from pipeline.methods.abstraction.sharp_compositor import SharpCompositor
-from pipeline.methods.abstraction.sizes import Sizes, draws_curves
+from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.methods.tasks import Clock, no_clock
 
 AHEAD = 6
@@ -41,7 +41,7 @@ class AbstractionSession:
 
     Args:
         params: the method's parameters.
-        size: (width, height) of the frames, px.
+        size: (width, height) of the incoming frames, px; they are analysed at `sizes_of`.
         reference: target colour scheme; None = mean region colours.
         shot: index of the first frame's shot in the video, from 0.
         clock: context manager factory that times a named stage.
@@ -54,11 +54,11 @@ class AbstractionSession:
         clock: Clock = no_clock, output_size: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         self.background = Background()
-        sizes = Sizes(size, output_size or size)
+        self.sizes = sizes = sizes_of(params, size, output_size)
         self.analyzer = FrameAnalyzer(params, sizes, reference is not None, shot, clock, self.background)
-        self.regions = RegionStage(params, size, reference, clock)
+        self.regions = RegionStage(params, sizes.work, reference, clock)
         self.compositor: Compositor
-        if draws_curves(params, sizes):
+        if sizes.curves:
             self.compositor = SharpCompositor(params, sizes, clock, self.background)
         else:
             self.compositor = Compositor(params, size, clock, self.background)
@@ -101,7 +101,7 @@ class AbstractionSession:
             reference = learn(references["reference"]) if "reference" in references else None
         after = AbstractionSession(params, size, reference, clock=self.analyzer.clock, output_size=output_size)
         after.background.helper = self.background.helper
-        after.restore(resample_state(self.state(), Sizes(size, output_size or size), after.analyzer.coarse))
+        after.restore(resample_state(self.state(), after.sizes, after.analyzer.coarse))
         return after
 
     def state(self) -> State:
@@ -135,7 +135,7 @@ class PipelinedRunner:
     def __init__(self, session: AbstractionSession) -> None:
         self.session = session
         self._analyzer = ThreadPoolExecutor(1, thread_name_prefix="analyzer")
-        large = session.regions.segmenter.shape[0] >= THIRD_THREAD_ROWS
+        large = session.sizes.output[1] >= THIRD_THREAD_ROWS
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
 
     def __enter__(self) -> PipelinedRunner:

@@ -13,7 +13,7 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
-from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, enlarge_flow, enlarge_mask, shrink_mask
+from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, shrink_mask
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import backward_maps, past_weights
 from pipeline.segmentation.ramps import divide_ramps
@@ -55,7 +55,7 @@ class SharpCompositor(Compositor):
         self.sigma_px = SIGMA_SHARE * radius_px
         if sizes.work != sizes.output:
             self.sigma_px = max(LEAST_SIGMA_PX, self.sigma_px)
-        self.widest_ramp_px = round(RAMP_SIGMAS * analysis_blur_px(sizes.work))
+        self.widest_ramp_px = round(RAMP_SIGMAS * analysis_blur_px(sizes))
         self.limit_px = max(LEAST_LIMIT_PX, LIMIT_SHARE * radius_px)
         self.reach_px = max(LEAST_REACH_PX, round(CONTRAST_SHARE * sizes.work[1]))
         self.simple_sigma_px = min(SIMPLE_SIGMA_SHARE * radius_px, MOST_SIGMA_PX)
@@ -68,9 +68,7 @@ class SharpCompositor(Compositor):
             return
         self._past, picture, flow = None, self.picture, analysis.flow
         if flow is not None and picture is not None and self.params.paint_memory:
-            self._past = self.background.offer(
-                lambda: self._warp_back(picture, backward_maps(enlarge_flow(flow, self.sizes)))
-            )
+            self._past = self.background.offer(lambda: self._warp_back(picture, backward_maps(flow, self.sizes.output)))
 
     def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
@@ -104,7 +102,6 @@ class SharpCompositor(Compositor):
             return picture
         weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
-        residual = enlarge_mask(analysis.residual, self.sizes)
-        moving = enlarge_mask(moving_borders(labels, analysis.flow), self.sizes)
-        blend_colours(picture, past, residual, weights, moving, self.background)
+        moving = moving_borders(labels, analysis.flow)
+        blend_colours(picture, past, analysis.residual, weights, moving, self.background)
         return past

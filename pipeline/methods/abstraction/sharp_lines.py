@@ -36,9 +36,9 @@ class SharpLineExtractor(LineExtractor):
     """
 
     def __init__(self, params: AbstractionParams, sizes: Sizes) -> None:
-        super().__init__(params, sizes.work)
+        super().__init__(params, sizes)
         self.output_size = sizes.output
-        enlarged = sizes.work != sizes.output
+        enlarged = sizes.frame != sizes.output
         self.neighbourhood = ENLARGED_NEIGHBOURHOOD if enlarged else NEIGHBOURHOOD
         self.margin = 0.0 if enlarged else min(LARGEST_MARGIN, math.atanh(0.5) / params.line_sharpness)
         self.opacity: Ink | None = None
@@ -52,6 +52,7 @@ class SharpLineExtractor(LineExtractor):
         params = self.params
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
+        past = self._shrunk(past)
         response = self._respond(small, weight, past)
         motion = self._motion(past)
         if motion is not None and self.response is not None:
@@ -69,7 +70,7 @@ class SharpLineExtractor(LineExtractor):
         if past is None or not self.params.paint_memory:
             return None
         weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
-        return PastMotion(past.flow, past.residual, weights, self.shrink)
+        return PastMotion(past.flow, past.residual, weights)
 
     def _opacity(self, ink: Ink, motion: PastMotion | None) -> Ink:
         """Opacity of the strokes, which appear and vanish gradually."""

@@ -25,7 +25,7 @@ class SvgArchive:
         ink = None if painting.ink is None else painting.ink.astype(np.float32) / np.float32(255)
         page = to_svg(
             painting.labels, painting.colours, painting.regions.ids, ink=ink, ink_colour=INK,
-            smoothing=painting.borders or DEFAULT_PASSES,
+            smoothing=painting.borders or DEFAULT_PASSES, size=painting.frame.shape[1::-1],
         )  # fmt: skip
         self._zip.writestr(zipfile.ZipInfo(f"{index:05d}.svg", _EPOCH), page)
 

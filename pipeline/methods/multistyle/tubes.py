@@ -23,9 +23,9 @@ from pipeline.methods.base import TaskResult
 
 COARSE = AbstractionParams(
     growing_limit=26, core_tolerance=1.0, smallest_region=3, merge_similar=12, edge_threshold=140, lines="off",
-    saliency_importance=0.2, motion_importance=0.2,
+    saliency_importance=0.2, motion_importance=0.2, edges="soft",
 )  # fmt: skip
-"""Parameters for fewer and larger regions than in a cartoon."""
+"""Parameters for fewer and larger regions than in a cartoon. With soft edges, frames are analysed at their own size."""
 MOTION = 6.0
 """Lab units equivalent to a difference in motion of one px a frame, for frames of 360 rows."""
 

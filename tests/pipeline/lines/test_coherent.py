@@ -27,9 +27,8 @@ def kept(ink: Ink, past: PreviousInk | None = None, importance: float = 0.0) -> 
     return made > 0
 
 
-def drawn_before(ink: Ink, dx: float = 0.0, dy: float = 0.0, shrink: int = 1) -> PreviousInk:
-    flow = np.tile(np.array([dx, dy], np.float32), (ink.shape[0] * shrink, ink.shape[1] * shrink, 1))
-    return PreviousInk(ink, flow, shrink)
+def drawn_before(ink: Ink, dx: float = 0.0, dy: float = 0.0) -> PreviousInk:
+    return PreviousInk(ink, np.tile(np.array([dx, dy], np.float32), (*ink.shape, 1)))
 
 
 def test_a_stroke_is_kept_whole_if_it_is_strong_somewhere() -> None:
@@ -100,11 +99,6 @@ def test_previous_ink_is_looked_up_along_the_motion() -> None:
     before = stroke(20, 200, y=14, x=22)
     assert kept(weak, drawn_before(before, 8, 6)).any()
     assert not kept(weak, drawn_before(before)).any()
-
-
-def test_the_flow_has_full_size_when_ink_is_smaller() -> None:
-    weak = stroke(20, 90, y=20, x=30)
-    assert kept(weak, drawn_before(stroke(20, 200, y=17, x=26), 8, 6, shrink=2)).any()
 
 
 def test_a_blank_picture_has_no_strokes() -> None:

@@ -18,7 +18,7 @@ from pipeline.lines.coverage import (
 from pipeline.methods.abstraction.line_extractor import Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
-from pipeline.methods.abstraction.sizes import Sizes
+from pipeline.methods.abstraction.sizes import sizes_of
 
 FULL = 255
 
@@ -89,7 +89,7 @@ def test_more_is_drawn_where_importance_is_high() -> None:
 def test_opacity_follows_the_flow_and_fades() -> None:
     before = np.zeros((20, 30), np.uint8)
     before[8, 10] = 200
-    made = blend_opacity(np.zeros_like(before), before, motion((6, 4), (40, 60), 0.5, shrink=2))
+    made = blend_opacity(np.zeros_like(before), before, motion((3, 2), before.shape, 0.5))
     assert made[10, 13] == 100 and made.sum() == 100
 
 
@@ -103,19 +103,20 @@ def test_the_response_is_averaged_where_it_agrees_with_the_past() -> None:
 
 def test_the_past_response_is_moved_along_the_flow() -> None:
     x = np.tile(np.arange(20, dtype=np.float32), (10, 1))
-    made = blend_response(x - 1.5, x, motion((3, 0), (20, 40), 0.8, shrink=2))
+    made = blend_response(x - 1.5, x, motion((1.5, 0), x.shape, 0.8))
     np.testing.assert_allclose(made[:, 2:-2], (x - 1.5)[:, 2:-2], atol=1e-5)
 
 
-def motion(flow_px: tuple[float, float], shape: tuple[int, int], weight: float, shrink: int = 1) -> PastMotion:
+def motion(flow_px: tuple[float, float], shape: tuple[int, ...], weight: float) -> PastMotion:
     flow = np.tile(np.array(flow_px, np.float32), (*shape, 1))
-    return PastMotion(flow, np.zeros(shape, np.uint8), np.full(256, weight, np.float32), shrink)
+    return PastMotion(flow, np.zeros(shape, np.uint8), np.full(256, weight, np.float32))
 
 
 @pytest.mark.parametrize(("residual", "least", "most"), [(0, 40, 120), (254, 200, 255)])
 def test_a_line_fades_in_unless_its_place_has_changed(residual: int, least: int, most: int) -> None:
     """The outline of a fast hand is new in every frame; if it faded in, it would not be drawn at all."""
-    lines = SharpLineExtractor(AbstractionParams(line_width=10), Sizes((96, 96), (96, 96)))
+    params = AbstractionParams(line_width=10, edges="sharp")
+    lines = SharpLineExtractor(params, sizes_of(params, (96, 96)))
     empty, importance = np.full((96, 96), 170, np.uint8), np.full((96, 96), 0.5, np.float32)
     lines.step(empty, importance, None)
     stripe = empty.copy()

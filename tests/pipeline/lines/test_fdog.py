@@ -18,6 +18,7 @@ from pipeline.methods.abstraction import flow_lines
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.tensors.structure import structure_tensor, tangent_field
 
 SIGMA, TAU, ALONG = 0.9, 0.99, 2.25
@@ -153,7 +154,7 @@ def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Past]:
 
 def test_a_restored_session_continues_with_the_same_bytes() -> None:
     params = AbstractionParams(lines="flow", line_width=9, line_length=10)
-    whole, first, second = (LineExtractor(params, (96, 64)) for _ in range(3))
+    whole, first, second = (LineExtractor(params, sizes_of(params, (96, 64))) for _ in range(3))
     expected = [whole.step(g, w, p if k else None).tobytes() for k, (g, w, p) in enumerate(map(moving, range(5)))]
     for k in range(3):
         gray, weight, past = moving(k)
@@ -161,16 +162,16 @@ def test_a_restored_session_continues_with_the_same_bytes() -> None:
     second.restore({name: array.copy() for name, array in first.state().items()})
     assert set(first.state()) == {"ink", "tensors"}
     assert [second.step(*moving(k)).tobytes() for k in (3, 4)] == expected[3:]
-    forgetful = LineExtractor(params, (96, 64))
+    forgetful = LineExtractor(params, sizes_of(params, (96, 64)))
     forgetful.restore({"ink": first.state()["ink"]})
     assert forgetful.step(*moving(3)).tobytes() != expected[3]
 
 
 @pytest.mark.real("opencl")
 def test_the_result_is_the_same_without_a_device(monkeypatch: pytest.MonkeyPatch) -> None:
-    with_device = FlowLines(SIGMA, TAU, 0.8, 1)
+    with_device = FlowLines(SIGMA, TAU, 0.8)
     monkeypatch.setattr(flow_lines, "device", _no_device)
-    without = FlowLines(SIGMA, TAU, 0.8, 1)
+    without = FlowLines(SIGMA, TAU, 0.8)
     assert with_device.device and not without.device
     for k in range(3):
         gray, weight, past = moving(k)
@@ -189,7 +190,7 @@ def test_temporal_smoothing_steadies_directions() -> None:
 
 def trembling(memory: float) -> float:
     """Mean change of the directions near an edge from one noisy frame to the next, as a sine."""
-    lines, weight, still = FlowLines(SIGMA, TAU, memory, 1), np.zeros((63, 63), np.float32), np.zeros((63, 63, 2))
+    lines, weight, still = FlowLines(SIGMA, TAU, memory), np.zeros((63, 63), np.float32), np.zeros((63, 63, 2))
     fields = []
     for k in range(8):
         lines.step(edge(0.5, height=24) + noise((63, 63), k, 5), weight, still.astype(np.float32))
@@ -204,7 +205,7 @@ def test_dots_are_kept_where_importance_is_high() -> None:
     cv2.circle(gray, (20, 20), 2, 90, -1, cv2.LINE_AA)
     peaks = []
     for weight in (0.0, 1.0):
-        lines = FlowLines(SIGMA, TAU, 0, 1)
+        lines = FlowLines(SIGMA, TAU, 0)
         peaks.append(lines.step(gray, np.full_like(gray, weight), None).max())
     assert peaks[1] == pytest.approx(dog_response(gray, SIGMA, TAU).max(), rel=1e-5)
     assert peaks[0] < 0.8 * peaks[1]

@@ -21,7 +21,7 @@ from pipeline.methods import method
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession, plan
 from pipeline.methods.abstraction.compositor import CompositedFrame
 from pipeline.methods.abstraction.session import PipelinedRunner
-from pipeline.methods.abstraction.sizes import Sizes, draws_curves
+from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import SceneFrame, scene
 from tests.pipeline.methods.frames import painted
@@ -161,14 +161,16 @@ def test_any_size_is_painted(size: tuple[int, int], edges: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("edges", "work", "output", "curves"),
+    ("edges", "lines", "output", "curves"),
     [("soft", 720, 720, False), ("sharp", 120, 120, True), ("auto", 479, 479, False), ("auto", 480, 480, True),
      ("auto", 120, 240, True), ("soft", 120, 240, True)],
 )  # fmt: skip
 def test_auto_draws_curves_from_480_lines_and_every_mode_where_the_frame_is_enlarged(
-    edges: Any, work: int, output: int, curves: bool
+    edges: Any, lines: int, output: int, curves: bool
 ) -> None:
-    assert draws_curves(AbstractionParams(edges=edges), Sizes((2 * work, work), (2 * output, output))) is curves
+    sizes = sizes_of(AbstractionParams(edges=edges), (2 * lines, lines), (2 * output, output))
+    assert sizes.curves is curves
+    assert sizes.work == (2 * lines, lines)
 
 
 # -- cuts
