@@ -14,8 +14,6 @@ from pipeline.methods.abstraction.params import AbstractionParams
 
 SHARP_FROM_ROWS = 480
 """Height from which `edges=auto` is `sharp`, px: below, soft edges are at most 2 px wide, and cost less."""
-
-
 HALVED_FROM_PX = 720
 """Shorter side of the output frames from which `analysis=auto` analyses frames of half their sides, px."""
 FINEST_LINE_PX = 0.7
