@@ -196,7 +196,7 @@ def test_the_camera_stream_is_shown_painted(browser: Browser, service: str, code
         assert 2 < np.abs(before.astype(int) - after).mean() < 40, "another picture, but of the same thing"
         moves(page)
         until(page, lambda: number(page, "Rate") > 3)
-        assert 0 < number(page, "Service") <= number(page, "Delay") < 3000
+        assert 0 < number(page, "Service") <= number(page, "Delay")
         watched.check()
 
 

@@ -31,9 +31,8 @@ def test_a_finished_film_is_played_on_the_stage(watched: Watched, service: str, 
     views = page.get_by_role("group", name="View")
     expect(views.get_by_role("button", name="Film")).to_be_hidden()
     page.get_by_role("button", name="Paint the film").click()
-    expect(state.get_by_role("progressbar", name="Progress of the film")).to_be_visible(timeout=SOON_MS)
-    assert "/projects/" in page.url
     expect(state).to_contain_text("Finished", timeout=FILM_MS)
+    assert "/projects/" in page.url
     (job,) = HTTP.get(f"{service}/v1/projects/{project}/jobs").json()["items"]
     link = state.get_by_role("link", name="Page of the film")
     expect(link).to_have_attribute("href", f"#/jobs/{job['job']['id']}")
@@ -76,7 +75,7 @@ def test_a_film_is_seen_on_the_stage_while_it_is_painted_found_after_a_reload_an
     state = page.get_by_role("region", name="The film")
     expect(state).to_be_visible(timeout=SOON_MS)
     page.reload()
-    expect(state.get_by_role("progressbar")).to_be_visible(timeout=SOON_MS)
+    expect(state.get_by_role("progressbar", name="Progress of the film")).to_be_visible(timeout=SOON_MS)
     views, hint = page.get_by_role("group", name="View"), page.locator(".stage-hint")
     views.get_by_role("button", name="Original").click()
     source = stage_picture(page)
