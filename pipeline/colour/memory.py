@@ -44,21 +44,21 @@ def blend_colours(
         weights: int32 (256,): weight of the past by residual, 256 = 1.
         moving: uint8, of the size of `residual`, non-zero at borders that move.
     """
-    height = len(now)
+    nearest = np.arange(len(now)) * len(moving) // len(now)
 
     def work(first: int, last: int) -> None:
         for top in range(first, last, BAND_ROWS):
             rows = slice(top, min(top + BAND_ROWS, last))
             low = high = now[rows]
-            nearest = slice(top * len(moving) // height, (rows.stop - 1) * len(moving) // height + 1)
-            if moving[nearest].any():  # the range of the colours nearby counts at moving borders only
+            beside = moving[nearest[top] : nearest[rows.stop - 1] + 1]
+            if beside.any():  # the range of the colours nearby counts at moving borders only
                 around = slice(max(top - REACH_PX, 0), rows.stop + REACH_PX)
                 inner = slice(top - around.start, rows.stop - around.start)
                 low = np.asarray(cv2.erode(now[around], NEARBY), np.uint8)[inner]
                 high = np.asarray(cv2.dilate(now[around], NEARBY), np.uint8)[inner]
-            _blend(now[rows], low, high, past[rows], residual, weights, moving, top, height)
+            _blend(now[rows], low, high, past[rows], residual, weights, moving, nearest[rows])
 
-    background.rows(work, height)
+    background.rows(work, len(now))
 
 
 def moving_borders(labels: Labels, flow: Flow) -> NDArray[np.uint8]:
@@ -91,16 +91,16 @@ def _borders(labels: Labels, out: NDArray[np.uint8]) -> None:
 @kernel
 def _blend(
     picture: Frame, low: Frame, high: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32],
-    moving: NDArray[np.uint8], top: int, whole: int,
+    moving: NDArray[np.uint8], nearest: NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Blend the rows of a band, which begins at row `top` of a picture of `whole` rows."""
+    """Blend the rows of a band; `nearest`: for each, its row in `residual` and `moving`."""
     rows, width = picture.shape[0], picture.shape[1]
     weight, share = np.empty(3 * width, np.int16), np.empty(3 * width, np.int16)
     columns = np.arange(width) * residual.shape[1] // width
     row = -1
     for y in range(rows):
-        if (top + y) * residual.shape[0] // whole != row:
-            row = (top + y) * residual.shape[0] // whole
+        if nearest[y] != row:
+            row = nearest[y]
             for x in range(width):
                 at, x_there = 3 * x, columns[x]
                 weight[at] = weight[at + 1] = weight[at + 2] = np.int16(weights[residual[row, x_there]] >> 1)
