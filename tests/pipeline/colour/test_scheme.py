@@ -70,8 +70,8 @@ def test_rotating_the_histogram_rotates_the_table() -> None:
 
 def test_peaks_attract_and_more_steps_come_closer() -> None:
     degrees = np.arange(360)
-    bell = np.exp(-(((degrees - 200) / 12) ** 2))
-    reference = ColourStats(0, 0, 0, bell / bell.sum())
+    peak = np.exp(-(((degrees - 200) / 12) ** 2))
+    reference = ColourStats(0, 0, 0, peak / peak.sum())
     before = distance(degrees.astype(np.float32), 200)
     once, thrice = (distance(hue_table(reference, k=k), 200) for k in (1, 3))
     near = before < 30

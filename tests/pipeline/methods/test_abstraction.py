@@ -347,8 +347,8 @@ def reds() -> Frame:
 def svg_pages(context: LocalContext) -> dict[str, bytes]:
     pages: dict[str, bytes] = {}
     for data in context.files.values():
-        with zipfile.ZipFile(io.BytesIO(data)) as book:
-            pages |= {name: book.read(name) for name in book.namelist()}
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            pages |= {name: archive.read(name) for name in archive.namelist()}
     return pages
 
 

@@ -166,15 +166,15 @@ def test_two_threads_give_the_same_bytes() -> None:
 
 @pytest.mark.parametrize("sigma_px", [0.5, 2.0, 6.0])
 def test_smoothing_has_the_variance_of_a_gaussian_in_few_steps(sigma_px: float) -> None:
-    """A corner of 1 px in a long straight border spreads to a bell with the variance of the Gaussian."""
+    """A corner of 1 px in a long straight border spreads to a curve with the variance of the Gaussian."""
     steps = diffusion_steps(sigma_px)
     assert steps.sum() == pytest.approx(sigma_px**2, rel=1e-5) and len(steps) < 3 * sigma_px + 3
-    bell = np.zeros(101)
-    bell[50] = 1
+    spread = np.zeros(101)
+    spread[50] = 1
     for step in steps:
-        bell += step * ((np.roll(bell, 1) + np.roll(bell, -1)) / 2 - bell)
-    assert bell.sum() == pytest.approx(1) and bell.min() > -0.01
-    assert (bell * (np.arange(101) - 50) ** 2).sum() == pytest.approx(sigma_px**2, rel=1e-3)
+        spread += step * ((np.roll(spread, 1) + np.roll(spread, -1)) / 2 - spread)
+    assert spread.sum() == pytest.approx(1) and spread.min() > -0.01
+    assert (spread * (np.arange(101) - 50) ** 2).sum() == pytest.approx(sigma_px**2, rel=1e-3)
 
 
 @pytest.mark.parametrize(
