@@ -143,7 +143,7 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
     try:
         while not (job := farm.jobs.get(job_id)).state.final:
             show(_shown(job))
-            last_seq = _wait_for_news(farm, job_id, last_seq)
+            last_seq = _wait_for_update(farm, job_id, last_seq)
     except KeyboardInterrupt:
         raise Interrupted(
             f"Interrupted at {farm.jobs.get(job_id).progress:.0%}.", remedy="Run the same command again to resume."
@@ -154,7 +154,7 @@ def follow(farm: Farm, job_id: str, show: Show) -> Job:
     return job
 
 
-def _wait_for_news(farm: Farm, job_id: str, last_seq: int) -> int:
+def _wait_for_update(farm: Farm, job_id: str, last_seq: int) -> int:
     """Wait for the next event, and for those that follow within the interval of updates; not after a change of the
     job's state. Returns the number of the last event."""
     update_at, timeout_s = time.monotonic() + _BEAT_S, _POLL_S
