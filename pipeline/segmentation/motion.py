@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from pipeline.background import INLINE, Background
 from pipeline.colour.lab8 import LabPlanes
-from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
 
 BLOCK_PX = 32
 """Side of the blocks without any motion that `warp_back` copies."""
+WARPED_ROWS = 32
+"""Rows whose positions `warp_enlarged` computes at a time."""
 MOST = 0.7
 """Share of moving blocks from which the whole frame is warped at once, which then costs less."""
 RESIDUAL_STEPS = 4
@@ -94,26 +95,16 @@ BackwardMaps = tuple[MovingPart, ...]
 """The parts of a frame in which something moves; the rest is as in the previous frame."""
 
 
-def backward_maps(flow: Flow, size: tuple[int, int] | None = None) -> BackwardMaps:
+def backward_maps(flow: Flow) -> BackwardMaps:
     """Position of each pixel in the previous frame, for `warp_back`, without blocks in which nothing moves.
 
     Args:
         flow: float32 (h, w, 2), px.
-        size: (width, height) of the frames to warp, px; they move as the nearest pixel of the flow. None = that of the
-            flow.
     """
-    own = (flow.shape[1], flow.shape[0])
-    size = size or own
-    grid, across, down = _grid(*size), size[0] / own[0], size[1] / own[1]
+    grid = _grid(flow.shape[1], flow.shape[0])
     parts = []
     for rows, columns in _moving_spans(flow):
-        moves = flow[rows, columns]
-        if size != own:
-            rows, columns = _scaled(rows, down), _scaled(columns, across)
-            part = (columns.stop - columns.start, rows.stop - rows.start)
-            enlarged = cv2.resize(scale_flow(moves, across, down), part, interpolation=cv2.INTER_NEAREST)
-            moves = np.asarray(enlarged, np.float32)
-        where = grid[rows, columns] - moves
+        where = grid[rows, columns] - flow[rows, columns]
         whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
         parts.append(MovingPart(rows, columns, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)))
     return tuple(parts)
@@ -124,7 +115,7 @@ def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
     height, width = flow.shape[:2]
     blocks = _moving_blocks(flow)
     if blocks.mean() > MOST:
-        return [(slice(0, height), slice(0, width))]
+        return [_everything(flow)]
     found = []
     for row, moving in enumerate(blocks):
         rows = slice(row * BLOCK_PX, min((row + 1) * BLOCK_PX, height))
@@ -132,6 +123,10 @@ def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
         for first, last in zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True):
             found.append((rows, slice(first * BLOCK_PX, min(last * BLOCK_PX, width))))
     return found
+
+
+def _everything(flow: Flow) -> tuple[slice, slice]:
+    return slice(0, flow.shape[0]), slice(0, flow.shape[1])
 
 
 def _scaled(span: slice, scale: float) -> slice:
@@ -167,6 +162,50 @@ def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]
         part = out[rows, columns]
         cv2.remap(image, whole, fractions, cv2.INTER_LINEAR, dst=part, borderMode=cv2.BORDER_REPLICATE)
     return out
+
+
+def warp_enlarged(image: NDArray[np.uint8], flow: Flow) -> NDArray[np.uint8]:
+    """`warp_back` of an image that is larger than the flow; each pixel moves as the nearest pixel of the flow.
+
+    The positions are computed for some rows at a time, which stay in the processor's cache.
+
+    Args:
+        image: of the previous frame, uint8 (h, w, 3).
+        flow: float32 (rows, columns, 2), px of the flow's grid.
+    """
+    height, width = image.shape[:2]
+    own_rows, own_columns = flow.shape[:2]
+    down, across = height / own_rows, width / own_columns
+    near_row, near_column = np.arange(height) * own_rows // height, np.arange(width) * own_columns // width
+    spans = _moving_spans(flow)
+    out = np.empty_like(image) if spans == [_everything(flow)] else image.copy()
+    memory = np.empty((WARPED_ROWS * width, 2), np.float32)
+    for rows, columns in spans:
+        rows, columns = _scaled(rows, down), _scaled(columns, across)
+        for top in range(rows.start, rows.stop, WARPED_ROWS):
+            band = out[top : min(top + WARPED_ROWS, rows.stop), columns]
+            where = memory[: band.shape[0] * band.shape[1]].reshape(*band.shape[:2], 2)
+            nearest = near_row[top : top + len(band)], near_column[columns]
+            _positions(flow, nearest, (np.float32(across), np.float32(down)), (columns.start, top), where)
+            cv2.remap(image, where, _NO_SECOND_MAP, cv2.INTER_LINEAR, dst=band, borderMode=cv2.BORDER_REPLICATE)
+    return out
+
+
+@kernel
+def _positions(
+    flow: Flow, nearest: tuple[NDArray[np.int64], NDArray[np.int64]], scales: tuple[np.float32, np.float32],
+    corner: tuple[int, int], where: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Fill `where` with the positions, in the previous image, of the pixels of a part whose first one is at `corner`
+    (x, y). `nearest`: for each row and column of the part, that of the flow."""
+    rows, columns = nearest
+    across, down = scales
+    left, top = corner
+    for y in range(rows.size):
+        moves = flow[rows[y]]
+        for x in range(columns.size):
+            where[y, x, 0] = np.float32(left + x) - moves[columns[x], 0] * across
+            where[y, x, 1] = np.float32(top + y) - moves[columns[x], 1] * down
 
 
 def denoise(

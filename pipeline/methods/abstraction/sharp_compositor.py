@@ -7,7 +7,7 @@ import math
 from pipeline.background import Background
 from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
-from pipeline.frames import Frame, Labels
+from pipeline.frames import Flow, Frame, Labels
 from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
@@ -15,7 +15,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, shrink_mask
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.motion import backward_maps, past_weights
+from pipeline.segmentation.motion import past_weights, warp_enlarged
 from pipeline.segmentation.ramps import divide_ramps
 from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
 from pipeline.vector.fill import fill_regions
@@ -68,7 +68,11 @@ class SharpCompositor(Compositor):
             return
         self._past, picture, flow = None, self.picture, analysis.flow
         if flow is not None and picture is not None and self.params.paint_memory:
-            self._past = self.background.offer(lambda: self._warp_back(picture, backward_maps(flow, self.sizes.output)))
+            self._past = self.background.offer(lambda: self._warp_enlarged(picture, flow))
+
+    def _warp_enlarged(self, picture: Frame, flow: Flow) -> Frame:
+        with self.clock("paint"):
+            return warp_enlarged(picture, flow)
 
     def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""

@@ -20,6 +20,7 @@ from pipeline.segmentation.motion import (
     denoise,
     past_weights,
     warp_back,
+    warp_enlarged,
     zero_still_flow,
 )
 from pipeline.segmentation.regions import Lab8
@@ -94,6 +95,22 @@ def test_warp_back_equals_a_remap_of_the_whole_frame_where_parts_of_it_move() ->
     maps = backward_maps(flow)
     assert sum(part.fractions.size for part in maps) < image[..., 0].size / 2
     np.testing.assert_array_equal(warp_back(image, maps), whole)
+
+
+@pytest.mark.parametrize("moving", [1.0, 0.1], ids=["everything moves", "few blocks move"])
+@pytest.mark.parametrize("size", [(220, 150), (331, 200)], ids=["twice the sides", "other proportions"])
+def test_a_larger_image_moves_as_the_nearest_pixels_of_the_flow(size: tuple[int, int], moving: float) -> None:
+    rng = np.random.default_rng(7)
+    width, height = size
+    image = rng.integers(0, 256, (height, width, 3), dtype=np.uint8)
+    flow = np.zeros((75, 110, 2), np.float32)
+    flow[: round(75 * moving), : round(110 * moving)] = (1.3, -2.6)
+    flow[32, 64] = (-0.4, 0.3)
+    y, x = np.mgrid[:height, :width]
+    near = flow[y * 75 // height, x * 110 // width] * np.array([width / 110, height / 75], np.float32)
+    there = np.stack([x, y], axis=-1).astype(np.float32) - near
+    whole = cv2.remap(image, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    np.testing.assert_array_equal(warp_enlarged(image, flow), whole)
 
 
 # -- settling
