@@ -139,9 +139,6 @@ def _render_pipe(options: RenderOptions) -> None:
 
 
 def _render_file(options: RenderOptions) -> None:
-    from pipeline.video.guard.decoder_server import start_decoder_server
-
-    start_decoder_server()  # beside the imports of this process
     with without_garbage_collection():
         from impasto.cli.rendering import run
 
