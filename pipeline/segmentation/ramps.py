@@ -18,7 +18,7 @@ from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Means
 
-_LONGEST_CHAIN = 2
+_LONGEST_CHAIN = 3
 """Largest total extent of adjacent thin regions that are divided together, relative to that of one region."""
 _LEAST_SHARE = np.float32(0.06)
 """A mixture has at least this share of either colour; otherwise the region is one of the two itself."""
@@ -33,7 +33,7 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
         labels: int32 (h, w).
         means: float32 (labels, 3), mean colour of each region in 8-bit CIELAB.
         widest_px: largest extent of a divided row or column of a region, px; regions side by side that are mixtures of
-            the same two colours may have twice that extent together. 0 returns `labels` itself.
+            the same two colours may have three times that extent together. 0 returns `labels` itself.
     """
     if widest_px <= 0:
         return labels
@@ -114,21 +114,16 @@ def _divide_chain(
     line: NDArray[np.int32], begin: int, end: int, means: Means, widest: int, out: NDArray[np.int32],
     lengths: NDArray[np.uint8],
 ) -> None:  # fmt: skip
-    """Divide the thin regions of pixels [begin, end) of a line together, or else each on its own."""
-    if end - begin <= _LONGEST_CHAIN * widest and _divide(line, begin, end, means, out, lengths):
-        return
-    start = begin
-    for x in range(begin + 1, end + 1):
-        if line[x] != line[x - 1]:
-            _divide(line, start, x, means, out, lengths)
-            start = x
+    """Divide the thin regions of pixels [begin, end) of a line, unless their total extent is too large."""
+    if end - begin <= _LONGEST_CHAIN * widest:
+        _divide(line, begin, end, means, out, lengths)
 
 
 @kernel
 def _divide(
     line: NDArray[np.int32], begin: int, end: int, means: Means, out: NDArray[np.int32], lengths: NDArray[np.uint8]
-) -> bool:
-    """Divide pixels [begin, end) of a line between the regions beside them; False if they are no mixtures of these.
+) -> None:
+    """Divide pixels [begin, end) of a line between the regions beside them, unless one is no mixture of these.
 
     Pixels of a shorter extent in the other direction are left out.
     """
@@ -138,14 +133,13 @@ def _divide(
         if x == begin or line[x] != line[x - 1]:
             share = _share(means, one, line[x], two)
         if share < 0:
-            return False
+            return
         first += np.float32(1) - share
     border = begin + int(np.rint(first))
     for x in range(begin, end):
         if end - begin < lengths[x]:
             out[x] = one if x < border else two
             lengths[x] = end - begin
-    return True
 
 
 @kernel

@@ -38,6 +38,15 @@ def test_an_edge_of_two_mixtures_becomes_one_border() -> None:
     assert set(np.unique(divide_ramps(stripes(10, 3, 3, 14), means, 5))) == {1, 4}
 
 
+def test_a_wide_edge_of_many_mixtures_is_divided_as_a_whole_or_not_at_all() -> None:
+    """If only some of its stripes were divided, an edge whose width varies from row to row would be ragged."""
+    three = means_of(DARK, (80, 128, 128), (130, 128, 128), (180, 128, 128), LIGHT)
+    assert set(np.unique(divide_ramps(stripes(10, 3, 3, 3, 14), three, 3))) == {1, 5}
+    four = means_of(DARK, (70, 128, 128), (110, 128, 128), (150, 128, 128), (190, 128, 128), LIGHT)
+    wide = stripes(10, 3, 3, 3, 3, 14)
+    np.testing.assert_array_equal(divide_ramps(wide, four, 3), wide)
+
+
 @pytest.mark.parametrize(
     "means",
     [means_of(LIGHT, DARK, LIGHT), means_of(DARK, RED, LIGHT), means_of(LIGHT, DARK, (180, 128, 128))],
