@@ -25,6 +25,7 @@ from workers.blobs.base import Blobs
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
+from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.pair_recorder import keep_pairs
 from workers.execution.preview_publisher import PreviewPublisher
@@ -92,6 +93,10 @@ class AttemptContext:
         self._emission: Emission | None = None
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
+        self.handover: Handover | None = None
+        """Where artefacts wait for other tasks in this process; None: they are passed on as blobs only."""
+        self.shown = True
+        """Whether somebody may look at previews."""
 
     # -- inputs
 
@@ -183,15 +188,20 @@ class AttemptContext:
     # -- artefacts
 
     def save(self, name: str, arrays: Arrays) -> None:
-        key = self._key(f"{_checked(name)}-{arrays_digest(arrays)}.npz")
         with self.stages.waiting("store"):
+            digest = f"-{arrays_digest(arrays)}" if self._order.traced else ""
+            key = self._key(f"{_checked(name)}{digest}.npz")
             self._blobs.put(key, partial(write_arrays, arrays=arrays))
+            if self.handover is not None:
+                self.handover.give(key, arrays)
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
         self.reads.record(f"artefact {step}/{name}")
+        key = self._order.artefacts[f"{step}/{name}"]
         with self.stages.waiting("store"):
-            return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
+            handed = None if self.handover is None else self.handover.take(key)
+            return read_arrays(self._blobs.get(key)) if handed is None else handed
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         """Keep a file for the user. If its name is `<artefact>-...` with an artefact that the job requested, it is a
@@ -229,7 +239,7 @@ class AttemptContext:
 
     def show(self, frame: Frame) -> None:
         self._check_cancelled()
-        if self._publisher.due():
+        if self.shown and self._publisher.due():
             with self.stages.waiting("store"):
                 preview = self._publisher.put(frame)
             self._report(self._done, preview)
@@ -255,13 +265,14 @@ class AttemptContext:
         with self.stages.blocked():
             self._emission = self._emission or self._start_emission()
             segment = self._emission.finish(self._ended_at)
-            preview = self._emission.preview()
-        if segment is None or preview is None:
+            preview = self._emission.preview() if self.shown else None
+        if segment is None:
             return None
-        self.files["preview"] = (self._key("preview.jpg"), "image/jpeg")
         with self.stages.waiting("store"):
             self._blobs.put(self._key("segment"), segment)
-            self._blobs.put(self._key("preview.jpg"), preview)
+            if preview is not None:
+                self._blobs.put(self._key("preview.jpg"), preview)
+                self.files["preview"] = (self._key("preview.jpg"), "image/jpeg")
         return self._key("segment")
 
     @property

@@ -94,18 +94,17 @@ class StrokeLayers:
         scheme = scheme_of(style)
         scale = self.work[1] / self.size[1]
         revealed = None if motion is None else self._revealed(motion)
-        tracks, layers, below = [], [], picture
+        tracks, layers, width = [], [], 0.0
         for index in range(layer_count(style)):
             brush = layer_brush(style.brush, style.technique["layer_ratio"], index)
+            error = self._error(index, picture, width, motion) if index else None
             width = median(brush.size_px) * scale
             sigma = scheme.blur * width / 2
             reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
-            error = self._error(index, picture, below, motion) if index else None
             job = _LayerJob(index, brush, reference, error)
             updated = self._update(job, style, scheme, motion, revealed, number)
             tracks.append(updated)
             layers.append(self._layer(updated, job, style, sigma if sigma > LEAST_BLUR_PX else 0.0, detail))
-            below = np.asarray(blurred(picture, max(width / 2, 0.5)), np.uint8)
         self.tracks = tracks
         return tuple(layers)
 
@@ -143,14 +142,18 @@ class StrokeLayers:
         found = area_error(job.error, seeds.xy * scale, at_seeds(job.brush.size_px) * scale)
         return np.asarray(found > threshold * np.float32(factor), np.bool_)
 
-    def _error(self, index: int, picture: Frame, below: Frame, motion: FrameMotion | None) -> Plane:
+    def _error(self, index: int, picture: Frame, width_px: float, motion: FrameMotion | None) -> Plane:
         """Error that the layer below leaves, RGB distance, float32 (h', w'), smoothed over time.
+
+        Args:
+            width_px: median width of the strokes of the layer below, px of the picture.
 
         Departure: hertzmann1998painterly compares the picture with the canvas. Here it is compared with its own blur by
         the stroke size of the layer below. The blur does not depend on single strokes, so the error does not flicker
         with them, and a frame can be analysed without painting it.
         """
         now = np.empty(picture.shape[:2], np.float32)
+        below = np.asarray(blurred(picture, max(width_px / 2, 0.5)), np.uint8)
         if motion is not None and len(self.errors) >= index:
             changed = np.zeros(now.shape, np.bool_) if motion.changed is None else motion.changed
             _distance(

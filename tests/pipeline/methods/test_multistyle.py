@@ -112,7 +112,7 @@ def test_a_long_shot_has_longer_runs_with_the_same_bytes(monkeypatch: pytest.Mon
 
 
 def test_paintings_that_this_process_has_just_made_are_not_painted_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The frames before a run are recalled from the run before, unless another run was painted in between."""
+    """A frame that two runs need is painted by whichever comes first, for a run with the same analyses."""
     painted_frames: list[int] = []
     original = Painter._painting
 
@@ -123,19 +123,21 @@ def test_paintings_that_this_process_has_just_made_are_not_painted_again(monkeyp
     monkeypatch.setattr(Painter, "_painting", counted)
     analyzer = StrokeAnalyzer(MultistyleParams(), SIZE, 0, no_clock)
     analyses = [analyzer.step(frame) for frame in shots()[:5]]
-    first, second, third = (Painter(MultistyleParams(), SIZE, seed) for seed in (0, 0, 1))
-    for analysis in analyses[:4]:
-        first.paint(analysis)
-    first.keep_run()
+    first, second, third, fourth = (Painter(MultistyleParams(), SIZE, seed) for seed in (0, 0, 1, 0))
+    pictures = [first.paint(analysis, shared=analysis.number > 2).tobytes() for analysis in analyses[:4]]
     stored = [unpack(analysis.pack()) for analysis in analyses[2:4]]
     painted_frames.clear()
-    second.recall_run(stored)
-    assert painted_frames == []
+    for analysis in stored:
+        third.recall(analysis, shared=True)
+        second.recall(analysis, shared=True)
+    assert painted_frames == [3, 4], "those of another seed"
     assert second.paint(analyses[4]).tobytes() == first.paint(analyses[4]).tobytes()
     painted_frames.clear()
-    third.recall_run(stored)
-    second.recall_run(stored[1:])
-    assert painted_frames == [3, 4, 4]
+    for analysis in stored:
+        second.recall(analysis, shared=True)
+    assert painted_frames == [3, 4], "two runs have used them"
+    assert [fourth.paint(each, shared=each.number > 2).tobytes() for each in analyses[:4]] == pictures
+    assert painted_frames == [3, 4, 1, 2], "the later run was the first"
 
 
 def test_runs_equal_one_session_with_design_and_masks(monkeypatch: pytest.MonkeyPatch) -> None:
