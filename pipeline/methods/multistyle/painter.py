@@ -29,7 +29,7 @@ from pipeline.strokes.streamlines_forward import (
     empty_buffer,
     streamlines_forward,
 )
-from pipeline.strokes.trace import TraceRules, trace_from
+from pipeline.strokes.trace import TraceRules, trace_from, unit_tangents
 from pipeline.strokes.tracks import fade
 
 PAPER_GRAIN = 0.09
@@ -139,10 +139,13 @@ class Painter:
         """Painting order of a layer, topmost first."""
         return colour_order(layer.values("colour")) if self.params.stroke_order == "colour" else layer.topmost_first
 
-    def _options(self, analysis: StrokeAnalysis, layer: StrokeLayer) -> RasterOptions:
+    def _options(
+        self, analysis: StrokeAnalysis, layer: StrokeLayer, tangents: NDArray[np.float32] | None = None
+    ) -> RasterOptions:
         return RasterOptions(
-            self.seed, layer.values("profile"), self._guide(analysis, layer), layer.values("tolerance"), self.threads
-        )
+            self.seed, layer.values("profile"), self._guide(analysis, layer), layer.values("tolerance"), self.threads,
+            tangents,
+        )  # fmt: skip
 
     def _implicit(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Front to back: from the finest layer down to the ground."""
@@ -150,10 +153,12 @@ class Painter:
             self.scratch = empty_buffer(ground.shape), np.empty((*ground.shape[:2], 4), np.float32)
         buffer, canvas = self.scratch
         clear(buffer)
+        tangents = unit_tangents(direction, self.buffers.get("tangents", direction.shape))
         for index in reversed(range(len(analysis.layers))):
             layer = analysis.layers[index]
             with self.clock(f"layer {index + 1}"):
-                strokes, options = fade(layer.dots(), layer.values("presence")), self._options(analysis, layer)
+                strokes = fade(layer.dots(), layer.values("presence"))
+                options = self._options(analysis, layer, tangents)
                 streamlines_forward(buffer, strokes, direction, layer.values("length_px"), self._order(layer), options)
         return composite_over(buffer, ground, canvas)
 
