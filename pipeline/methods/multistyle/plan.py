@@ -64,11 +64,14 @@ def run_frames(shot: tuple[int, int]) -> int:
 
 
 def runs_of(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """(first frame, frame after the last, shot) of every run."""
+    """(first frame, frame after the last, shot) of every run. The first one is short: a second worker waits for it."""
     scan = context.results["scan"]["video"]
     for shot in pairwise([0, *scan["cuts"], scan["frames"]]):
-        for start in range(*shot, run_frames(shot)):
-            yield start, min(start + run_frames(shot), shot[1]), shot
+        start = shot[0]
+        while start < shot[1]:
+            stop = min(start + (run_frames(shot) if start else -(-RUN_FRAMES // 2)), shot[1])
+            yield start, stop, shot
+            start = stop
 
 
 def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
@@ -79,7 +82,7 @@ def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
         args = {"start": start, "stop": stop, "last": stop == shot[1], "frames": total} | region_maps.ellipses(
             context, start, stop, shot
         )
-        after = (_analysis_key(start - run_frames(shot)),) if start > shot[0] else ()
+        after = (analyses[-1].key,) if start > shot[0] else ()
         analyses.append(Task(_analysis_key(start), args, after, weight=ANALYSIS_SHARE * (stop - start)))
         args = {"start": start, "stop": stop, "before": after[0] if after else None, "last": stop == shot[1]}
         weight = (1 - ANALYSIS_SHARE) * (stop - start)

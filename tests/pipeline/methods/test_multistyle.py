@@ -88,7 +88,7 @@ def test_runs_of_any_length_equal_one_session(values: dict[str, Any], monkeypatc
     context = LocalContext(MultistyleParams(**values), shots(), seed=3)
     tasks = run_plan(MULTISTYLE, context, shuffle=3)["paint"]
     starts = [task.emits[0] for task in tasks if task.emits]
-    assert starts == ([0, 4, 8] if values.get("cut_sensitivity") == 0 else [0, 4, CUT, CUT + 4])
+    assert sorted(starts) == ([0, 2, 6, 10] if values.get("cut_sensitivity") == 0 else [0, 2, CUT, CUT + 4])
     np.testing.assert_array_equal(painted(context), wanted)
 
 
@@ -101,12 +101,12 @@ def test_the_paint_of_a_colour_has_the_same_bytes_alone_and_among_others() -> No
 
 def test_a_long_shot_has_longer_runs_with_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = []
-    for long_runs, starts in ((100, list(range(0, CUT, 2))), (2, list(range(0, CUT, 4)))):
+    for long_runs, starts in ((100, [0, 1, 3, 5]), (2, [0, 1, 5])):
         monkeypatch.setattr(plan, "RUN_FRAMES", 2)
         monkeypatch.setattr(plan, "LONG_SHOT_RUNS", long_runs)
         context = LocalContext(MultistyleParams(), shots(), seed=3)
         tasks = run_plan(MULTISTYLE, context, shuffle=3)["paint"]
-        assert [task.emits[0] for task in tasks if task.emits and task.emits[0] < CUT] == starts
+        assert sorted(task.emits[0] for task in tasks if task.emits and task.emits[0] < CUT) == starts
         pictures.append(painted(context))
     np.testing.assert_array_equal(*pictures)
 
@@ -637,7 +637,8 @@ def turning(
     return np.clip(picture, 0, 255).astype(np.uint8), inside.astype(np.uint8), (x0, y0, angle)
 
 
-def test_a_design_element_follows_a_moving_rotating_object() -> None:
+def test_a_design_element_follows_a_moving_rotating_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan, "RUN_FRAMES", 22)  # half of it in the first run
     frames = [turning(k)[0] for k in range(11)]
     element = {"pattern": "regular", "at": [70.5 / 192, 60.5 / 144], "angle": 20}
     document = {
