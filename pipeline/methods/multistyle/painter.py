@@ -143,7 +143,7 @@ class Painter:
         self, analysis: StrokeAnalysis, layer: StrokeLayer, tangents: NDArray[np.float32] | None = None
     ) -> RasterOptions:
         return RasterOptions(
-            self.seed, layer.values("profile"), self._guide(analysis, layer), layer.values("tolerance"), self.threads,
+            self.seed, layer.profile, self._guide(analysis, layer), layer.values("tolerance"), self.threads,
             tangents,
         )  # fmt: skip
 
@@ -181,7 +181,7 @@ class Painter:
                 dots, guide = fade(layer.dots(), layer.values("presence")), self._guide(analysis, layer)
                 rules = TraceRules(guide, canvas if index else None, edge)
                 strokes = trace_from(dots, layer.values("length_px"), direction, rules)
-                paint(canvas, strokes, seed=self.seed, profile=layer.values("profile"), guide=guide, tolerance=edge)
+                paint(canvas, strokes, seed=self.seed, profile=layer.profile, guide=guide, tolerance=edge)
         return canvas
 
     def _canvas(self, analysis: StrokeAnalysis, ground: Plane) -> Canvas:

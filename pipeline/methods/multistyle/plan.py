@@ -122,31 +122,34 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
         kept |= {f"{count}.{name}": array for name, array in analysis.pack().items()}
         count += 1
         context.progress(count / (stop - start))
-    context.save(task.key, kept)
+    recalled = 0 if task.args["last"] else accumulated_frames(context.params)
+    context.save(task.key, _frames_of(kept, 0, count - recalled))
+    if recalled:
+        context.save(f"last-{task.key}", _frames_of(kept, count - recalled, count))
     if not task.args["last"]:
         context.save(f"state-{task.key}", analyzer.state())
-        if previous := accumulated_frames(context.params):
-            context.save(f"last-{task.key}", _from(kept, count - previous))
     if analyzer.design is None:
         return {"frames": count}
     return {"frames": count, "laplace_residual": analyzer.design.residual, "laplace_cycles": analyzer.design.cycles}
 
 
-def _from(kept: State, first: int) -> State:
-    """Packed analyses of a run, from its frame `first` on."""
-    return {name: array for name, array in kept.items() if int(name.partition(".")[0]) >= first}
+def _frames_of(kept: State, first: int, stop: int) -> State:
+    """Packed analyses of the frames [first, stop) of a run."""
+    return {name: array for name, array in kept.items() if first <= int(name.partition(".")[0]) < stop}
 
 
 def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     """Paint frames [start, stop) from their analyses and those of the few previous frames."""
     start, stop = task.args["start"], task.args["stop"]
-    packed = context.load("paint", _analysis_key(start))
+    key = _analysis_key(start)
     painter = Painter(context.params, context.size, context.seed, context.clock)
     if painter.accumulated and task.args["before"]:
         for analysis in _unpacked(context.load("paint", f"last-{task.args['before']}")):
             painter.recall(analysis, shared=True)
-    frames = _unpacked(packed)
     recalled = 0 if task.args["last"] else painter.accumulated
+    frames = _unpacked(context.load("paint", key))
+    if recalled:
+        frames += _unpacked(context.load("paint", f"last-{key}"))
     for k, analysis in enumerate(frames):
         context.emit(start + k, painter.paint(analysis, shared=k >= len(frames) - recalled))
         context.progress((k + 1) / (stop - start))

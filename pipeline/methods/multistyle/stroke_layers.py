@@ -188,9 +188,11 @@ class StrokeLayers:
         strokes["tolerance"] = at_seeds(np.multiply(technique["edge"], EDGE_FALL**job.index)) * (1 - strict)
         if own is not None and (face := face_weight(own)) is not None:
             strokes["tolerance"] *= 1 - face * np.float32(EDGE_FACE_FALL)
-        for column, name in enumerate(PROFILE_FIELDS):
-            strokes["profile"][:, column] = at_seeds(technique[name])
-        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px)
+        profile = [technique[name] for name in PROFILE_FIELDS]
+        if not all(isinstance(value, float) for value in profile):
+            profile = [at_seeds(value) for value in profile]
+        columns = np.stack([np.atleast_1d(np.asarray(value, np.float32)) for value in profile], axis=1)
+        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px, np.ascontiguousarray(columns))
 
     def state(self) -> State:
         """State as arrays by name."""
