@@ -59,7 +59,9 @@ class StrokeLayer:
     @property
     def topmost_first(self) -> NDArray[np.intp]:
         """Painting order by rank, ties by id; a stroke keeps both for its lifetime."""
-        return np.lexsort((self.ids, self.values("rank")))
+        if (self.ids[1:] < self.ids[:-1]).any():
+            return np.lexsort((self.ids, self.values("rank")))
+        return np.argsort(_ordered_bits(self.strokes["rank"]), kind="stable")
 
     def dots(self) -> Strokes:
         """The strokes as strokes of one point each."""
@@ -154,6 +156,13 @@ def unpack(arrays: Arrays) -> StrokeAnalysis:
         int(arrays["number"]), arrays["picture"], arrays["field"], layers, arrays.get("back"), technique,
         arrays.get("rims"),
     )  # fmt: skip
+
+
+def _ordered_bits(values: Half) -> NDArray[np.uint16]:
+    """Integers in the order of half-precision numbers: NumPy sorts integers of 16 bits by their digits, ten times as
+    fast."""
+    bits = (values + np.float16(0)).view(np.uint16)  # -0 becomes 0
+    return np.where(bits >> 15, ~bits, bits | np.uint16(1 << 15))
 
 
 def _resized(
