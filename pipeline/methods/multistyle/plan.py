@@ -64,12 +64,14 @@ def run_frames(shot: tuple[int, int]) -> int:
 
 
 def runs_of(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """(first frame, frame after the last, shot) of every run. The first one is short: a second worker waits for it."""
+    """(first frame, frame after the last, shot) of every run. Without regions, which would occupy a second worker, the
+    first run is short, because that worker waits for it."""
     scan = context.results["scan"]["video"]
     for shot in pairwise([0, *scan["cuts"], scan["frames"]]):
         start = shot[0]
         while start < shot[1]:
-            stop = min(start + (run_frames(shot) if start else -(-RUN_FRAMES // 2)), shot[1])
+            length = run_frames(shot) if start or scan["maps"] else -(-RUN_FRAMES // 2)
+            stop = min(start + length, shot[1])
             yield start, stop, shot
             start = stop
 

@@ -637,8 +637,7 @@ def turning(
     return np.clip(picture, 0, 255).astype(np.uint8), inside.astype(np.uint8), (x0, y0, angle)
 
 
-def test_a_design_element_follows_a_moving_rotating_object(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan, "RUN_FRAMES", 22)  # half of it in the first run
+def test_a_design_element_follows_a_moving_rotating_object() -> None:
     frames = [turning(k)[0] for k in range(11)]
     element = {"pattern": "regular", "at": [70.5 / 192, 60.5 / 144], "angle": 20}
     document = {
