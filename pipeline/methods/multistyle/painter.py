@@ -204,13 +204,13 @@ class Painter:
         broad = _blurred(analysis.picture, analysis.layers[0].sigma_px * 2)
         vivid, contrast = (value if isinstance(value, float) else value.ravel() for value in map(field, _PAINT))
         colours = pigment(broad.reshape(-1, 3).astype(np.float32), vivid, contrast).reshape(broad.shape)
-        veil = np.empty_like(colours)
-        for c, name in enumerate(("ground_red", "ground_green", "ground_blue")):
-            veil[..., c] = np.asarray(field("cover"), np.float32) * (
-                np.asarray(field(name), np.float32) - colours[..., c]
-            )
-        veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
-        colours += veil
+        cover = np.asarray(field("cover"), np.float32)
+        if cover.any():
+            veil = np.empty_like(colours)
+            for c, name in enumerate(("ground_red", "ground_green", "ground_blue")):
+                veil[..., c] = cover * (np.asarray(field(name), np.float32) - colours[..., c])
+            veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
+            colours += veil
         out = self.buffers.get("ground", (self.size[1], self.size[0], 3))
         return np.asarray(cv2.resize(colours, self.size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)
 
