@@ -6,6 +6,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
@@ -41,6 +42,8 @@ from workers.scheduling.planning import video_info
 PART = "part:"
 """Marks artefacts that are files, not arrays: parts of a download that the job's last step joins."""
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,150}")
+_STORING = 3
+"""Artefacts of an attempt that are stored at once."""
 _ASK_EVERY_S = 0.1
 _REPORT_EVERY_S = 0.2
 
@@ -91,6 +94,8 @@ class AttemptContext:
         self._index: Index | None = None
         self._exit_stack = ExitStack()
         self._emission: Emission | None = None
+        self._storing: ThreadPoolExecutor | None = None
+        self._stored: list[Future[None]] = []
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
@@ -191,9 +196,12 @@ class AttemptContext:
         with self.stages.waiting("store"):
             digest = f"-{arrays_digest(arrays)}" if self._order.traced else ""
             key = self._key(f"{_checked(name)}{digest}.npz")
-            self._blobs.put(key, partial(write_arrays, arrays=arrays))
-            if self.handover is not None:
-                self.handover.give(key, arrays)
+            copies = None if self.handover is None else self.handover.give(key, arrays)
+            if copies is None:
+                self._blobs.put(key, partial(write_arrays, arrays=arrays))
+            else:  # a disk takes several files at once in the time of one
+                self._storing = self._storing or ThreadPoolExecutor(_STORING, thread_name_prefix="store")
+                self._stored.append(self._storing.submit(self._blobs.put, key, partial(write_arrays, arrays=copies)))
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
@@ -259,7 +267,11 @@ class AttemptContext:
         return self._index
 
     def finish(self) -> str | None:
-        """Commit the segment and the preview; the segment's blob key, or None. Raises EmitError."""
+        """Commit artefacts, the segment and the preview; the segment's blob key, or None. Raises EmitError,
+        StorageError."""
+        with self.stages.waiting("store"):
+            for stored in self._stored:
+                stored.result()
         if self._order.emits is None:
             return None
         with self.stages.blocked():
@@ -306,6 +318,8 @@ class AttemptContext:
 
     def close(self) -> None:
         self._exit_stack.close()
+        if self._storing:
+            self._storing.shutdown(cancel_futures=True)
         if self._emission:
             self._emission.close()
 

@@ -31,17 +31,18 @@ class Handover:
         self._waiting: OrderedDict[str, tuple[State, int]] = OrderedDict()
         self._bytes = 0
 
-    def give(self, key: str, arrays: Arrays) -> None:
-        """Keep copies of the arrays for the task that loads them."""
+    def give(self, key: str, arrays: Arrays) -> State | None:
+        """Keep copies of the arrays for the task that loads them; the copies, None if there is not enough room."""
         size = sum(np.asarray(array).nbytes for array in arrays.values())
         if size > self._most:
-            return
+            return None
         copies = {name: np.array(arrays[name], order="C") for name in sorted(arrays)}
         with self._lock:
             self._waiting[key] = copies, size
             self._bytes += size
             while self._bytes > self._most:
                 self._bytes -= self._waiting.popitem(last=False)[1][1]
+        return copies
 
     def take(self, key: str) -> State | None:
         """The arrays, which are the caller's own from then on; None if they are not here or have been taken."""
