@@ -177,7 +177,7 @@ def open_farm(settings: FarmSettings, *, overview: bool = True) -> Farm:
     """The farm of these settings; call `start` to let it work. With Ray: on the main thread.
 
     Args:
-        overview: whether jobs of a local pool get a poster and a contact sheet.
+        overview: whether jobs of a local pool get previews, a poster and a contact sheet.
 
     Raises:
         StorageError: the database or the blob store cannot be used.
@@ -200,13 +200,19 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, overvie
         from workers.pools.ray_pool import RayPool
 
         return RayPool(blobs, settings)
-    from workers.execution.renderer import Renderer
+    from workers.execution.decoders import IDLE, Decoders
+    from workers.execution.handover import Handover
+    from workers.execution.renderer import Renderer, Shared
     from workers.pools.local_pool import LocalPool
 
-    def renderer() -> Renderer:
-        return Renderer(blobs, settings.scratch, warms_up=settings.warm_up, overview=overview)
+    shared = Shared(Decoders(blobs, idle=IDLE * settings.most_workers), Handover())
 
-    return LocalPool(renderer, settings.most_workers, machine, settings.task_memory_bytes)
+    def renderer() -> Renderer:
+        return Renderer(blobs, settings.scratch, warms_up=settings.warm_up, overview=overview, shared=shared)
+
+    return LocalPool(
+        renderer, settings.most_workers, machine, settings.task_memory_bytes, close=shared.decoders.close
+    )  # fmt: skip
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

@@ -277,6 +277,8 @@ class TaskOrder:
     """Same values as in `JobRequest`."""
     earlier: EarlierTask | None = None
     """The same task of an earlier job, whose result is used if none of its recorded reads has changed."""
+    traced: bool = False
+    """Whether later jobs may use the result: the task records its reads, and artefacts are named after their values."""
 
 
 @dataclass(frozen=True)

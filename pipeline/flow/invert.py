@@ -38,6 +38,13 @@ def _scatter(
     for y in range(height):
         for x in range(width):
             dx, dy = flow[y, x, 0], flow[y, x, 1]
+            if dx == _ZERO and dy == _ZERO:  # a candidate for one pixel only
+                apart = abs(np.float32(here[y, x]) - np.float32(there[y, x]))
+                if apart < best[y, x]:
+                    best[y, x] = apart
+                    out[y, x, 0] = -dx
+                    out[y, x, 1] = -dy
+                continue
             tx, ty = np.float32(x) + dx, np.float32(y) + dy
             if tx <= -_ONE or ty <= -_ONE or tx >= np.float32(width) or ty >= np.float32(height):
                 continue

@@ -6,6 +6,9 @@ the same light, so that no table of skin colours is needed, and it is within the
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +40,8 @@ _LEAST_AREA, _MOST_AREA = 0.08, 3.0
 same colour are larger."""
 _LEAST_LIKELIHOOD = 0.35
 """Likelihood, 0..1, from which on a pixel counts as skin."""
+_FARTHEST = 1.1 * math.log(1 / _LEAST_LIKELIHOOD)
+"""Distance from the face's colour, in the exponent of the likelihood, beyond which no pixel has that likelihood."""
 _WIDER, _SOFT = 0.12, 0.12
 """Radius of the mask's dilation, which covers the blurred outlines of moving fingers, and standard deviation of the
 mask's blur; both as fractions of the box's side."""
@@ -55,21 +60,25 @@ def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Pl
     chosen = (boxes[:, 2] >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS)
     if not chosen.any():
         return out
-    lab = cv2.cvtColor(picture.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
+    lab = cv2.split(cv2.cvtColor(picture.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB))
     for face, box in zip(faces[chosen], boxes[chosen], strict=True):
-        found = _skin_of(np.asarray(lab, np.float32), box)
+        found = _skin_of([np.asarray(plane, np.float32) for plane in lab], box)
         if found is not None:
             np.maximum(out, np.float32(face["strength"]) * found, out=out)
     return out
 
 
-def _skin_of(lab: NDArray[np.float32], box: NDArray[np.float64]) -> Plane | None:
-    """Skin of one person; None if the face has not the colour of skin, or hardly any pixels."""
+def _skin_of(lab: Sequence[Plane], box: NDArray[np.float64]) -> Plane | None:
+    """Skin of one person; None if the face has not the colour of skin, or hardly any pixels.
+
+    Args:
+        lab: the planes of the picture in CIELAB.
+    """
     cx, cy, w, h = box
     half, top, bottom = _CHEEKS
     rows = slice(max(0, round(cy + top * h)), max(0, round(cy + bottom * h) + 1))
     columns = slice(max(0, round(cx - half * w)), max(0, round(cx + half * w) + 1))
-    cheeks = lab[rows, columns].reshape(-1, 3)
+    cheeks = np.stack([plane[rows, columns].ravel() for plane in lab], axis=1)
     if len(cheeks) < 4:
         return None
     colour = np.median(cheeks, axis=0)
@@ -77,21 +86,23 @@ def _skin_of(lab: NDArray[np.float32], box: NDArray[np.float64]) -> Plane | None
         return None
     spread = _CHROMA_SPREAD * float(np.median(np.abs(cheeks[:, 1:] - colour[1:])))
     spread = min(max(spread, _LEAST_SPREAD), _MOST_SPREAD)
-    away = ((lab[..., 1:] - colour[1:]) ** 2).sum(axis=2) / np.float32(2 * spread * spread)
-    likelihood = np.exp(-away) * _within_reach(lab.shape[:2], box)
-    likelihood[(lab[..., 0] < _DARKEST * colour[0]) | (lab[..., 0] > _LIGHTEST * colour[0])] = 0
-    kept = _pieces(likelihood > _LEAST_LIKELIHOOD, box)
+    light, a, b = lab
+    away = ((a - colour[1]) ** 2 + (b - colour[2]) ** 2) / np.float32(2 * spread * spread)
+    skin = (away <= _FARTHEST) & (light >= _DARKEST * colour[0]) & (light <= _LIGHTEST * colour[0])
+    y, x = np.nonzero(skin)
+    skin[y, x] = np.exp(-away[y, x]) * _within_reach(x, y, box) > _LEAST_LIKELIHOOD
+    kept = _pieces(skin, box)
     wide = 2 * round(_WIDER * w) + 1
     kept = np.asarray(cv2.dilate(kept, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))), np.float32)
     return np.asarray(cv2.GaussianBlur(kept, (0, 0), max(_SOFT * w, 0.5)), np.float32)
 
 
-def _within_reach(shape: tuple[int, int], box: NDArray[np.float64]) -> Plane:
-    """1 where the arms reach, falling to 0 at one and a half times that distance."""
+def _within_reach(x: NDArray[np.intp], y: NDArray[np.intp], box: NDArray[np.float64]) -> NDArray[np.float32]:
+    """1 at pixels to which the arms reach, falling to 0 at one and a half times that distance: float32 (n,)."""
     cx, cy, w, h = box
-    across = ((np.arange(shape[1]) + 0.5 - cx) / (_REACH * w)) ** 2
-    down = ((np.arange(shape[0]) + 0.5 - cy - _BELOW * h) / (_REACH * h)) ** 2
-    distance = np.sqrt(across[None, :] + down[:, None])
+    across = ((x + 0.5 - cx) / (_REACH * w)) ** 2
+    down = ((y + 0.5 - cy - _BELOW * h) / (_REACH * h)) ** 2
+    distance = np.sqrt(across + down)
     return np.asarray(np.clip(3 - 2 * distance, 0, 1), np.float32)
 
 

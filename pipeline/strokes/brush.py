@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.strokes.random import Ids, Purpose, draws
-from pipeline.strokes.seeds import Seeds, StyleField, interpolated, nearest, sample
+from pipeline.strokes.seeds import Seeds, StyleField, interpolated, nearest, sample, sample_all
 
 Canvas: TypeAlias = NDArray[np.float32]
 """A painting in progress, `float32` (height, width, 7): paint colour RGB in 0..255; paint height in px; target colour
@@ -166,14 +167,26 @@ def tint(
     constant over the stroke's lifetime. `shape`: (height, width, ...) of the picture, if the brush's parameters are
     on a coarser grid.
     """
-    hue, saturation, value, jitter = (
-        sample(f, seeds.xy, shape) for f in (brush.hue_deg, brush.saturation, brush.value, brush.jitter)
-    )
+    fields = (brush.hue_deg, brush.saturation, brush.value, brush.jitter)
+    at_seeds = sample_all(fields, seeds.xy, _shape_of(fields) if shape is None else shape)
+    return shifted(targets, seeds.ids, at_seeds, seed)
+
+
+def _shape_of(fields: Sequence[StyleField]) -> tuple[int, ...]:
+    """Shape of the first field that is a plane; (1, 1) if all are numbers."""
+    return next((np.shape(field) for field in fields if np.ndim(field)), (1, 1))
+
+
+def shifted(
+    targets: NDArray[np.float32], ids: Ids, values: Sequence[NDArray[np.float32]], seed: int
+) -> NDArray[np.float32]:
+    """`tint` for the values of hue, saturation, value and jitter at each stroke, float32 (n,)."""
+    hue, saturation, value, jitter = values
     colours = np.ascontiguousarray(targets, np.float32)
-    if len(seeds) and (hue.any() or saturation.any() or value.any()):
+    if len(ids) and (hue.any() or saturation.any() or value.any()):
         colours = _shift(colours, hue, saturation, value)
     if jitter.any():
-        noise = draws(seeds.ids, seed, Purpose.COLOUR) * 2 - 1
+        noise = draws(ids, seed, Purpose.COLOUR) * 2 - 1
         stray = np.float32(0.5) * (noise[:, 3:] + noise[:, :3] - noise[:, :3].mean(axis=1, keepdims=True))
         colours = np.clip(colours + stray * (jitter[:, None] * np.float32(JITTER_RANGE)), 0, 255)
     return colours

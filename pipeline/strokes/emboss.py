@@ -91,25 +91,44 @@ def _emboss(
     canvas: NDArray[np.float32], lx: np.float32, ly: np.float32, terms: NDArray[np.float32], cloth: Plane, out: Frame
 ) -> None:
     """`terms`: float32 (h, w, 3) or (1, 1, 3), see `_STRENGTH`."""
-    height, width = canvas.shape[:2]
-    last_y, last_x = terms.shape[0] - 1, terms.shape[1] - 1
+    height, width, channels = canvas.shape
+    # Flat arrays with unsigned indices, and loops without branches, which vectorise.
+    colours, picture = canvas.reshape(-1), out.reshape(-1)
+    uniform, woven = terms.shape[1] == 1, terms[..., _WEAVE].max() > _ZERO
     level = np.empty((3, width + 2), np.float32)
+    strength, gloss = np.full(width, terms[0, 0, _STRENGTH]), np.full(width, terms[0, 0, _GLOSS])
+    line = np.empty(3 * width, np.float32)
+    shade, shine = np.empty(width, np.float32), np.empty(width, np.float32)
     for y in range(-1, height + 1):
         row, sy = level[(y + 1) % 3], min(max(y, 0), height - 1)
         for x in range(width):
-            paint, weave_px = canvas[sy, x, HEIGHT], terms[min(sy, last_y), min(x, last_x), _WEAVE]
-            row[x + 1] = paint + weave_px * cloth[sy & 63, x & 63] / (_ONE + paint + paint)
+            row[np.uintp(x + 1)] = colours[np.uintp((sy * width + x) * channels + HEIGHT)]
+        if woven:
+            for x in range(width):
+                paint, weave_px = row[x + 1], terms[0 if uniform else sy, 0 if uniform else x, _WEAVE]
+                row[x + 1] = paint + weave_px * cloth[sy & 63, x & 63] / (_ONE + paint + paint)
         row[0], row[width + 1] = row[1], row[width]
         if y < 1:
             continue
+        if not uniform:
+            for x in range(width):
+                strength[x], gloss[x] = terms[y - 1, x, _STRENGTH], terms[y - 1, x, _GLOSS]
         above, own, below = level[(y - 1) % 3], level[y % 3], level[(y + 1) % 3]
         for x in range(width):
-            term = terms[min(y - 1, last_y), min(x, last_x)]
-            strength, gloss = term[_STRENGTH], term[_GLOSS]
-            rise_x, rise_y = (own[x + 2] - own[x]) * _HALF, (below[x + 1] - above[x + 1]) * _HALF
+            at = np.uintp(x)
+            rise_x = (own[np.uintp(x + 2)] - own[at]) * _HALF
+            rise_y = (below[np.uintp(x + 1)] - above[np.uintp(x + 1)]) * _HALF
             slope = -(rise_x * lx + rise_y * ly)
-            shade = min(max(_ONE + strength * slope, np.float32(0.5)), np.float32(1.6))
-            shine = gloss * max(slope - np.float32(0.2), _ZERO) * np.float32(255.0)
-            for c in range(3):
-                value = canvas[y - 1, x, c] * shade + min(shine, np.float32(70.0)) + _HALF
-                out[y - 1, x, c] = np.uint8(min(max(value, _ZERO), np.float32(255.0)))
+            shade[at] = min(max(_ONE + strength[at] * slope, np.float32(0.5)), np.float32(1.6))
+            light = gloss[at] * max(slope - np.float32(0.2), _ZERO) * np.float32(255.0)
+            shine[at] = min(light, np.float32(70.0))
+        start = (y - 1) * width
+        for x in range(width):
+            pixel, place = np.uintp((start + x) * channels), np.uintp(3 * x)
+            mine, plus = shade[np.uintp(x)], shine[np.uintp(x)]
+            line[place] = colours[pixel] * mine + plus + _HALF
+            line[place + np.uintp(1)] = colours[pixel + np.uintp(1)] * mine + plus + _HALF
+            line[place + np.uintp(2)] = colours[pixel + np.uintp(2)] * mine + plus + _HALF
+        for i in range(3 * width):
+            value = min(max(line[np.uintp(i)], _ZERO), np.float32(255.0))
+            picture[np.uintp(3 * start + i)] = np.uint8(np.int32(value))

@@ -70,10 +70,10 @@ def _half_length(vectors: NDArray[np.uint8], out: Plane) -> None:
 
 
 def profiles(profile: StrokeProfile | Profiles | None, count: int) -> Profiles:
-    """One profile for each of `count` strokes."""
+    """One profile for each of `count` strokes; `profile`: for all of them, or an array of one row or a row each."""
     if profile is None or isinstance(profile, StrokeProfile):
         return (profile or StrokeProfile()).repeated(count)
-    return np.ascontiguousarray(profile, np.float32)
+    return np.ascontiguousarray(np.broadcast_to(profile, (count, profile.shape[1])), np.float32)
 
 
 def painting_order(ids: Ids, seed: int = 0) -> NDArray[np.intp]:

@@ -8,7 +8,7 @@ appear or vanish and the others keep their place.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
@@ -44,7 +44,8 @@ class Seeds:
         return len(self.ids)
 
     def __getitem__(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Seeds:
-        return Seeds(np.ascontiguousarray(self.xy[keep]), self.ids[keep])
+        kept = np.flatnonzero(keep) if keep.dtype == np.bool_ else keep
+        return Seeds(self.xy.take(kept, axis=0), self.ids.take(kept))
 
 
 def as_plane(field: StyleField, shape: tuple[int, ...]) -> Plane:
@@ -72,25 +73,62 @@ def sample(field: StyleField, xy: Points, shape: tuple[int, ...] | None = None) 
     Args:
         shape: (height, width, ...) of the picture in whose px the points are given; None = that of the field.
     """
-    return sampler(xy, np.shape(field) if shape is None else shape)(field)
+    return sample_all([field], xy, np.shape(field) if shape is None else shape)[0]
 
 
-def sampler(xy: Points, shape: tuple[int, ...]) -> Callable[[StyleField], NDArray[np.float32]]:
-    """`sample` for many fields at the same points: the nearest pixels are found once."""
-    found: list[NDArray[np.intp]] = []
-
-    def at_points(field: StyleField) -> NDArray[np.float32]:
-        plane = np.asarray(field, np.float32)
+def sample_all(fields: Sequence[StyleField], xy: Points, shape: tuple[int, ...]) -> list[NDArray[np.float32]]:
+    """`sample` for many fields at the same points, whose pixels or cells are found once."""
+    planes = [np.asarray(field, np.float32) for field in fields]
+    coarser = [plane for plane in planes if plane.ndim and plane.shape != tuple(shape[:2])]
+    between = iter(_between_cells(coarser, xy, shape))
+    pixels: NDArray[np.intp] | None = None
+    found = []
+    for plane in planes:
         if plane.ndim == 0:
-            return np.full(len(xy), plane, np.float32)
-        if plane.shape != tuple(shape[:2]):
-            return interpolated(plane[..., None], xy, shape)[:, 0]
-        if not found:
-            x, y = nearest(xy, shape)
-            found.append(y * shape[1] + x)
-        return plane.reshape(-1).take(found[0])
+            found.append(np.full(len(xy), plane, np.float32))
+        elif plane.shape != tuple(shape[:2]):
+            found.append(next(between))
+        else:
+            if pixels is None:
+                x, y = nearest(xy, shape)
+                pixels = y * shape[1] + x
+            found.append(plane.reshape(-1).take(pixels))
+    return found
 
-    return at_points
+
+def _between_cells(planes: Sequence[Plane], xy: Points, shape: tuple[int, ...]) -> list[NDArray[np.float32]]:
+    """Values of coarser grids, interpolated at points; grids of one size at once."""
+    if len({plane.shape for plane in planes}) > 1:
+        return [_between_cells([plane], xy, shape)[0] for plane in planes]
+    if not planes:
+        return []
+    grids, out = np.stack(planes), np.empty((len(planes), len(xy)), np.float32)
+    scale = np.float32(grids.shape[2] / shape[1]), np.float32(grids.shape[1] / shape[0])
+    _interpolate_planes(grids, xy, scale, out)
+    return list(out)
+
+
+@kernel
+def _interpolate_planes(
+    grids: NDArray[np.float32], xy: Points, scale: tuple[np.float32, np.float32], out: NDArray[np.float32]
+) -> None:
+    """`_interpolate` for grids one after the other."""
+    count, rows, columns = grids.shape
+    half, values, places = np.float32(0.5), grids.reshape(-1), xy.reshape(-1)
+    for k in range(len(xy)):
+        x, y = places[np.uintp(2 * k)], places[np.uintp(2 * k + 1)]
+        x = min(max((x + half) * scale[0] - half, np.float32(0)), np.float32(columns - 1))
+        y = min(max((y + half) * scale[1] - half, np.float32(0)), np.float32(rows - 1))
+        left, top = int(x), int(y)
+        right, bottom = min(left + 1, columns - 1), min(top + 1, rows - 1)
+        a, b = x - np.float32(left), y - np.float32(top)
+        upper, lower = top * columns, bottom * columns
+        for c in range(count):
+            above, below = values[np.uintp(upper + left)], values[np.uintp(lower + left)]
+            above += a * (values[np.uintp(upper + right)] - above)
+            below += a * (values[np.uintp(lower + right)] - below)
+            out[c, k] = above + b * (below - above)
+            upper, lower = upper + rows * columns, lower + rows * columns
 
 
 def interpolated(grid: AnyArray, xy: Points, shape: tuple[int, ...]) -> NDArray[np.float32]:

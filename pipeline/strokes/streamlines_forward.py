@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,25 @@ from pipeline.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
 from pipeline.strokes.brush import HEIGHT, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
 from pipeline.strokes.raster import DRY, SOFT, STREAKS, TAPER_END, TAPER_START, Profiles, StrokeProfile, profiles
-from pipeline.strokes.trace import trace_from
+from pipeline.strokes.trace import trace_along, unit_tangents
 
-FrontToBack: TypeAlias = NDArray[np.float32]
-"""Front-to-back compositing buffer, `float32` (height, width, 5): premultiplied red, green, blue and paint height, and
-the transmittance, which is 1 where nothing is painted."""
 TRANSMITTANCE = 4
-"""Channel of `FrontToBack`; the paint height is channel `HEIGHT`."""
+"""Channel of `FrontToBack.paint`; the paint height is channel `HEIGHT`."""
+
+
+class FrontToBack(NamedTuple):
+    """Front-to-back compositing buffer.
+
+    Attributes:
+        paint: float32 (height, width, 5): premultiplied red, green, blue and paint height, and the transmittance, which
+            is 1 where nothing is painted.
+        finished: bool (height, width), pixels whose transmittance is at most `_OPAQUE`; nothing more is painted there.
+            The paint itself does not fit in the processor's nearer cache.
+    """
+
+    paint: NDArray[np.float32]
+    finished: NDArray[np.bool_]
+
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
@@ -43,6 +55,8 @@ _STRAIGHT = np.float32(0.1)
 _1, _2, _3, _4 = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(4)
 _OPAQUE = np.float32(0.03)
 """Transmittance below which a pixel counts as finished."""
+_SCRATCH = 1 << 12
+"""Pixels of a stroke's bounding box for which memory is reserved at first; a larger box gets twice what it needs."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +68,7 @@ class RasterOptions:
         profile: one for all strokes, or one each.
         guide, tolerance: as in `raster.paint`.
         threads: number of horizontal bands that are painted concurrently; it does not change the result.
+        tangents: `trace.unit_tangents` of the field, for the forward rasteriser; None = computed here.
     """
 
     seed: int = 0
@@ -61,11 +76,12 @@ class RasterOptions:
     guide: Frame | None = None
     tolerance: float | NDArray[np.float32] = 80.0
     threads: int = 1
+    tangents: NDArray[np.float32] | None = None
 
 
 def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
     """Make a buffer without paint."""
-    out = np.empty((*shape[:2], 5), np.float32)
+    out = FrontToBack(np.empty((*shape[:2], 5), np.float32), np.empty(shape[:2], np.bool_))
     clear(out)
     return out
 
@@ -73,12 +89,13 @@ def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
 @kernel
 def clear(buffer: FrontToBack) -> None:
     """Remove all paint, in place."""
-    height, width = buffer.shape[:2]
+    height, width = buffer.paint.shape[:2]
     for y in range(height):
         for x in range(width):
             for c in range(TRANSMITTANCE):
-                buffer[y, x, c] = _ZERO
-            buffer[y, x, TRANSMITTANCE] = _ONE
+                buffer.paint[y, x, c] = _ZERO
+            buffer.paint[y, x, TRANSMITTANCE] = _ONE
+            buffer.finished[y, x] = False
 
 
 def streamlines_forward(
@@ -98,7 +115,8 @@ def streamlines_forward(
     if len(starts) == 0:
         return
     options = options or RasterOptions()
-    strokes = trace_from(starts, length_px, field)
+    tangents = unit_tangents(field) if options.tangents is None else options.tangents
+    strokes = trace_along(starts, length_px, field, tangents)
     bristles = bristle_args(fine_tile(options.seed), starts.ids, options.seed)
     guide = guide_args(len(starts), options.guide, options.tolerance)
     profile = profiles(options.profile, len(starts))
@@ -106,7 +124,7 @@ def streamlines_forward(
     def paint_band(top: int, bottom: int) -> None:
         _paint_strokes(buffer, strokes.arrays, order, bristles, guide, profile, (top, bottom))
 
-    in_bands(paint_band, buffer.shape[0], options.threads)
+    in_bands(paint_band, buffer.paint.shape[0], options.threads)
 
 
 def in_bands(paint_band: Callable[[int, int], None], height: int, threads: int) -> None:
@@ -128,20 +146,20 @@ def composite_over(
         ground: float32 (h, w, 3), RGB 0..255.
         out: array for the result; None = a new one.
     """
-    out = np.empty((*buffer.shape[:2], 4), np.float32) if out is None else out
-    _composite(buffer, ground, out)
+    out = np.empty((*buffer.paint.shape[:2], 4), np.float32) if out is None else out
+    _composite(buffer.paint, ground, out)
     return out
 
 
 @kernel
-def _composite(buffer: FrontToBack, ground: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-    height, width = buffer.shape[:2]
+def _composite(paint: NDArray[np.float32], ground: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    height, width = paint.shape[:2]
     for y in range(height):
         for x in range(width):
-            left = buffer[y, x, TRANSMITTANCE]
+            left = paint[y, x, TRANSMITTANCE]
             for c in range(3):
-                out[y, x, c] = buffer[y, x, c] + left * ground[y, x, c]
-            out[y, x, HEIGHT] = buffer[y, x, HEIGHT]
+                out[y, x, c] = paint[y, x, c] + left * ground[y, x, c]
+            out[y, x, HEIGHT] = paint[y, x, HEIGHT]
 
 
 @kernel
@@ -176,20 +194,16 @@ def _paint_strokes(
     profile: Profiles, band: tuple[int, int],
 ) -> None:  # fmt: skip
     """Paint strokes into the rows [band[0], band[1])."""
-    width = buffer.shape[1]
+    width = buffer.paint.shape[1]
     band_top, band_bottom = band
-    rows_high = band_bottom - band_top
+    finished = buffer.finished.reshape(-1)
     points = strokes.points
     # Flat arrays with unsigned indices: signed ones are tested for being negative at every access.
-    pixels, image = buffer.reshape(-1), guide.image.reshape(-1)
+    pixels, image = buffer.paint.reshape(-1), guide.image.reshape(-1)
     # Per pixel of a stroke's bounding box: coverage, and position along and across the stroke.
-    coverage, lengthwise = np.zeros(rows_high * width, np.float32), np.empty(rows_high * width, np.float32)
-    crosswise = np.empty(rows_high * width, np.float32)
-    rows = np.empty((rows_high, 2), np.int32)
-    # Whether each pixel of the band is finished; the buffer itself does not fit in the processor's nearer cache.
-    finished = np.empty(rows_high * width, np.bool_)
-    for i in range(len(finished)):
-        finished[i] = pixels[np.uintp((band_top * width + i) * 5 + TRANSMITTANCE)] <= _OPAQUE
+    coverage, lengthwise = np.zeros(_SCRATCH, np.float32), np.empty(_SCRATCH, np.float32)
+    crosswise = np.empty(_SCRATCH, np.float32)
+    rows = np.empty((band_bottom - band_top, 2), np.int32)
     line = np.empty((points.shape[1], 2), np.float32)
     for k in order:
         r, tolerance = strokes.radius_px[k], guide.tolerances[k]
@@ -214,6 +228,10 @@ def _paint_strokes(
         columns = last_column - first_column + 1
         if last_row < first_row or columns <= 0:
             continue
+        if (last_row + 1 - first_row) * columns > len(coverage):
+            size = 2 * (last_row + 1 - first_row) * columns
+            coverage, lengthwise = np.zeros(size, np.float32), np.empty(size, np.float32)
+            crosswise = np.empty(size, np.float32)
         for y in range(last_row + 1 - first_row):
             rows[y, 0] = width
             rows[y, 1] = -1
@@ -260,15 +278,15 @@ def _paint_strokes(
                     left, right = max(left, enter - lean * fy), min(right, leave - lean * fy)
                 start, final = max(int(np.ceil(left)), first_column), min(int(np.floor(right)), last_column)
                 row = y - first_row
-                box, in_band = row * columns - first_column, (y - band_top) * width
-                while start <= final and finished[np.uintp(in_band + start)]:
+                box, in_row = row * columns - first_column, y * width
+                while start <= final and finished[np.uintp(in_row + start)]:
                     start += 1
-                while start <= final and finished[np.uintp(in_band + final)]:
+                while start <= final and finished[np.uintp(in_row + final)]:
                     final -= 1
                 s_row, t_row = fy * ay, fy * ax
                 first_covered, last_covered = rows[row, 0], rows[row, 1]
                 for x in range(start, final + 1):
-                    if finished[np.uintp(in_band + x)]:
+                    if finished[np.uintp(in_row + x)]:
                         continue
                     fx = np.float32(x) - x0
                     s, t = fx * ax + s_row, t_row - fx * ay
@@ -345,4 +363,4 @@ def _paint_strokes(
                 pixels[paint + _2] += a * (blue + shade)
                 pixels[paint + _3] += a * thick * ridge
                 pixels[paint + _4] -= a
-                finished[np.uintp((y - band_top) * width + x)] = pixels[paint + _4] <= _OPAQUE
+                finished[np.uintp(pixel + x)] = pixels[paint + _4] <= _OPAQUE

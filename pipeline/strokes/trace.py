@@ -98,6 +98,110 @@ def trace_from(
     return replace(starts, points=points, counts=counts)
 
 
+def trace_along(
+    starts: Strokes, length_px: NDArray[np.float32], field: Direction, tangents: NDArray[np.float32]
+) -> Strokes:
+    """`trace_from` without rules, several times as fast.
+
+    Args:
+        tangents: `unit_tangents` of the field.
+    """
+    steps = np.ceil(length_px * _HALF / np.maximum(starts.radius_px, _ONE)).max(initial=1)
+    most = min(2 * int(steps) + 1, MAX_POINTS - 1)
+    points, counts = np.empty((len(starts), most, 2), np.float32), np.empty(len(starts), np.int32)
+    first = np.ascontiguousarray(starts.points[:, 0])
+    _trace_along(_Starts(first, starts.radius_px, length_px, starts.targets), field, tangents, points, counts)
+    return replace(starts, points=points, counts=counts)
+
+
+def unit_tangents(field: Direction, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+    """`tangent` at every pixel, of length 1 and either sign: float32 (h, w, 2); (0, 0) where it is undefined.
+
+    Args:
+        out: array for the result; None = a new one.
+    """
+    out = np.empty_like(field) if out is None else out
+    _unit_tangents(field, out)
+    return out
+
+
+@kernel
+def _unit_tangents(field: Direction, out: NDArray[np.float32]) -> None:
+    """The same operations as in `tangent`, so that bits are the same, without branches, so that the loop vectorises."""
+    given, units = field.reshape(-1), out.reshape(-1)
+    for pixel in range(len(given) // 2):
+        u, v = given[np.uintp(2 * pixel)], given[np.uintp(2 * pixel + 1)]
+        length = np.sqrt(u * u + v * v)
+        scale = _HALF / length
+        large = np.sqrt((length + abs(u)) * scale)
+        small = v * scale / large
+        tx, ty = (large, small) if u >= _ZERO else (small, large)
+        norm = np.sqrt(tx * tx + ty * ty)
+        ux, uy = tx / norm, ty / norm
+        defined = length > np.float32(1e-6)
+        units[np.uintp(2 * pixel)] = ux if defined else _ZERO
+        units[np.uintp(2 * pixel + 1)] = uy if defined else _ZERO
+
+
+@kernel
+def _trace_along(
+    starts: _Starts, field: Direction, tangents: NDArray[np.float32], points: NDArray[np.float32],
+    counts: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """`_trace` without rules: the directions of its steps are read from `tangents`."""
+    height, width = field.shape[:2]
+    most = points.shape[1] // 2
+    columns, rows = np.float32(width), np.float32(height)
+    units = tangents.reshape(-1)  # a flat array with unsigned indices: signed ones are tested for being negative
+    line = np.empty((points.shape[1], 2), np.float32)
+    for k in range(len(starts.xy)):
+        reach = starts.length_px[k] * _HALF
+        steps = int(np.ceil(reach / max(starts.radius_px[k], _ONE)))
+        steps = max(min(steps, most), 1)
+        step = reach / np.float32(steps)
+        if reach <= _ZERO:
+            steps = 0
+        px, py = int(starts.xy[k, 0] + _HALF), int(starts.xy[k, 1] + _HALF)
+        first_x, first_y = tangent(field[py, px, 0], field[py, px, 1], _ONE, _ZERO)
+        n = 0
+        for side in range(2):
+            x, y = starts.xy[k, 0], starts.xy[k, 1]
+            dx, dy = (first_x, first_y) if side else (-first_x, -first_y)
+            for _ in range(steps):
+                # A midpoint step: half an Euler step finds the direction for the whole one.
+                mx, my = x + _HALF * step * dx + _HALF, y + _HALF * step * dy + _HALF
+                if not (mx >= _ZERO and my >= _ZERO and mx < columns and my < rows):
+                    break
+                at = np.uintp(2 * (int(my) * width + int(mx)))
+                tx, ty = units[at], units[at + np.uintp(1)]
+                if tx == _ZERO and ty == _ZERO:  # undefined: straight on
+                    norm = np.sqrt(dx * dx + dy * dy)
+                    tx, ty = dx / norm, dy / norm
+                elif tx * dx + ty * dy < _ZERO:
+                    tx, ty = -tx, -ty
+                dx, dy = tx, ty
+                nx, ny = x + step * dx, y + step * dy
+                mx, my = nx + _HALF, ny + _HALF
+                if not (mx >= _ZERO and my >= _ZERO and mx < columns and my < rows):
+                    break
+                x, y = nx, ny
+                line[n, 0] = x
+                line[n, 1] = y
+                n += 1
+            if side == 0:
+                for i in range(n):  # the points behind the seed come first, the farthest one foremost
+                    points[k, i, 0] = line[n - 1 - i, 0]
+                    points[k, i, 1] = line[n - 1 - i, 1]
+                behind = n
+                points[k, n, 0] = starts.xy[k, 0]
+                points[k, n, 1] = starts.xy[k, 1]
+                n += 1
+        for i in range(behind + 1, n):
+            points[k, i, 0] = line[i, 0]
+            points[k, i, 1] = line[i, 1]
+        counts[k] = n
+
+
 @kernel
 def tangent(u: np.float32, v: np.float32, back_x: np.float32, back_y: np.float32) -> tuple[np.float32, np.float32]:
     """Unit vector of the angle a of (cos 2a, sin 2a) * length; of the two signs, the one nearer to (back_x, back_y).

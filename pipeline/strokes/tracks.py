@@ -44,9 +44,13 @@ class StrokeTracks:
         return len(self.seeds)
 
     def __getitem__(self, keep: Flags) -> StrokeTracks:
+        if keep.all():
+            return self
+        kept = np.flatnonzero(keep)
         return StrokeTracks(
-            self.seeds[keep], self.targets[keep], self.presence[keep], self.leaving[keep], self.initial[keep]
-        )
+            self.seeds[kept], self.targets.take(kept, axis=0), self.presence.take(kept), self.leaving.take(kept),
+            self.initial.take(kept, axis=0),
+        )  # fmt: skip
 
     def state(self) -> State:
         """The tracks as arrays by name, for storage."""
@@ -241,22 +245,25 @@ def _poisson_filter(
     xy: Points, apart: NDArray[np.float32], skip: Flags, cell: np.float32, rows: int, columns: int
 ) -> Flags:
     """Keep each point, in order, that has no kept point nearer than its own `apart`. Points are binned into cells."""
-    head, chain = np.full((rows, columns), -1, np.int32), np.full(len(xy), -1, np.int32)
+    head, chain = np.full(rows * columns, -1, np.int32), np.full(len(xy), -1, np.int32)
+    places = xy.reshape(-1)  # a flat array with unsigned indices: signed ones are tested for being negative
     good = np.zeros(len(xy), np.bool_)
     for k in range(len(xy)):
         if skip[k]:
             continue
-        column, row = int(xy[k, 0] / cell), int(xy[k, 1] / cell)
+        x, y = places[np.uintp(2 * k)], places[np.uintp(2 * k + 1)]
+        column, row = int(x / cell), int(y / cell)
+        least = apart[k] * apart[k]
         free = True
         for i in range(max(row - 1, 0), min(row + 2, rows)):
             for j in range(max(column - 1, 0), min(column + 2, columns)):
-                other = head[i, j]
+                other = head[np.uintp(i * columns + j)]
                 while other >= 0 and free:
-                    dx, dy = xy[k, 0] - xy[other, 0], xy[k, 1] - xy[other, 1]
-                    free = dx * dx + dy * dy >= apart[k] * apart[k]
-                    other = chain[other]
+                    dx, dy = x - places[np.uintp(2 * other)], y - places[np.uintp(2 * other + 1)]
+                    free = dx * dx + dy * dy >= least
+                    other = chain[np.uintp(other)]
         if free:
             good[k] = True
-            chain[k] = head[row, column]
-            head[row, column] = k
+            chain[k] = head[row * columns + column]
+            head[row * columns + column] = k
     return good

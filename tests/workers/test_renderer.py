@@ -32,7 +32,9 @@ from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES
 from tests.e2e.pages import CHROMIUM_ARGS, SHELL
 from workers.blobs.disk import DiskBlobs
-from workers.execution.renderer import Renderer
+from workers.execution.decoders import Decoders
+from workers.execution.handover import Handover
+from workers.execution.renderer import Renderer, Shared
 from workers.model import CPU, PEAK_MEMORY, OutputSpec, TaskOrder, TaskOutcome
 
 RUN = 10
@@ -205,10 +207,25 @@ def render(renderer: Renderer, info: MediaInfo, **changes: Any) -> tuple[list[Ta
     return outcomes, last
 
 
-def test_a_job_without_overview_has_neither_poster_nor_contact_sheet(info: MediaInfo, blobs: DiskBlobs) -> None:
+def test_a_job_without_overview_has_no_previews_poster_and_contact_sheet(info: MediaInfo, blobs: DiskBlobs) -> None:
     with Renderer(blobs, None, lambda name: Toy(), overview=False) as renderer:
-        _outcomes, last = render(renderer, info)
+        outcomes, last = render(renderer, info)
+        assert {name for outcome in outcomes for name in outcome.files} == {"colours.json"}
         assert set(renderer.run(last).files) == {"result", "report", "svg"}
+
+
+def test_renderers_of_a_process_pass_artefacts_on_in_memory(info: MediaInfo, blobs: DiskBlobs) -> None:
+    first, second, *_ = tasks_of(info)
+    shared = Shared(Decoders(blobs), Handover())
+    with Renderer(blobs, None, lambda name: Toy(), shared=shared) as one:
+        made = one.run(order_of(info, first)).artefacts
+    assert made["invert/run-0"] == "jobs/job_1/invert/run-0/att_run-0/run-0.npz"
+    blobs.put(made["invert/run-0"], b"damaged")
+    with Renderer(blobs, None, lambda name: Toy(), shared=shared) as other:
+        assert other.run(order_of(info, second, made)).result == {"count": 20}
+        again = other.run(order_of(info, second, made))
+        assert again.fault is not None, "each artefact is passed on once, to the task that it was made for"
+    shared.decoders.close()
 
 
 def test_a_job_from_frames_to_file(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs, tiny_clip: Path) -> None:
@@ -273,7 +290,7 @@ def test_a_report_uses_the_frames_of_the_first_step(
 
 
 def test_an_outcome_lists_results_and_files(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
-    outcome = renderer.run(order_of(info, tasks_of(info)[0]))
+    outcome = renderer.run(order_of(info, tasks_of(info)[0], traced=True))
     prefix = "jobs/job_1/invert/run-0/att_run-0/"
     assert outcome.segment and outcome.segment.startswith(prefix)
     assert set(outcome.files) == {"colours.json", "preview"}

@@ -72,7 +72,7 @@ def test_a_method_warmed_by_a_render_is_not_warmed_again(pupil: Pupil) -> None:
     warm_up.begin_warm_up(pupil, Params())  # type: ignore[arg-type]
     warm_up.warm_up_process()
     warm_up.finish_warm_up()
-    assert pupil.frames == 2 * warm_up.FRAMES
+    assert pupil.frames == warm_up.JOB_FRAMES
 
 
 def test_only_a_render_loads_what_its_tasks_need_and_a_fault_shows_later(pupil: Pupil) -> None:

@@ -78,7 +78,7 @@ def _padding(at: int) -> bytes:
 
 
 def _repeats(array: AnyArray) -> bool:
-    if array.dtype.kind in "fcO":
+    if array.dtype.kind in "fcOV":  # rows of several fields are slow to compare
         return False
     flat = array.reshape(-1)
     starts = [0] if flat.size <= PIECES * PIECE else range(0, flat.size - PIECE, flat.size // PIECES)

@@ -6,6 +6,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,7 @@ from workers.blobs.base import Blobs
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
+from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.pair_recorder import keep_pairs
 from workers.execution.preview_publisher import PreviewPublisher
@@ -40,6 +42,8 @@ from workers.scheduling.planning import video_info
 PART = "part:"
 """Marks artefacts that are files, not arrays: parts of a download that the job's last step joins."""
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,150}")
+_STORING = 3
+"""Artefacts of an attempt that are stored at once."""
 _ASK_EVERY_S = 0.1
 _REPORT_EVERY_S = 0.2
 
@@ -90,8 +94,14 @@ class AttemptContext:
         self._index: Index | None = None
         self._exit_stack = ExitStack()
         self._emission: Emission | None = None
+        self._storing: ThreadPoolExecutor | None = None
+        self._stored: list[Future[None]] = []
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
+        self.handover: Handover | None = None
+        """Where artefacts wait for other tasks in this process; None: they are passed on as blobs only."""
+        self.shown = True
+        """Whether somebody may look at previews."""
 
     # -- inputs
 
@@ -183,15 +193,23 @@ class AttemptContext:
     # -- artefacts
 
     def save(self, name: str, arrays: Arrays) -> None:
-        key = self._key(f"{_checked(name)}-{arrays_digest(arrays)}.npz")
         with self.stages.waiting("store"):
-            self._blobs.put(key, partial(write_arrays, arrays=arrays))
+            digest = f"-{arrays_digest(arrays)}" if self._order.traced else ""
+            key = self._key(f"{_checked(name)}{digest}.npz")
+            copies = None if self.handover is None else self.handover.give(key, arrays)
+            if copies is None:
+                self._blobs.put(key, partial(write_arrays, arrays=arrays))
+            else:  # a disk takes several files at once in the time of one
+                self._storing = self._storing or ThreadPoolExecutor(_STORING, thread_name_prefix="store")
+                self._stored.append(self._storing.submit(self._blobs.put, key, partial(write_arrays, arrays=copies)))
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
         self.reads.record(f"artefact {step}/{name}")
+        key = self._order.artefacts[f"{step}/{name}"]
         with self.stages.waiting("store"):
-            return read_arrays(self._blobs.get(self._order.artefacts[f"{step}/{name}"]))
+            handed = None if self.handover is None else self.handover.take(key)
+            return read_arrays(self._blobs.get(key)) if handed is None else handed
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         """Keep a file for the user. If its name is `<artefact>-...` with an artefact that the job requested, it is a
@@ -229,7 +247,7 @@ class AttemptContext:
 
     def show(self, frame: Frame) -> None:
         self._check_cancelled()
-        if self._publisher.due():
+        if self.shown and self._publisher.due():
             with self.stages.waiting("store"):
                 preview = self._publisher.put(frame)
             self._report(self._done, preview)
@@ -249,19 +267,24 @@ class AttemptContext:
         return self._index
 
     def finish(self) -> str | None:
-        """Commit the segment and the preview; the segment's blob key, or None. Raises EmitError."""
+        """Commit artefacts, the segment and the preview; the segment's blob key, or None. Raises EmitError,
+        StorageError."""
+        with self.stages.waiting("store"):
+            for stored in self._stored:
+                stored.result()
         if self._order.emits is None:
             return None
         with self.stages.blocked():
             self._emission = self._emission or self._start_emission()
             segment = self._emission.finish(self._ended_at)
-            preview = self._emission.preview()
-        if segment is None or preview is None:
+            preview = self._emission.preview() if self.shown else None
+        if segment is None:
             return None
-        self.files["preview"] = (self._key("preview.jpg"), "image/jpeg")
         with self.stages.waiting("store"):
             self._blobs.put(self._key("segment"), segment)
-            self._blobs.put(self._key("preview.jpg"), preview)
+            if preview is not None:
+                self._blobs.put(self._key("preview.jpg"), preview)
+                self.files["preview"] = (self._key("preview.jpg"), "image/jpeg")
         return self._key("segment")
 
     @property
@@ -295,6 +318,8 @@ class AttemptContext:
 
     def close(self) -> None:
         self._exit_stack.close()
+        if self._storing:
+            self._storing.shutdown(cancel_futures=True)
         if self._emission:
             self._emission.close()
 

@@ -1,4 +1,5 @@
-"""Open decoders, kept between the tasks of a worker, so that the next run of frames continues without a seek.
+"""Open decoders, kept between tasks, so that the next run of frames continues without a seek. Workers that are threads
+of one process share them.
 
 Uploaded files are decoded by child processes (`pipeline.video.guard`).
 """
@@ -16,6 +17,9 @@ from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.media import Limits
 from workers.blobs.base import Blobs
 
+IDLE = 3
+"""Idle readers of a worker that stay open."""
+
 
 @dataclass(frozen=True)
 class _Open:
@@ -26,13 +30,13 @@ class _Open:
 
 
 class Decoders:
-    """Readers of blobs. An idle reader serves one user at a time; the least recently used are closed.
+    """Readers of blobs. An idle reader serves one user at a time; the least recently used are closed. Thread-safe.
 
     Args:
         idle: maximum number of idle readers that stay open.
     """
 
-    def __init__(self, blobs: Blobs, limits: Limits | None = None, idle: int = 3) -> None:
+    def __init__(self, blobs: Blobs, limits: Limits | None = None, idle: int = IDLE) -> None:
         self._blobs = blobs
         self._limits = limits or Limits()
         self._most = idle

@@ -8,7 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -24,6 +24,7 @@ from workers.errors import NotFound
 from workers.execution.assembly import Assembly
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
+from workers.execution.handover import Handover
 from workers.execution.result_quality import report_pairs
 from workers.execution.reuse import reused
 from workers.execution.usage import METER
@@ -55,6 +56,14 @@ def prepare_process() -> None:
     _LOG.setLevel(logging.INFO)
 
 
+@dataclass(frozen=True)
+class Shared:
+    """What the renderers of a process share. The pool closes the decoders."""
+
+    decoders: Decoders
+    handover: Handover
+
+
 class Renderer:
     """Runs orders one after another, keeping decoders open from one to the next. Not thread-safe.
 
@@ -63,7 +72,9 @@ class Renderer:
         scratch: folder for files while they are written; None: the system's.
         find: finds a method by name; by default, the registry.
         warms_up: whether `warm_up` does anything.
-        overview: whether jobs get a poster and a contact sheet, which only the service shows.
+        overview: whether jobs get previews, a poster and a contact sheet, which only the service shows.
+        shared: what the renderers of this process share; None: this one has decoders of its own and passes artefacts on
+            as blobs only.
     """
 
     def __init__(
@@ -74,13 +85,16 @@ class Renderer:
         *,
         warms_up: bool = True,
         overview: bool = True,
+        shared: Shared | None = None,
     ) -> None:
         prepare_process()
         self._blobs = blobs
         self._scratch = scratch
         self._find = find
         self._warms_up, self._overview = warms_up, overview
-        self._decoders = Decoders(blobs)
+        self._owns_decoders = shared is None
+        self._decoders = Decoders(blobs) if shared is None else shared.decoders
+        self._handover = None if shared is None else shared.handover
 
     def __enter__(self) -> Self:
         return self
@@ -91,7 +105,8 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        self._decoders.close()
+        if self._owns_decoders:
+            self._decoders.close()
 
     def warm_up(self, stopped: Callable[[], bool] = lambda: False) -> None:
         """Load kernels before the first frame, once per process. May be called from any thread; never raises."""
@@ -134,6 +149,7 @@ class Renderer:
             aligned = {spec.name for spec in specs if spec.kind == "video"}
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
             context.report_pairs = report_pairs(order, chosen)
+            context.handover, context.shown = self._handover, self._overview
             try:
                 context.progress(0.0)
                 if order.earlier and (found := reused(context.reads, order.earlier, self._blobs)):
@@ -160,7 +176,7 @@ class Renderer:
             order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), "",
             warnings=context.damage.warnings(),
         )  # fmt: skip
-        return replace(outcome, trace=context.reads.outcome(outcome))
+        return replace(outcome, trace=context.reads.outcome(outcome)) if order.traced else outcome
 
     def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
         chosen = self._find(order.method)

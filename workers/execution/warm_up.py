@@ -10,6 +10,7 @@ import contextlib
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -25,6 +26,9 @@ SIZE = (352, 288)
 """(width, height) of the practice frames, px: large enough that no filter, scaled to the frame, is left out."""
 FRAMES = 4
 """Practice frames at either size."""
+JOB_FRAMES = 2
+"""Practice frames of a render of one job: nearly all kernels are called in the second frame, and further practice would
+take longer than loading the few others when they are called."""
 
 _practised = threading.Event()
 _one_at_a_time = threading.Lock()
@@ -56,7 +60,7 @@ def warm_up(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda
 
 
 def begin_warm_up(chosen: Method, params: Params) -> None:
-    """`load` and `warm_up` on a thread, beside the start of a job; `finish_warm_up` waits for it."""
+    """`load` and a short practice on a thread, beside the start of a job; `finish_warm_up` waits for it."""
     thread = threading.Thread(target=_load_and_practise, args=(chosen, params), name=WARM_UP_THREAD, daemon=True)
     _practised.set()
     _begun.append(thread)
@@ -72,13 +76,17 @@ def finish_warm_up() -> None:
 def _load_and_practise(chosen: Method, params: Params) -> None:
     with contextlib.suppress(ImpastoError):
         chosen.load()
-    _practise(chosen, params)
+    with _logged(chosen), contextlib.suppress(ImpastoError):
+        if (session := chosen.stream(params, SIZE, 0, {})) is not None:
+            for frame in islice(_practice(), JOB_FRAMES):
+                session.step(frame)
 
 
-def _practise(chosen: Method, params: Params, stopped: Callable[[], bool] = lambda: False) -> None:
-    """`warm_up` without errors: a method that has one raises it when it is used."""
+@contextlib.contextmanager
+def _logged(chosen: Method) -> Iterator[None]:
+    """Logs the error of a method that practises; the method raises it again when it is used."""
     try:
-        warm_up(chosen, params, stopped)
+        yield
     except Exception:
         log.warning("The method %s could not practise.", chosen.name, exc_info=True)
 
@@ -90,7 +98,8 @@ def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
             return
         _practised.set()
         for chosen in methods().values():
-            _practise(chosen, chosen.Params(), stopped)
+            with _logged(chosen):
+                warm_up(chosen, chosen.Params(), stopped)
 
 
 def _practice() -> Iterator[Frame]:

@@ -45,6 +45,7 @@ class LocalPool:
         workers: maximum number of attempts that run at once.
         machine: admits attempts by the resources that they need; None: always `workers` at once.
         task_memory_bytes: memory of a process with a task that declares no memory.
+        close: releases what the runners share, after the last one has ended.
     """
 
     shares_memory = False
@@ -55,9 +56,10 @@ class LocalPool:
         workers: int,
         machine: Machine | None = None,
         task_memory_bytes: int = 1 << 30,
+        close: Callable[[], None] = lambda: None,
     ) -> None:
         self.capacity = workers
-        self._make_runner = make_runner
+        self._make_runner, self._close = make_runner, close
         self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
         self._stops: dict[str, threading.Event] = {}
@@ -129,6 +131,7 @@ class LocalPool:
         deadline = time.monotonic() + grace_s
         for thread in (*self._threads, self._warming):
             thread.join(max(0.0, deadline - time.monotonic()))
+        self._close()
 
     def _warm_up(self) -> None:
         runner = self._make_runner()

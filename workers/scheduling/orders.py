@@ -69,6 +69,7 @@ class Orders:
             on_damage=request.on_damage,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
             earlier=self._earlier_task(claim.job["base_id"], step, task["key"]),
+            traced=claim.job["base_id"] is not None,
             leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
         )
 

@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import AnyArray, Arrays, State
+from pipeline.arrays import AnyArray, Arrays, State, part
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Ids
+from pipeline.strokes.raster import Profiles
 from pipeline.strokes.seeds import StyleField
 
 Half = NDArray[np.float16]
@@ -25,11 +26,9 @@ Half = NDArray[np.float16]
 STROKE = np.dtype([
     ("colour", "<f2", (3,)), ("target", "<f2", (3,)), ("radius_px", "<f2"), ("opacity", "<f2"), ("relief_px", "<f2"),
     ("grain", "<f2"), ("length_px", "<f2"), ("presence", "<f2"), ("rank", "<f2"), ("tolerance", "<f2"),
-    ("profile", "<f4", (5,)),
 ])  # fmt: skip
 """A stroke: paint colour and target colour (RGB 0..255), brush parameters at its seed, presence 0..1, rank in the
-painting order (lowest = topmost), colour tolerance (RGB distance up to which it covers a pixel), and the technique
-parameters `PROFILE_FIELDS`."""
+painting order (lowest = topmost), and colour tolerance (RGB distance up to which it covers a pixel)."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +40,14 @@ class StrokeLayer:
         ids: uint64 (n,), identifiers of the seeds.
         strokes: STROKE (n,); rounded to half precision here, so that stored and painted values are the same.
         sigma_px: sigma of the Gaussian blur of the layer's reference, px.
+        profile: float32 (n, 5), the technique parameters `PROFILE_FIELDS` of each stroke; (1, 5) = of all.
     """
 
     xy: NDArray[np.float32]
     ids: Ids
     strokes: AnyArray
     sigma_px: float
+    profile: Profiles
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -58,7 +59,9 @@ class StrokeLayer:
     @property
     def topmost_first(self) -> NDArray[np.intp]:
         """Painting order by rank, ties by id; a stroke keeps both for its lifetime."""
-        return np.lexsort((self.ids, self.values("rank")))
+        if (self.ids[1:] < self.ids[:-1]).any():
+            return np.lexsort((self.ids, self.values("rank")))
+        return np.argsort(_ordered_bits(self.strokes["rank"]), kind="stable")
 
     def dots(self) -> Strokes:
         """The strokes as strokes of one point each."""
@@ -122,7 +125,7 @@ class StrokeAnalysis:
             out["rims"] = self.rims
         for index, layer in enumerate(self.layers):
             out[f"{index}.xy"], out[f"{index}.strokes"], out[f"{index}.ids"] = layer.xy, layer.strokes, layer.ids
-            out[f"{index}.sigma"] = np.array(layer.sigma_px)
+            out[f"{index}.sigma"], out[f"{index}.profile"] = np.array(layer.sigma_px), layer.profile
         uniform = {name: value for name, value in self.technique.items() if isinstance(value, float)}
         out["uniform"] = np.array([uniform.get(name, np.nan) for name in PIXEL_FIELDS])
         return out | {
@@ -142,8 +145,8 @@ def unpack(arrays: Arrays) -> StrokeAnalysis:
     """Restore what `StrokeAnalysis.pack` returned."""
     count = sum(name.endswith(".xy") for name in arrays)
     layers = tuple(
-        StrokeLayer(arrays[f"{k}.xy"], arrays[f"{k}.ids"], arrays[f"{k}.strokes"], float(arrays[f"{k}.sigma"]))
-        for k in range(count)
+        StrokeLayer(own["xy"], own["ids"], own["strokes"], float(own["sigma"]), own["profile"])
+        for own in (part(arrays, str(k)) for k in range(count))
     )
     technique = {
         name: arrays[f"varying-{name}"] if np.isnan(value) else float(value)
@@ -153,6 +156,13 @@ def unpack(arrays: Arrays) -> StrokeAnalysis:
         int(arrays["number"]), arrays["picture"], arrays["field"], layers, arrays.get("back"), technique,
         arrays.get("rims"),
     )  # fmt: skip
+
+
+def _ordered_bits(values: Half) -> NDArray[np.uint16]:
+    """Integers in the order of half-precision numbers: NumPy sorts integers of 16 bits by their digits, ten times as
+    fast."""
+    bits = (values + np.float16(0)).view(np.uint16)  # -0 becomes 0
+    return np.where(bits >> 15, ~bits, bits | np.uint16(1 << 15))
 
 
 def _resized(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +9,9 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.buffers import Buffers
 from pipeline.frames import Frame, Plane
-from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, same, unpack
+from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.shared_paintings import SHARED
 from pipeline.methods.multistyle.styles import STYLES, pigment
 from pipeline.methods.tasks import Clock, no_clock
 from pipeline.strokes.accumulation import Painting, accumulate
@@ -30,7 +29,7 @@ from pipeline.strokes.streamlines_forward import (
     empty_buffer,
     streamlines_forward,
 )
-from pipeline.strokes.trace import TraceRules, trace_from
+from pipeline.strokes.trace import TraceRules, trace_from, unit_tangents
 from pipeline.strokes.tracks import fade
 
 PAPER_GRAIN = 0.09
@@ -70,9 +69,13 @@ class Painter:
         self.scratch: tuple[FrontToBack, Canvas] | None = None  # kept from frame to frame: new memory must be paged in
         self.buffers = Buffers()
 
-    def paint(self, analysis: StrokeAnalysis) -> Frame:
-        """Paint a frame: uint8 (h, w, 3)."""
-        now = self._painting(analysis)
+    def paint(self, analysis: StrokeAnalysis, shared: bool = False) -> Frame:
+        """Paint a frame: uint8 (h, w, 3).
+
+        Args:
+            shared: whether the next run of frames recalls this frame, perhaps in another thread of this process.
+        """
+        now = self._shared_painting(analysis) if shared else self._painting(analysis)
         if not self.accumulated:
             return now.paint
         with self.clock("accumulate"):
@@ -80,30 +83,19 @@ class Painter:
         self._keep(analysis, now)
         return picture
 
-    def recall(self, analysis: StrokeAnalysis) -> None:
-        """Paint a previous frame for accumulation only."""
+    def recall(self, analysis: StrokeAnalysis, shared: bool = False) -> None:
+        """Paint a previous frame for accumulation only; `shared`: the run of that frame paints it, too."""
         if self.accumulated:
-            self._keep(analysis, self._painting(analysis))
+            self._keep(analysis, self._shared_painting(analysis) if shared else self._painting(analysis))
 
-    def recall_run(self, analyses: Sequence[StrokeAnalysis]) -> None:
-        """`recall` the last frames of a run, in order. If this process has just painted the same frames (`keep_run`),
-        their paintings are used instead of being painted again."""
-        if not self._take_over(analyses):
-            for analysis in analyses:
-                self.recall(analysis)
-
-    def keep_run(self) -> None:
-        """Keep the last paintings for `recall_run` of the next painter in this process."""
-        _latest[:] = [(self.params, self.size, self.seed, list(self.past))]
-
-    def _take_over(self, analyses: Sequence[StrokeAnalysis]) -> bool:
-        """Use the paintings of `keep_run` if their parameters and analyses are the same; whether they are used."""
-        for params, size, seed, past in _latest[:]:
-            kept = [analysis for analysis, _ in reversed(past)]
-            if (params, size, seed) == (self.params, self.size, self.seed) and same(kept, analyses):
-                self.past = list(past)
-                return True
-        return False
+    def _shared_painting(self, analysis: StrokeAnalysis) -> Painting:
+        """The painting of a frame that two runs need: made by one of them, or made here and left for the other one."""
+        origin = self.params, self.size, self.seed, analysis.number
+        found = SHARED.take(origin, analysis)
+        if found is None:
+            found = self._painting(analysis)
+            SHARED.give(origin, analysis, found)
+        return found
 
     def state(self) -> State:
         """Analyses of the previous frames as arrays by name."""
@@ -147,10 +139,13 @@ class Painter:
         """Painting order of a layer, topmost first."""
         return colour_order(layer.values("colour")) if self.params.stroke_order == "colour" else layer.topmost_first
 
-    def _options(self, analysis: StrokeAnalysis, layer: StrokeLayer) -> RasterOptions:
+    def _options(
+        self, analysis: StrokeAnalysis, layer: StrokeLayer, tangents: NDArray[np.float32] | None = None
+    ) -> RasterOptions:
         return RasterOptions(
-            self.seed, layer.values("profile"), self._guide(analysis, layer), layer.values("tolerance"), self.threads
-        )
+            self.seed, layer.profile, self._guide(analysis, layer), layer.values("tolerance"), self.threads,
+            tangents,
+        )  # fmt: skip
 
     def _implicit(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Front to back: from the finest layer down to the ground."""
@@ -158,10 +153,12 @@ class Painter:
             self.scratch = empty_buffer(ground.shape), np.empty((*ground.shape[:2], 4), np.float32)
         buffer, canvas = self.scratch
         clear(buffer)
+        tangents = unit_tangents(direction, self.buffers.get("tangents", direction.shape))
         for index in reversed(range(len(analysis.layers))):
             layer = analysis.layers[index]
             with self.clock(f"layer {index + 1}"):
-                strokes, options = fade(layer.dots(), layer.values("presence")), self._options(analysis, layer)
+                strokes = fade(layer.dots(), layer.values("presence"))
+                options = self._options(analysis, layer, tangents)
                 streamlines_forward(buffer, strokes, direction, layer.values("length_px"), self._order(layer), options)
         return composite_over(buffer, ground, canvas)
 
@@ -184,7 +181,7 @@ class Painter:
                 dots, guide = fade(layer.dots(), layer.values("presence")), self._guide(analysis, layer)
                 rules = TraceRules(guide, canvas if index else None, edge)
                 strokes = trace_from(dots, layer.values("length_px"), direction, rules)
-                paint(canvas, strokes, seed=self.seed, profile=layer.values("profile"), guide=guide, tolerance=edge)
+                paint(canvas, strokes, seed=self.seed, profile=layer.profile, guide=guide, tolerance=edge)
         return canvas
 
     def _canvas(self, analysis: StrokeAnalysis, ground: Plane) -> Canvas:
@@ -207,20 +204,18 @@ class Painter:
         broad = _blurred(analysis.picture, analysis.layers[0].sigma_px * 2)
         vivid, contrast = (value if isinstance(value, float) else value.ravel() for value in map(field, _PAINT))
         colours = pigment(broad.reshape(-1, 3).astype(np.float32), vivid, contrast).reshape(broad.shape)
-        veil = np.empty_like(colours)
-        for c, name in enumerate(("ground_red", "ground_green", "ground_blue")):
-            veil[..., c] = np.asarray(field("cover"), np.float32) * (
-                np.asarray(field(name), np.float32) - colours[..., c]
-            )
-        veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
-        colours += veil
+        cover = np.asarray(field("cover"), np.float32)
+        if cover.any():
+            veil = np.empty_like(colours)
+            for c, name in enumerate(("ground_red", "ground_green", "ground_blue")):
+                veil[..., c] = cover * (np.asarray(field(name), np.float32) - colours[..., c])
+            veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
+            colours += veil
         out = self.buffers.get("ground", (self.size[1], self.size[0], 3))
         return np.asarray(cv2.resize(colours, self.size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 _PAINT = ("vivid", "contrast")
-_latest: list[tuple[MultistyleParams, tuple[int, int], int, list[tuple[StrokeAnalysis, Painting]]]] = []
-"""Parameters, size, seed and last paintings of the run that was painted last in this process; at most one."""
 
 
 def _round_off(canvas: Canvas) -> None:

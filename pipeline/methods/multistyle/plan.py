@@ -5,8 +5,8 @@
               propagates label maps and tubes forwards from run to run, `back-n` backwards from later keyframes
     maps      a task a run: region map of every frame and ellipse of every region; then a list of all regions
     paint     two tasks a run: `analyze-n` continues from the state that the previous run saved, and saves the analysis
-              of every frame; `run-n` paints from the analyses, and repaints the few previous frames that temporal
-              accumulation needs, unless its process has just painted them
+              of every frame; `run-n` paints from the analyses, and paints the few previous frames that temporal
+              accumulation needs, unless the run before does so in the same process (`shared_paintings`)
 
 Analysis costs about half of painting, so a single long shot keeps three workers busy. Shots are independent. The
 result is the same, byte for byte, as that of one session over the whole video.
@@ -14,7 +14,7 @@ result is the same, byte for byte, as that of one session over the whole video.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from pipeline.arrays import Arrays, State, part
@@ -34,6 +34,9 @@ RUN_FRAMES = 12
 """Frames a task: about 4 s of work at 720p, which is repeated after a failure."""
 LONG_SHOT_RUNS = 20
 """Shots of at least this many runs use runs of twice the length, which halves the repainted frames."""
+BEHIND = 4
+"""Runs that are analysed before the first one is painted, if workers are free for either. So the analyses that wait are
+few, and at the end enough is left to paint for several workers."""
 ANALYSIS_SHARE = 0.35
 """Cost of the analysis of a frame as a fraction of analysis and painting."""
 
@@ -61,11 +64,16 @@ def run_frames(shot: tuple[int, int]) -> int:
 
 
 def runs_of(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """(first frame, frame after the last, shot) of every run."""
+    """(first frame, frame after the last, shot) of every run. Without regions, which would occupy a second worker, the
+    first run is short, because that worker waits for it."""
     scan = context.results["scan"]["video"]
     for shot in pairwise([0, *scan["cuts"], scan["frames"]]):
-        for start in range(*shot, run_frames(shot)):
-            yield start, min(start + run_frames(shot), shot[1]), shot
+        start = shot[0]
+        while start < shot[1]:
+            length = run_frames(shot) if start or scan["maps"] else -(-RUN_FRAMES // 2)
+            stop = min(start + length, shot[1])
+            yield start, stop, shot
+            start = stop
 
 
 def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
@@ -76,12 +84,19 @@ def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
         args = {"start": start, "stop": stop, "last": stop == shot[1], "frames": total} | region_maps.ellipses(
             context, start, stop, shot
         )
-        after = (_analysis_key(start - run_frames(shot)),) if start > shot[0] else ()
+        after = (analyses[-1].key,) if start > shot[0] else ()
         analyses.append(Task(_analysis_key(start), args, after, weight=ANALYSIS_SHARE * (stop - start)))
         args = {"start": start, "stop": stop, "before": after[0] if after else None, "last": stop == shot[1]}
         weight = (1 - ANALYSIS_SHARE) * (stop - start)
         paints.append(Task(f"run-{start:07d}", args, (_analysis_key(start), *after), (start, stop), weight=weight))
-    return analyses + paints
+    return _painted_behind(analyses, paints)
+
+
+def _painted_behind(analyses: Sequence[Task], paints: Sequence[Task]) -> list[Task]:
+    """The tasks in the order in which workers prefer them: a run is painted `BEHIND` runs after its analysis."""
+    ahead = min(BEHIND, len(analyses))
+    pairs = zip(analyses[ahead:], paints, strict=False)
+    return [*analyses[:ahead], *(task for pair in pairs for task in pair), *paints[len(analyses) - ahead :]]
 
 
 def _analysis_key(start: int) -> str:
@@ -109,34 +124,37 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
         kept |= {f"{count}.{name}": array for name, array in analysis.pack().items()}
         count += 1
         context.progress(count / (stop - start))
-    context.save(task.key, kept)
+    recalled = 0 if task.args["last"] else accumulated_frames(context.params)
+    context.save(task.key, _frames_of(kept, 0, count - recalled))
+    if recalled:
+        context.save(f"last-{task.key}", _frames_of(kept, count - recalled, count))
     if not task.args["last"]:
         context.save(f"state-{task.key}", analyzer.state())
-        if previous := accumulated_frames(context.params):
-            context.save(f"last-{task.key}", _from(kept, count - previous))
     if analyzer.design is None:
         return {"frames": count}
     return {"frames": count, "laplace_residual": analyzer.design.residual, "laplace_cycles": analyzer.design.cycles}
 
 
-def _from(kept: State, first: int) -> State:
-    """Packed analyses of a run, from its frame `first` on."""
-    return {name: array for name, array in kept.items() if int(name.partition(".")[0]) >= first}
+def _frames_of(kept: State, first: int, stop: int) -> State:
+    """Packed analyses of the frames [first, stop) of a run."""
+    return {name: array for name, array in kept.items() if first <= int(name.partition(".")[0]) < stop}
 
 
 def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     """Paint frames [start, stop) from their analyses and those of the few previous frames."""
     start, stop = task.args["start"], task.args["stop"]
-    packed = context.load("paint", _analysis_key(start))
+    key = _analysis_key(start)
     painter = Painter(context.params, context.size, context.seed, context.clock)
     if painter.accumulated and task.args["before"]:
-        painter.recall_run(_unpacked(context.load("paint", f"last-{task.args['before']}")))
-    frames = _unpacked(packed)
+        for analysis in _unpacked(context.load("paint", f"last-{task.args['before']}")):
+            painter.recall(analysis, shared=True)
+    recalled = 0 if task.args["last"] else painter.accumulated
+    frames = _unpacked(context.load("paint", key))
+    if recalled:
+        frames += _unpacked(context.load("paint", f"last-{key}"))
     for k, analysis in enumerate(frames):
-        context.emit(start + k, painter.paint(analysis))
+        context.emit(start + k, painter.paint(analysis, shared=k >= len(frames) - recalled))
         context.progress((k + 1) / (stop - start))
-    if painter.accumulated and not task.args["last"]:
-        painter.keep_run()
     if context.wants(DIRECTIONS):
         pictures = {start + k: orientation_picture(analysis, context.size) for k, analysis in enumerate(frames)}
         context.save_file(f"{DIRECTIONS}-{start:07d}.zip", archive(pictures), "application/zip")

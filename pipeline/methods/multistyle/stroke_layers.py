@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import cv2
 import numpy as np
@@ -17,10 +17,10 @@ from pipeline.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, face_weight, pigment
-from pipeline.strokes.brush import Brush, tint
+from pipeline.strokes.brush import Brush, shifted
 from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, spacing_px, threshold_of
 from pipeline.strokes.random import Purpose, draws
-from pipeline.strokes.seeds import Seeds, StyleField, place, sampler
+from pipeline.strokes.seeds import Seeds, StyleField, place, sample_all
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
 
 EDGE_FALL, EDGE_DETAIL_FALL, EDGE_FACE_FALL = 0.85, 0.5, 0.5
@@ -38,6 +38,7 @@ MEDIAN_ROWS = 60
 """Approximate number of rows from which the median of a plane is computed."""
 KEEP = 0.6
 """Factor on the error threshold for existing strokes (hysteresis)."""
+_BRUSH_FIELDS = tuple(field.name for field in fields(Brush))
 
 
 @dataclass(frozen=True)
@@ -94,18 +95,17 @@ class StrokeLayers:
         scheme = scheme_of(style)
         scale = self.work[1] / self.size[1]
         revealed = None if motion is None else self._revealed(motion)
-        tracks, layers, below = [], [], picture
+        tracks, layers, width = [], [], 0.0
         for index in range(layer_count(style)):
             brush = layer_brush(style.brush, style.technique["layer_ratio"], index)
+            error = self._error(index, picture, width, motion) if index else None
             width = median(brush.size_px) * scale
             sigma = scheme.blur * width / 2
             reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
-            error = self._error(index, picture, below, motion) if index else None
             job = _LayerJob(index, brush, reference, error)
             updated = self._update(job, style, scheme, motion, revealed, number)
             tracks.append(updated)
             layers.append(self._layer(updated, job, style, sigma if sigma > LEAST_BLUR_PX else 0.0, detail))
-            below = np.asarray(blurred(picture, max(width / 2, 0.5)), np.uint8)
         self.tracks = tracks
         return tuple(layers)
 
@@ -137,20 +137,25 @@ class StrokeLayers:
     def _exceeds(self, seeds: Seeds, job: _LayerJob, style: LayerStyle, factor: float) -> NDArray[np.bool_]:
         """Flags of the seeds whose area error exceeds the layer's threshold times `factor`."""
         assert job.error is not None
-        at_seeds = sampler(seeds.xy, self.size[::-1])
-        threshold = threshold_of(at_seeds(style.layers), at_seeds(style.threshold), job.index)
+        given = (style.layers, style.threshold, job.brush.size_px)
+        layers, threshold, size_px = sample_all(given, seeds.xy, self.size[::-1])
+        threshold = threshold_of(layers, threshold, job.index)
         scale = np.float32(self.work[1] / self.size[1])
-        found = area_error(job.error, seeds.xy * scale, at_seeds(job.brush.size_px) * scale)
+        found = area_error(job.error, seeds.xy * scale, size_px * scale)
         return np.asarray(found > threshold * np.float32(factor), np.bool_)
 
-    def _error(self, index: int, picture: Frame, below: Frame, motion: FrameMotion | None) -> Plane:
+    def _error(self, index: int, picture: Frame, width_px: float, motion: FrameMotion | None) -> Plane:
         """Error that the layer below leaves, RGB distance, float32 (h', w'), smoothed over time.
+
+        Args:
+            width_px: median width of the strokes of the layer below, px of the picture.
 
         Departure: hertzmann1998painterly compares the picture with the canvas. Here it is compared with its own blur by
         the stroke size of the layer below. The blur does not depend on single strokes, so the error does not flicker
         with them, and a frame can be analysed without painting it.
         """
         now = np.empty(picture.shape[:2], np.float32)
+        below = np.asarray(blurred(picture, max(width_px / 2, 0.5)), np.uint8)
         if motion is not None and len(self.errors) >= index:
             changed = np.zeros(now.shape, np.bool_) if motion.changed is None else motion.changed
             _distance(
@@ -165,29 +170,32 @@ class StrokeLayers:
         self, tracks: StrokeTracks, job: _LayerJob, style: LayerStyle, sigma_px: float, detail: Plane | None
     ) -> StrokeLayer:
         """The layer's strokes with their paint."""
-        seeds, technique, brush = tracks.seeds, style.technique, job.brush
-        shape = self.size[::-1]
-        at_seeds = sampler(seeds.xy, shape)
-        vivid, contrast, order_mix = (at_seeds(technique[name]) for name in ("vivid", "contrast", "order_mix"))
+        seeds, technique = tracks.seeds, style.technique
+        given: dict[str, StyleField] = {name: getattr(job.brush, name) for name in _BRUSH_FIELDS}
+        given |= {name: technique[name] for name in ("vivid", "contrast", "order_mix")}
+        given["tolerance"] = np.multiply(technique["edge"], EDGE_FALL**job.index)
+        given |= {} if detail is None else {"detail": detail}
+        uniform = all(isinstance(technique[name], float) for name in PROFILE_FIELDS)
+        given |= {} if uniform else {name: technique[name] for name in PROFILE_FIELDS}
+        own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
         strokes = np.zeros(len(tracks), STROKE)
-        strokes["colour"] = np.clip(
-            tint(pigment(tracks.targets, vivid, contrast), seeds, brush, self.seed, shape), 0, 255
-        )
+        paint = pigment(tracks.targets, own["vivid"], own["contrast"])
+        shifts = [own[name] for name in ("hue_deg", "saturation", "value", "jitter")]
+        strokes["colour"] = np.clip(shifted(paint, seeds.ids, shifts, self.seed), 0, 255)
         strokes["target"] = tracks.targets
-        strokes["radius_px"] = at_seeds(brush.size_px) / np.float32(2)
+        strokes["radius_px"] = own["size_px"] / np.float32(2)
         for name in ("opacity", "relief_px", "grain", "length_px"):
-            strokes[name] = at_seeds(getattr(brush, name))
+            strokes[name] = own[name]
         strokes["presence"] = tracks.presence
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
-        strokes["rank"] = np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + order_mix * variation
-        own = None if detail is None else at_seeds(detail)
-        strict = 0.0 if own is None else own * np.float32(EDGE_DETAIL_FALL)
-        strokes["tolerance"] = at_seeds(np.multiply(technique["edge"], EDGE_FALL**job.index)) * (1 - strict)
-        if own is not None and (face := face_weight(own)) is not None:
+        strokes["rank"] = np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + own["order_mix"] * variation
+        strict = 0.0 if detail is None else own["detail"] * np.float32(EDGE_DETAIL_FALL)
+        strokes["tolerance"] = own["tolerance"] * (1 - strict)
+        if detail is not None and (face := face_weight(own["detail"])) is not None:
             strokes["tolerance"] *= 1 - face * np.float32(EDGE_FACE_FALL)
-        for column, name in enumerate(PROFILE_FIELDS):
-            strokes["profile"][:, column] = at_seeds(technique[name])
-        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px)
+        profile = [np.array([technique[name]]) if uniform else own[name] for name in PROFILE_FIELDS]
+        columns = np.stack(profile, axis=1).astype(np.float32)
+        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px, columns)
 
     def state(self) -> State:
         """State as arrays by name."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.frames import Plane
+from pipeline.jit import kernel
 from pipeline.methods.multistyle.params import MultistyleParams, StyleName
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.seeds import StyleField
@@ -38,6 +39,7 @@ FACE_OPACITY = 0.7
 of a coarser layer hides the eyes."""
 LUMA = (0.299, 0.587, 0.114)
 """Weights of red, green and blue in the gray of a colour (ITU-R BT.601)."""
+_RED, _GREEN, _BLUE = (np.float32(weight) for weight in LUMA)
 SMALLEST_PX = 1.7
 """Width of the finest strokes, px; narrower ones are not visible as strokes."""
 
@@ -300,8 +302,22 @@ def pigment(
 
     The luma is added up in a fixed order: a matrix product depends on the processor in its last bit.
     """
-    chroma, lightness = (np.asarray(value, np.float32)[..., None] for value in (vivid, contrast))
-    red, green, blue = (colours[:, channel, None] * np.float32(LUMA[channel]) for channel in range(3))
-    gray = red + (green + blue)
-    strong = gray + chroma * (colours - gray)
-    return np.asarray(np.clip(np.float32(128) + lightness * (strong - np.float32(128)), 0, 255), np.float32)
+    out = np.empty(colours.shape, np.float32)
+    chroma, lightness = (np.atleast_1d(np.asarray(value, np.float32)) for value in (vivid, contrast))
+    _pigment(np.ascontiguousarray(colours, np.float32), chroma, lightness, out)
+    return out
+
+
+@kernel
+def _pigment(
+    colours: NDArray[np.float32], vivid: NDArray[np.float32], contrast: NDArray[np.float32], out: NDArray[np.float32]
+) -> None:
+    """`vivid` and `contrast`: float32 (1,) or (n,)."""
+    middle, zero, most = np.float32(128), np.float32(0), np.float32(255)
+    last_vivid, last_contrast = len(vivid) - 1, len(contrast) - 1
+    for k in range(len(colours)):
+        gray = colours[k, 0] * _RED + (colours[k, 1] * _GREEN + colours[k, 2] * _BLUE)
+        chroma, lightness = vivid[min(k, last_vivid)], contrast[min(k, last_contrast)]
+        for c in range(3):
+            strong = gray + chroma * (colours[k, c] - gray)
+            out[k, c] = min(max(middle + lightness * (strong - middle), zero), most)

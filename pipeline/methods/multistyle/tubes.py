@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,14 @@ from pydantic import JsonValue
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Frame
-from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.session import AbstractionSession
 from pipeline.methods.base import TaskResult
 
-COARSE = AbstractionParams(
-    growing_limit=26, core_tolerance=1.0, smallest_region=3, merge_similar=12, edge_threshold=140, lines="off",
-    saliency_importance=0.2, motion_importance=0.2, edges="soft",
-)  # fmt: skip
-"""Parameters for fewer and larger regions than in a cartoon. With soft edges, frames are analysed at their own size."""
+COARSE: Mapping[str, float | str] = MappingProxyType({
+    "growing_limit": 26, "core_tolerance": 1.0, "smallest_region": 3, "merge_similar": 12, "edge_threshold": 140,
+    "lines": "off", "saliency_importance": 0.2, "motion_importance": 0.2, "edges": "soft",
+})  # fmt: skip
+"""Parameters of the method abstraction for fewer and larger regions than in a cartoon. With soft edges, frames are
+analysed at their own size."""
 MOTION = 6.0
 """Lab units equivalent to a difference in motion of one px a frame, for frames of 360 rows."""
 
@@ -41,7 +41,11 @@ class TubeTracker:
     """Tracks the tubes of one shot."""
 
     def __init__(self, size: tuple[int, int], shot: int) -> None:
-        self.session = AbstractionSession(COARSE, size, shot=shot)
+        # Imported here, because most paintings have no regions, and these imports take a tenth of the start.
+        from pipeline.methods.abstraction.params import AbstractionParams
+        from pipeline.methods.abstraction.session import AbstractionSession
+
+        self.session = AbstractionSession(AbstractionParams.model_validate(COARSE), size, shot=shot)
 
     def step(self, frame: Frame) -> tuple[NDArray[np.int64], TaskResult]:
         """Segment the next frame: tube id of each pixel, int64 (h, w), and the statistics of the tubes."""

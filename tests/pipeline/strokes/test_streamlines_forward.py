@@ -68,12 +68,12 @@ def test_the_covering_order_is_that_of_the_paper(curved: bool, alike: float) -> 
 def test_a_stroke_has_the_requested_length_and_width(degrees: int) -> None:
     angle, buffer = math.radians(degrees), empty_buffer(SIZE)
     layer(buffer, dots([(55, 45)], [(200, 200, 200)], Brush(size_px=8)), even(angle), 40, [0])
-    y, x = np.nonzero(buffer[..., 4] < 0.5)
+    y, x = np.nonzero(buffer.paint[..., 4] < 0.5)
     along = (x - 55) * math.cos(angle) + (y - 45) * math.sin(angle)
     across = (y - 45) * math.cos(angle) - (x - 55) * math.sin(angle)
     assert np.abs(across).max() <= 4.6
     assert 22 <= along.max() <= 25 and -25 <= along.min() <= -22
-    assert (1 - buffer[..., 4]).sum() == pytest.approx(8 * 40 + math.pi * 16, rel=0.03)
+    assert (1 - buffer.paint[..., 4]).sum() == pytest.approx(8 * 40 + math.pi * 16, rel=0.03)
 
 
 def test_the_first_stroke_of_the_order_is_topmost() -> None:
@@ -81,16 +81,17 @@ def test_the_first_stroke_of_the_order_is_topmost() -> None:
     for order, top in (([0, 1], 0), ([1, 0], 2)):
         buffer = empty_buffer(SIZE)
         layer(buffer, strokes, even(0), 20, order)
-        assert buffer[45, 52, top] == pytest.approx(250, abs=1) and buffer[45, 52, 2 - top] < 1
+        assert buffer.paint[45, 52, top] == pytest.approx(250, abs=1) and buffer.paint[45, 52, 2 - top] < 1
 
 
 def test_earlier_layers_stay_on_top_of_the_ground() -> None:
     buffer = empty_buffer(SIZE)
     layer(buffer, dots([(30, 45)], [(9, 200, 9)], Brush(size_px=9)), even(0), 10, [0])
-    before = buffer.copy()
+    before = buffer.paint.copy()
     layer(buffer, dots([(34, 45)], [(200, 9, 9)], Brush(size_px=20)), even(0), 30, [0])
     done = before[..., 4] < 0.004
-    np.testing.assert_array_equal(buffer[done], before[done])
+    np.testing.assert_array_equal(buffer.paint[done], before[done])
+    np.testing.assert_array_equal(buffer.finished, buffer.paint[..., 4] <= np.float32(0.03))
     picture = composite_over(buffer, np.full((*SIZE, 3), 77, np.float32))
     assert (picture[5, 5, :3] == 77).all() and picture[45, 30, 1] == pytest.approx(200, abs=1)
 
@@ -104,7 +105,7 @@ def test_thin_paint_adds_up() -> None:
         20,
         [0, 1],
     )
-    np.testing.assert_allclose(buffer[45, 50, [0, 2, 4]], [100, 50, 0.25], atol=0.5)
+    np.testing.assert_allclose(buffer.paint[45, 50, [0, 2, 4]], [100, 50, 0.25], atol=0.5)
 
 
 def test_each_stroke_covers_colours_within_its_own_tolerance() -> None:
@@ -113,7 +114,8 @@ def test_each_stroke_covers_colours_within_its_own_tolerance() -> None:
     strokes = dots([(50, 20), (50, 70)], [(20, 20, 20)] * 2, Brush(size_px=9))
     buffer = empty_buffer(SIZE)
     layer(buffer, strokes, even(0), 60, [0, 1], guide=guide, tolerance=np.array([30, 90], np.float32))
-    assert (buffer[20, 60:, 4] == 1).all() and buffer[20, 55, 4] < 0.01 and buffer[70, 65, 4] < 0.01
+    paint = buffer.paint
+    assert (paint[20, 60:, 4] == 1).all() and paint[20, 55, 4] < 0.01 and paint[70, 65, 4] < 0.01
 
 
 def test_soft_edges_fade_over_their_width_and_leave_a_stroke_as_wide_as_it_is() -> None:
@@ -123,7 +125,7 @@ def test_soft_edges_fade_over_their_width_and_leave_a_stroke_as_wide_as_it_is() 
         buffer, strokes = empty_buffer(SIZE), dots([(55, 45)], [(200, 200, 200)], Brush(size_px=16))
         options = RasterOptions(profile=StrokeProfile((0, 0), streaks=0, dry=0, soft=soft))
         streamlines_forward(buffer, strokes, even(0), np.array([30], np.float32), np.array([0], np.intp), options)
-        share = 1 - buffer[:, 55, 4]
+        share = 1 - buffer.paint[:, 55, 4]
         made[soft] = ((share > 0.02) & (share < 0.98)).sum() / 2, share.sum()
     assert made[0.0][0] <= 1 and 4 <= made[0.5][0] <= 6
     assert made[0.5][1] == pytest.approx(made[0.0][1], abs=0.3)
@@ -137,7 +139,7 @@ def test_threads_do_not_change_the_result(threads: int) -> None:
         buffer = empty_buffer(SIZE)
         lengths = np.full(len(strokes), 25, np.float32)
         streamlines_forward(buffer, strokes, field, lengths, order, RasterOptions(threads=n))
-        pictures.append(buffer.tobytes())
+        pictures.append(buffer.paint.tobytes() + buffer.finished.tobytes())
     assert pictures[0] == pictures[1]
 
 
@@ -145,4 +147,4 @@ def test_no_strokes_paint_nothing() -> None:
     buffer = empty_buffer(SIZE)
     none = Strokes(*(getattr(dots([(1, 1)], [(0, 0, 0)], Brush()), k)[:0] for k in Strokes.__dataclass_fields__))
     streamlines_forward(buffer, none, even(0), np.zeros(0, np.float32), np.zeros(0, np.intp))
-    assert (buffer == empty_buffer(SIZE)).all()
+    assert all((mine == theirs).all() for mine, theirs in zip(buffer, empty_buffer(SIZE), strict=True))

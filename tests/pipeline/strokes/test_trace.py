@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.strokes.brush import Brush, Direction, blank, colours_at
+from pipeline.strokes.brush import Brush, Direction, blank, colours_at, discs
 from pipeline.strokes.seeds import Seeds
-from pipeline.strokes.trace import TraceRules, trace
+from pipeline.strokes.trace import TraceRules, trace, trace_along, trace_from, unit_tangents
 
 SIZE = (121, 141)
 GRAY = np.full((1, 3), 128, np.float32)
@@ -59,6 +59,19 @@ def test_without_direction_a_stroke_goes_straight_on() -> None:
     strokes = trace(one(70, 60), field, Brush(size_px=4, length_px=60), GRAY)
     assert np.abs(strokes.points[0, : strokes.counts[0], 0] - 70).max() < 0.01
     assert strokes.points[0, : strokes.counts[0], 1].min() == pytest.approx(30, abs=0.1)
+
+
+def test_streamlines_along_tangents_have_the_same_points() -> None:
+    draw = np.random.default_rng(4)
+    field = round_about(70, 60) * draw.uniform(0.01, 2, (*SIZE, 1)).astype(np.float32)
+    field[20:40, 30:60] = 0
+    xy = draw.uniform(0, [SIZE[1] - 1, SIZE[0] - 1], (300, 2)).astype(np.float32)
+    starts = discs(Seeds(xy, np.arange(300, dtype=np.uint64)), Brush(size_px=5), np.full((300, 3), 90, np.float32))
+    lengths = draw.choice([0, 9, 40, 150], 300).astype(np.float32)
+    one_by_one, fast = trace_from(starts, lengths, field), trace_along(starts, lengths, field, unit_tangents(field))
+    assert fast.counts.tolist() == one_by_one.counts.tolist() and len(set(fast.counts)) > 5
+    for k, count in enumerate(fast.counts):
+        np.testing.assert_array_equal(fast.points[k, :count], one_by_one.points[k, :count])
 
 
 def test_strokes_end_at_an_edge() -> None:
