@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
-from pipeline.warp.homography import Homography, apply, lattice
+from pipeline.warp.homography import Homography
 
 Rect = tuple[int, int, int, int]
 """Left, top, right, bottom, px; right and bottom are exclusive."""
@@ -37,9 +37,9 @@ class Placement:
 
     def positions(self) -> NDArray[np.float32]:
         """Panorama positions G of the rectangle's pixels: float32 (h, w, 2), working px."""
-        left, top, right, bottom = self.rect
-        here = lattice((bottom - top, right - left), (left, top))
-        return np.asarray(apply(self.matrix, here) + self.residual, np.float32)
+        out = np.empty((*self.residual.shape[:2], 2), np.float32)
+        _place(np.ascontiguousarray(self.matrix), self.rect[:2], self.residual.astype(np.float32), out)
+        return out
 
     def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """Panorama positions G of arbitrary points (h, w, 2) of the frame.
@@ -48,8 +48,37 @@ class Placement:
         """
         x = np.ascontiguousarray(points[..., 0] - np.float32(self.rect[0]))
         y = np.ascontiguousarray(points[..., 1] - np.float32(self.rect[1]))
-        residual = cv2.remap(self.residual.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return (apply(self.matrix, points) + residual).astype(np.float32)
+        residual: AnyArray = cv2.remap(
+            self.residual.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        out = np.empty(points.shape, np.float32)
+        _map(np.ascontiguousarray(self.matrix), points, residual, out)
+        return out
+
+
+@kernel
+def _place(m: Homography, corner: tuple[int, int], residual: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Positions of the pixels of a rectangle with this top left corner, (x, y), by the homography plus the residual."""
+    left, top = corner
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = np.float64(left + j), np.float64(top + i)
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            out[i, j, 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * scale + residual[i, j, 0]
+            out[i, j, 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * scale + residual[i, j, 1]
+
+
+@kernel
+def _map(
+    m: Homography, points: NDArray[np.float32], residual: NDArray[np.float32], out: NDArray[np.float32]
+) -> None:  # fmt: skip
+    """`_place` for the positions `points`."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = np.float64(points[i, j, 0]), np.float64(points[i, j, 1])
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            out[i, j, 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * scale + residual[i, j, 0]
+            out[i, j, 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * scale + residual[i, j, 1]
 
 
 class _FullSizeGrid(NamedTuple):

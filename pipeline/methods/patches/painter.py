@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -41,6 +42,8 @@ STEEPENING, MOST_STEPS = 2.0, 8
 """Steps of edge steepening per px of a frame 344 px high, see `steepen`, and the largest number of them."""
 MIN_RADIUS = 0.8
 """Smallest stroke radius, px."""
+KEPT_SEEDS = 16
+"""Layers whose seeds stay in memory: those of the frame, and of a few panoramas."""
 
 Box = tuple[slice, slice]
 """Rows and columns."""
@@ -178,8 +181,11 @@ class HertzmannPainter:
         canvas[inner] = own
 
     def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
-        spacing = spacing_px(brush, self.scheme)
-        seeds = place(where.shape, spacing, jitter=self.scheme.scatter, seed=self.seed, layer=index)
+        spacing, shape = spacing_px(brush, self.scheme), (where.shape[0], where.shape[1])
+        if np.ndim(spacing):
+            seeds = place(shape, spacing, jitter=self.scheme.scatter, seed=self.seed, layer=index)
+        else:
+            seeds = _uniform_seeds(shape, float(spacing), self.scheme.scatter, self.seed, index)
         seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
         corner = np.array([box[1].start or 0, box[0].start or 0], np.float32)
         return Seeds(seeds.xy - corner, seeds.ids)
@@ -215,6 +221,15 @@ class HertzmannPainter:
         if presence is not None:
             strokes = fade(strokes, presence)
         paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=slopes_of(reference))
+
+
+@lru_cache(maxsize=KEPT_SEEDS)
+def _uniform_seeds(shape: tuple[int, int], spacing: float, jitter: float, seed: int, layer: int) -> Seeds:
+    """`place` for one spacing, px: every frame of a video has the same seeds. The arrays are read-only."""
+    seeds = place(shape, spacing, jitter=jitter, seed=seed, layer=layer)
+    for array in (seeds.xy, seeds.ids):
+        array.setflags(write=False)
+    return seeds
 
 
 def _within(box: Box, inner: Box) -> Box:
