@@ -169,7 +169,7 @@ class ResidualLayer:
         old, weight = self._old_paint(self.source, self.paintings, frame, visible, limit)
         rendering, total = self._with_next_run(index, frame, visible, limit, old, weight)
         if (incomplete := visible & (total < 1)).any():
-            add_weighted(rendering, np.stack([frame, self._new_paint(frame, incomplete, faces)]), 1 - total)
+            add_weighted(rendering, np.stack([frame, self.painter.paint_part(frame, incomplete, faces)]), 1 - total)
         self.source, self.last = self.source.reset(index, ~visible | (weight < 1)), index
         return rendering
 
@@ -258,12 +258,6 @@ class ResidualLayer:
         smooth = np.asarray(cv2.blur(kept, (side, side), borderType=cv2.BORDER_REPLICATE), np.float32)
         _with_transition(smooth, kept)
         return rendering, kept
-
-    def _new_paint(self, frame: Frame, where: Mask, faces: FacePlanes | None) -> Frame:
-        """Paint the frame by itself, near the pixels of `where`."""
-        reach = 2 * int(self.painter.reach_px / 4) + 1
-        near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-        return self.painter.paint_part(frame, near, faces)
 
 
 def _warped(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:

@@ -14,7 +14,7 @@ from pipeline.methods.patches import face_tracking, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
 from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes, stroke_widths
-from pipeline.methods.patches.painter import HertzmannPainter
+from pipeline.methods.patches.painter import HertzmannPainter, reach_px
 from pipeline.methods.patches.panorama_faces import as_planes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.scenes import scene
@@ -46,7 +46,7 @@ def test_fine_strokes_bring_a_face_nearer_to_the_frame_and_change_nothing_far_fr
     painter = HertzmannPainter.of("hertzmann", SIZE[0] * SIZE[1], SIZE[1], PatchesParams(), 0)
     without, fine = painter.paint_picture(portrait()[0]), painter.paint_picture(portrait()[0], head())
     assert error(fine) < 0.8 * error(without)
-    reach = 2 * int(painter.reach_px) + 1
+    reach = 2 * int(reach_px(painter.brush)) + 1
     far = cv2.dilate((head().weight > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0
     assert far.any()
     np.testing.assert_array_equal(fine[far], without[far])
