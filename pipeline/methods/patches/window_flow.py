@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, State
 from pipeline.flow import estimate
+from pipeline.flow.dis import Preset, dis
 from pipeline.flow.gray import Gray, to_gray
 from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane
@@ -25,6 +26,8 @@ from pipeline.methods.patches.scan import WorkingGrid, run_start
 
 MIN_GRADIENT = 1.0
 """Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
+PRESETS: dict[str, tuple[Preset, Preset]] = {"dis-medium": ("medium", "half")}
+"""Presets of DIS for neighbouring frames, and for frames further apart, whose flow only votes for labels."""
 MAX_CACHED_FLOWS = 10
 """Maximum number of decoded flow fields in memory, about as many as a frame's window has."""
 
@@ -109,14 +112,21 @@ def flow_pair(first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGr
         gap: distance of the frames, frames.
     """
     here, there = (first.gray, second.gray) if gap == 1 else (first.small_gray, second.small_gray)
-    forward: Flow = estimate(here, there, params.flow)
-    backward: Flow = estimate(there, here, params.flow)
+    forward, backward = _estimated(here, there, gap, params), _estimated(there, here, gap, params)
     of_forward = None
     if gap == 1:
         forward, backward = grid.shrink_flow(forward), grid.shrink_flow(backward)
         of_forward = reliability(first.colours, second.colours, forward, backward, params.colour_scale)
     of_backward = reliability(second.colours, first.colours, backward, forward, params.colour_scale)
     return FlowPair(forward, backward, of_forward, of_backward)
+
+
+def _estimated(here: Gray, there: Gray, gap: int, params: PatchesParams) -> Flow:
+    """Flow from one frame to the other, px."""
+    preset = PRESETS.get(params.flow)
+    if preset is None:
+        return estimate(here, there, params.flow)
+    return dis(here, there, preset[min(gap, 2) - 1])
 
 
 def reliability(
