@@ -20,7 +20,20 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Mask
 from pipeline.jit import kernel
 from pipeline.solvers.anchors import adrift
-from pipeline.solvers.grid import Doubles, Level, advance, build_levels, conjugate, dot, multiply, v_cycle, work_arrays
+from pipeline.solvers.grid import (
+    RIGHT_SIDE,
+    SOLUTION,
+    Doubles,
+    Levels,
+    advance,
+    build_levels,
+    conjugate,
+    dot,
+    finest,
+    multiply,
+    v_cycle,
+    work_arrays,
+)
 
 TOLERANCE = 1e-6
 """Residual norm relative to that of x = 0 at which the iteration stops; its effect is below float32 resolution."""
@@ -217,22 +230,22 @@ def _finish(
 
 
 def _iterate(
-    levels: list[Level], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
+    levels: Levels, right: Doubles, x: Doubles, tolerance: float, max_cycles: int
 ) -> tuple[Doubles, tuple[float, ...]]:
     """Conjugate gradients starting from `x`, in place; residual norms are relative to that of `right`."""
-    stencil, work = levels[0].stencil, work_arrays(levels)
+    stencil, work = levels.stencil, work_arrays(levels)
     whole = math.sqrt(dot(right, right))
     if whole == 0.0:
         return np.zeros_like(right), (0.0,)
     image, direction, old = np.zeros_like(right), np.zeros_like(right), math.inf
     multiply(stencil, x, image)
-    residual = work[0].right
+    residual, better = finest(levels, work, RIGHT_SIDE), finest(levels, work, SOLUTION)
     np.subtract(right, image, out=residual)
     history = [math.sqrt(dot(residual, residual)) / whole]
     while history[-1] > tolerance and len(history) <= max_cycles:
         v_cycle(levels, work)
-        new = dot(residual, work[0].x)
-        conjugate(direction, work[0].x, new / old)
+        new = dot(residual, better)
+        conjugate(direction, better, new / old)
         energy = multiply(stencil, direction, image)
         if not (new > 0 and energy > 0):  # only rounding errors are left
             break
