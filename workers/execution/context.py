@@ -7,9 +7,9 @@ import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from functools import partial
 from pathlib import Path
 
+import numpy as np
 from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
@@ -22,7 +22,8 @@ from pipeline.video.index import Index
 from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
-from workers.execution.arrays import read_arrays, write_arrays
+from workers.execution.arrays import read_arrays
+from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
 from workers.execution.input_damage import InputDamage, within
@@ -79,6 +80,7 @@ class AttemptContext:
         """Second frames of the pairs that the job's quality report measures."""
         self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
+        self._writer = ArtefactWriter(blobs)
         self._decoders = decoders
         self._scratch = scratch
         self._report = report
@@ -185,7 +187,7 @@ class AttemptContext:
     def save(self, name: str, arrays: Arrays) -> None:
         key = self._key(f"{_checked(name)}-{arrays_digest(arrays)}.npz")
         with self.stages.waiting("store"):
-            self._blobs.put(key, partial(write_arrays, arrays=arrays))
+            self._writer.put(key, {name: np.asarray(array) for name, array in arrays.items()})
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
@@ -249,7 +251,9 @@ class AttemptContext:
         return self._index
 
     def finish(self) -> str | None:
-        """Commit the segment and the preview; the segment's blob key, or None. Raises EmitError."""
+        """Commit artefacts, the segment and the preview; the segment's blob key, or None. Raises EmitError."""
+        with self.stages.waiting("store"):
+            self._writer.finish()
         if self._order.emits is None:
             return None
         with self.stages.blocked():
@@ -294,6 +298,7 @@ class AttemptContext:
             raise Cancelled("The job was cancelled.")
 
     def close(self) -> None:
+        self._writer.close()
         self._exit_stack.close()
         if self._emission:
             self._emission.close()

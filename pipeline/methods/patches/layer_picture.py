@@ -10,14 +10,18 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
+from pipeline.jit import kernel
 from pipeline.strokes.brush import Brush, Direction
 from pipeline.strokes.raster import slopes_of
 from pipeline.tensors.structure import doubled_tangents
 
 LEAST_PAD_PX = 8
 """Pixels around the strokes of the finest brush for which blur, steepening and directions are computed."""
+CELL_PX = 8
+"""Side of the cells in which connected areas are found, px."""
 MOST_SHARE = 0.8
 """Share of the picture in several areas, above which the whole picture is computed instead."""
 
@@ -79,14 +83,26 @@ def areas_around(where: Mask, pad_px: int) -> list[Box]:
     Each rectangle surrounds one or several connected areas of the mask.
     """
     height, width = where.shape
-    _, _, stats, _ = cv2.connectedComponentsWithStats(where.view(np.uint8), connectivity=8, ltype=cv2.CV_32S)
+    cells = np.zeros((-(-height // CELL_PX), -(-width // CELL_PX)), np.uint8)
+    _mark_cells(where, cells)
+    if cells.all():
+        return [(slice(0, height), slice(0, width))]
+    _, _, stats, _ = cv2.connectedComponentsWithStats(cells, connectivity=8, ltype=cv2.CV_32S)
     found: list[tuple[int, int, int, int]] = []
-    for left, top, across, down, _ in stats[1:].tolist():
-        own = max(top - pad_px, 0), max(left - pad_px, 0), min(top + down + pad_px, height), left + across + pad_px
-        found = _merged(found, (*own[:3], min(own[3], width)))
+    for left, top, across, down in (stats[1:, :4] * CELL_PX).tolist():
+        low = max(top - pad_px, 0), max(left - pad_px, 0)
+        found = _merged(found, (*low, min(top + down + pad_px, height), min(left + across + pad_px, width)))
     if sum((bottom - top) * (right - left) for top, left, bottom, right in found) > MOST_SHARE * where.size:
         return [(slice(0, height), slice(0, width))]
     return [(slice(top, bottom), slice(left, right)) for top, left, bottom, right in found]
+
+
+@kernel
+def _mark_cells(where: Mask, cells: NDArray[np.uint8]) -> None:
+    for y in range(where.shape[0]):
+        for x in range(where.shape[1]):
+            if where[y, x]:
+                cells[y // CELL_PX, x // CELL_PX] = 1
 
 
 def _merged(boxes: list[tuple[int, int, int, int]], more: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
