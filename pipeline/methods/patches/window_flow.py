@@ -26,7 +26,7 @@ from pipeline.methods.patches.scan import WorkingGrid, run_start
 
 MIN_GRADIENT = 1.0
 """Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
-PRESETS: dict[str, tuple[Preset, Preset]] = {"dis-medium": ("medium", "half")}
+PRESETS: dict[str, tuple[Preset, Preset]] = {"dis-medium": ("medium", "sparse")}
 """Presets of DIS for neighbouring frames, and for frames further apart, whose flow only votes for labels."""
 MAX_CACHED_FLOWS = 10
 """Maximum number of decoded flow fields in memory, about as many as a frame's window has."""
