@@ -116,8 +116,10 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
         workers: tasks at once; 0: as many as the machine has processors and memory for.
     """
     from workers.farm import open_farm
+    from workers.process.free_memory import keep_free_memory
     from workers.settings import FarmSettings
 
+    keep_free_memory()
     farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), overview=False)
     farm.start()
     try:

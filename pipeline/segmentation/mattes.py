@@ -25,6 +25,8 @@ EPSILON = 120.0
 """Variance of colour, squared gray levels, below which a place has no edge that a border could move to."""
 BAND = 6
 """Distance from a label's border, px of the label map, beyond which its matte is exactly 0 or 1."""
+MARGIN = BAND + 2 * RADIUS + 2
+"""A matte is computed this far around its label, px of the label map: both windows of the filter reach that far."""
 
 Box = tuple[slice, slice]
 """Rows and columns."""
@@ -44,17 +46,13 @@ class LabelMattes:
     labels: Labels
     frame: Frame
 
-    @property
-    def _size(self) -> tuple[int, int]:
-        """(width, height) of the frame, px."""
-        return self.frame.shape[1], self.frame.shape[0]
-
     @cached_property
     def _guide(self) -> NDArray[np.float32]:
         """The frame at the size of the labels: float32 (h', w', 3)."""
-        size = self.labels.shape[1], self.labels.shape[0]
-        small = self.frame if size == self._size else cv2.resize(self.frame, size, interpolation=cv2.INTER_AREA)
-        return np.asarray(small).astype(np.float32)
+        height, width = self.labels.shape
+        if self.frame.shape[:2] == (height, width):
+            return self.frame.astype(np.float32)
+        return np.asarray(cv2.resize(self.frame, (width, height), interpolation=cv2.INTER_AREA)).astype(np.float32)
 
     @cached_property
     def _mean(self) -> NDArray[np.float32]:
@@ -62,27 +60,32 @@ class LabelMattes:
 
     @cached_property
     def _inverse(self) -> NDArray[np.float32]:
-        """Inverse of the local covariance of colours plus EPSILON: float32 (h', w', 3, 3)."""
-        guide, mean = self._guide, self._mean
-        covariance = np.empty((*guide.shape[:2], 3, 3), np.float32)
-        for i in range(3):
-            for j in range(i, 3):
-                covariance[..., i, j] = _box_mean(guide[..., i] * guide[..., j]) - mean[..., i] * mean[..., j]
-                covariance[..., j, i] = covariance[..., i, j]
-            covariance[..., i, i] += np.float32(EPSILON)
-        out = np.empty_like(covariance)
-        _invert(covariance, out)
+        """Inverse of the local covariance of colours plus EPSILON: float32 (h', w', 6), see `_invert`."""
+        products = np.empty((6, *self.labels.shape), np.float32)
+        _products(self._guide, products)
+        for plane in products:
+            plane[:] = _box_mean(plane)
+        out = np.empty((*self.labels.shape, 6), np.float32)
+        _invert(products, self._mean, out)
         return out
+
+    @cached_property
+    def _extents(self) -> dict[int, tuple[int, int, int, int]]:
+        """First row, first column, last row and last column of each label, px of the label map; ascending labels."""
+        bounds = np.tile(np.array([*self.labels.shape, -1, -1], np.int32), (int(self.labels.max(initial=0)) + 1, 1))
+        _bound(self.labels, bounds)
+        return {label: (a, b, c, d) for label, (a, b, c, d) in enumerate(bounds.tolist()) if c >= 0}
 
     def box(self, label: int) -> Box:
         """Rows and columns of the full-size frame outside which the label's matte is 0."""
-        rows, columns = (np.flatnonzero((self.labels == label).any(axis=axis)) for axis in (1, 0))
-        if not len(rows):
+        if label not in self._extents:
             return slice(0, 0), slice(0, 0)
-        (width, height), (label_height, label_width) = self._size, self.labels.shape
+        first, last = self._extents[label][:2], self._extents[label][2:]
         sides = []
-        for found, ratio, most in ((rows, height / label_height, height), (columns, width / label_width, width)):
-            low, high = (int(found[0]) - BAND) * ratio, (int(found[-1]) + 1 + BAND) * ratio
+        for axis in range(2):
+            most = self.frame.shape[axis]
+            ratio = most / self.labels.shape[axis]
+            low, high = (first[axis] - BAND) * ratio, (last[axis] + 1 + BAND) * ratio
             sides.append(slice(max(int(low), 0), min(int(np.ceil(high)), most)))
         return sides[0], sides[1]
 
@@ -91,59 +94,83 @@ class LabelMattes:
 
         Two adjacent labels sum to 1, since the filter is linear and the contrast curve is symmetric.
         """
-        mask = (self.labels == label).astype(np.float32)
-        near = _near_border(mask)
-        shape = box[0].stop - box[0].start, box[1].stop - box[1].start
-        if not near.any():
-            return np.full(shape, mask.flat[0], np.float32)
-        coefficients = self._coefficients(mask)
-        coefficients[~near] = 0
-        coefficients[..., 3][~near] = mask[~near]
-        out = np.empty(shape, np.float32)
-        rows = _axis_samples(box[0], self._size[1], mask.shape[0])
-        columns = _axis_samples(box[1], self._size[0], mask.shape[1])
-        _apply(coefficients, near, (rows, columns), np.ascontiguousarray(self.frame[box]), out)
+        rows, columns = (
+            slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(self.box(label), box, strict=True)
+        )
+        out = np.zeros((box[0].stop - box[0].start, box[1].stop - box[1].start), np.float32)
+        if rows.start < rows.stop and columns.start < columns.stop:
+            own = self._evaluated(label, rows, columns)
+            top, left = rows.start - box[0].start, columns.start - box[1].start
+            out[top : top + own.shape[0], left : left + own.shape[1]] = own
         return out
 
-    def _coefficients(self, mask: Plane) -> NDArray[np.float32]:
-        """Linear model of the matte by colour: float32 (h', w', 4), factors of red, green, blue, and the constant."""
-        masked = np.empty_like(self._guide)
-        _multiply(self._guide, mask, masked)
-        model = np.empty((*mask.shape, 4), np.float32)
-        _fit(self._inverse, self._mean, _box_mean(mask), _box_mean(masked), model)
-        return _box_mean(model)
+    def _evaluated(self, label: int, rows: slice, columns: slice) -> Plane:
+        """Matte of a label in rows and columns of the frame where it may be above 0."""
+        coefficients, near, (top, left) = self._model(label)
+        out = np.ones((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+        if near.any():
+            at = (
+                _axis_samples(rows, self.frame.shape[0], self.labels.shape[0], top),
+                _axis_samples(columns, self.frame.shape[1], self.labels.shape[1], left),
+            )
+            _apply(coefficients, near, at, np.ascontiguousarray(self.frame[rows, columns]), out)
+        return out
+
+    def _model(self, label: int) -> tuple[NDArray[np.float32], Mask, tuple[int, int]]:
+        """Linear model of a label's matte by colour, in the part of the label map where the matte is not 0.
+
+        Returns:
+            float32 (h, w, 4), factors of red, green and blue, and the constant; bool (h, w), pixels near a border of
+            the label, outside which only the constant counts; and the first row and column of the part.
+        """
+        top, left, bottom, right = self._extents[label]
+        rows = slice(max(top - MARGIN, 0), bottom + 1 + MARGIN)
+        columns = slice(max(left - MARGIN, 0), right + 1 + MARGIN)
+        corner = rows.start, columns.start
+        mask = (self.labels[rows, columns] == label).astype(np.float32)
+        near = _near_border(mask)
+        masked, model = np.empty((*mask.shape, 3), np.float32), np.empty((*mask.shape, 4), np.float32)
+        _multiply(self._guide, mask, corner, masked)
+        _fit(self._inverse, self._mean, corner, _box_mean(mask), _box_mean(masked), model)
+        coefficients = _box_mean(model)
+        _clear(coefficients, near, mask)
+        return coefficients, near, corner
 
     @cached_property
-    def _planes(self) -> tuple[dict[int, Plane], Plane]:
-        """Matte of each label at full size, and their sum, at least 0.001."""
-        alphas: dict[int, Plane] = {}
+    def _mattes(self) -> tuple[dict[int, tuple[Box, Plane]], Plane]:
+        """Matte of each label in its box of the frame, and their sum, at least 0.001."""
+        alphas: dict[int, tuple[Box, Plane]] = {}
         total = np.zeros(self.frame.shape[:2], np.float32)
-        for label in np.unique(self.labels).tolist():
-            box, plane = self.box(label), np.zeros(total.shape, np.float32)
-            plane[box] = self.alpha(label, box)
-            alphas[label] = plane
-            total[box] += plane[box]
-        return alphas, np.maximum(total, np.float32(1e-3))
+        for label in self._extents:
+            box = self.box(label)
+            alphas[label] = box, self._evaluated(label, *box)
+            total[box] += alphas[label][1]
+        return alphas, np.maximum(total, np.float32(1e-3), out=total)
 
-    def normalized(self, label: int, box: Box = (slice(None), slice(None))) -> Plane:
+    def normalized(self, label: int, box: Box | None = None) -> Plane:
         """Matte of a label in a box of the frame, float32 (h, w), 0..1, scaled so that the mattes of all labels sum to
         1 at every pixel.
 
         0 everywhere if the frame does not have the label.
+
+        Args:
+            box: None = the whole frame.
         """
-        alphas, total = self._planes
-        found = alphas.get(label)
-        if found is None:
-            return np.zeros_like(total[box])
-        return np.asarray(found[box] / total[box], np.float32)
+        rows, columns = box or (slice(0, self.frame.shape[0]), slice(0, self.frame.shape[1]))
+        alphas, total = self._mattes
+        out = np.zeros((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+        if label in alphas:
+            (own_rows, own_columns), alpha = alphas[label]
+            _divide(alpha, (own_rows.start, own_columns.start), total, (rows.start, columns.start), out)
+        return out
 
     def full(self) -> Labels:
         """Label map at the frame's size, int32: the label with the largest matte at each pixel, without specks."""
         best = np.zeros(self.frame.shape[:2], np.float32)
         out = np.zeros(best.shape, np.int32)
-        for label in np.unique(self.labels).tolist():
+        for label in self._extents:
             box = self.box(label)
-            alpha = self.alpha(label, box)
+            alpha = self._evaluated(label, *box)
             better = alpha > best[box]
             best[box][better] = alpha[better]
             out[box][better] = label
@@ -163,58 +190,107 @@ def _near_border(mask: Plane) -> NDArray[np.bool_]:
 
 
 @kernel
-def _invert(matrices: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-    """Inverse of symmetric 3 x 3 matrices, by cofactors."""
-    for y in range(matrices.shape[0]):
-        for x in range(matrices.shape[1]):
-            m = matrices[y, x]
-            a = m[1, 1] * m[2, 2] - m[1, 2] * m[1, 2]
-            b = m[0, 2] * m[1, 2] - m[0, 1] * m[2, 2]
-            c = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
-            scale = np.float32(1.0) / (m[0, 0] * a + m[0, 1] * b + m[0, 2] * c)
-            inverse = out[y, x]
-            inverse[0, 0] = a * scale
-            inverse[0, 1] = inverse[1, 0] = b * scale
-            inverse[0, 2] = inverse[2, 0] = c * scale
-            inverse[1, 1] = (m[0, 0] * m[2, 2] - m[0, 2] * m[0, 2]) * scale
-            inverse[1, 2] = inverse[2, 1] = (m[0, 1] * m[0, 2] - m[0, 0] * m[1, 2]) * scale
-            inverse[2, 2] = (m[0, 0] * m[1, 1] - m[0, 1] * m[0, 1]) * scale
+def _bound(labels: Labels, bounds: NDArray[np.int32]) -> None:
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            own = bounds[labels[y, x]]
+            own[0], own[1] = min(own[0], y), min(own[1], x)
+            own[2], own[3] = max(own[2], y), max(own[3], x)
 
 
 @kernel
-def _multiply(guide: NDArray[np.float32], mask: Plane, out: NDArray[np.float32]) -> None:
-    """Colours times mask."""
+def _products(guide: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Products of two colours each: red with red, green and blue; green with green and blue; blue with blue."""
+    for y in range(guide.shape[0]):
+        for x in range(guide.shape[1]):
+            red, green, blue = guide[y, x, 0], guide[y, x, 1], guide[y, x, 2]
+            out[0, y, x], out[1, y, x], out[2, y, x] = red * red, red * green, red * blue
+            out[3, y, x], out[4, y, x], out[5, y, x] = green * green, green * blue, blue * blue
+
+
+@kernel
+def _invert(products: NDArray[np.float32], mean: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Inverse of the symmetric covariance plus EPSILON, by cofactors: the six elements of its upper triangle, by row.
+
+    Args:
+        products: local means of the products of colours, see `_products`.
+        mean: local means of the colours.
+    """
+    epsilon = np.float32(EPSILON)
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            red, green, blue = mean[y, x, 0], mean[y, x, 1], mean[y, x, 2]
+            rr, gg = products[0, y, x] - red * red + epsilon, products[3, y, x] - green * green + epsilon
+            bb = products[5, y, x] - blue * blue + epsilon
+            rg, rb = products[1, y, x] - red * green, products[2, y, x] - red * blue
+            gb = products[4, y, x] - green * blue
+            a, b, c = gg * bb - gb * gb, rb * gb - rg * bb, rg * gb - rb * gg
+            scale = np.float32(1.0) / (rr * a + rg * b + rb * c)
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = a * scale, b * scale, c * scale
+            out[y, x, 3] = (rr * bb - rb * rb) * scale
+            out[y, x, 4] = (rg * rb - rr * gb) * scale
+            out[y, x, 5] = (rr * gg - rg * rg) * scale
+
+
+@kernel
+def _multiply(guide: NDArray[np.float32], mask: Plane, corner: tuple[int, int], out: NDArray[np.float32]) -> None:
+    """Colours of the guide's part at `corner` (row and column) times mask."""
+    top, left = corner
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
             for c in range(3):
-                out[y, x, c] = guide[y, x, c] * mask[y, x]
+                out[y, x, c] = guide[top + y, left + x, c] * mask[y, x]
 
 
 @kernel
 def _fit(
-    inverse: NDArray[np.float32], guide: NDArray[np.float32], mask: Plane, masked: NDArray[np.float32],
-    out: NDArray[np.float32],
+    inverse: NDArray[np.float32], guide: NDArray[np.float32], corner: tuple[int, int], mask: Plane,
+    masked: NDArray[np.float32], out: NDArray[np.float32],
 ) -> None:  # fmt: skip
     """Factors of the colours and the constant, from the local means of the guide, the mask and their product."""
+    top, left = corner
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
-            mean = mask[y, x]
-            red, green, blue = guide[y, x, 0], guide[y, x, 1], guide[y, x, 2]
+            mean, own = mask[y, x], inverse[top + y, left + x]
+            red, green, blue = guide[top + y, left + x, 0], guide[top + y, left + x, 1], guide[top + y, left + x, 2]
             with_red, with_green = masked[y, x, 0] - red * mean, masked[y, x, 1] - green * mean
             with_blue = masked[y, x, 2] - blue * mean
-            for c in range(3):
-                out[y, x, c] = (
-                    inverse[y, x, c, 0] * with_red + inverse[y, x, c, 1] * with_green + inverse[y, x, c, 2] * with_blue
-                )
-            out[y, x, 3] = mean - (out[y, x, 0] * red + out[y, x, 1] * green + out[y, x, 2] * blue)
+            by_red = own[0] * with_red + own[1] * with_green + own[2] * with_blue
+            by_green = own[1] * with_red + own[3] * with_green + own[4] * with_blue
+            by_blue = own[2] * with_red + own[4] * with_green + own[5] * with_blue
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = by_red, by_green, by_blue
+            out[y, x, 3] = mean - (by_red * red + by_green * green + by_blue * blue)
 
 
-def _axis_samples(span: slice, length: int, small: int) -> AxisSamples:
-    """Positions, on an axis reduced from `length` to `small` px, of the full-size pixels in `span`."""
+@kernel
+def _clear(coefficients: NDArray[np.float32], near: Mask, mask: Plane) -> None:
+    """Replace the model by the mask where no border is near, in place."""
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            if not near[y, x]:
+                coefficients[y, x, 0] = coefficients[y, x, 1] = coefficients[y, x, 2] = 0
+                coefficients[y, x, 3] = mask[y, x]
+
+
+@kernel
+def _divide(alpha: Plane, at: tuple[int, int], total: Plane, corner: tuple[int, int], out: Plane) -> None:
+    """`alpha` over `total` in the part of the frame at `corner` (row and column) that `out` covers.
+
+    Args:
+        at: row and column of the frame at which `alpha` begins.
+    """
+    down, across = at[0] - corner[0], at[1] - corner[1]
+    for y in range(max(-down, 0), min(alpha.shape[0], out.shape[0] - down)):
+        for x in range(max(-across, 0), min(alpha.shape[1], out.shape[1] - across)):
+            out[y + down, x + across] = alpha[y, x] / total[y + at[0], x + at[1]]
+
+
+def _axis_samples(span: slice, length: int, small: int, start: int) -> AxisSamples:
+    """Positions, on an axis reduced from `length` to `small` px, of the full-size pixels in `span`, from `start` on."""
     at = (np.arange(span.start, span.stop, dtype=np.float32) + np.float32(0.5)) * np.float32(small / length)
     at = np.clip(at - np.float32(0.5), 0, small - 1)
     first = np.minimum(at.astype(np.int32), max(small - 2, 0)).astype(np.int32)
-    return first, (at - first).astype(np.float32)
+    return first - np.int32(start), (at - first).astype(np.float32)
 
 
 @kernel

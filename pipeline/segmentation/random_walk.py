@@ -46,20 +46,46 @@ def motion_edges(forward: Flow | None, backward: Flow | None, colours: AnyArray 
     if not flows:
         still = next(array for array in (colours, np.zeros((1, 1))) if array is not None)
         flows = [np.zeros((*still.shape[:2], 2), np.float32)]
-    edges = []
-    for axis in (1, 0):
-        apart = sum(_square(np.diff(flow, axis=axis)) for flow in flows) / np.float32(len(flows))
-        if colours is not None and colour_unit > 0:
-            apart = apart + _square(np.diff(colours.astype(np.float32), axis=axis)) / np.float32(
-                colour_unit * colour_unit
-            )
-        edges.append(np.maximum(np.exp(-apart), np.float32(FAINT)).astype(np.float32))
-    return edges[0], edges[1]
+    height, width = flows[0].shape[:2]
+    coloured = colours is not None and colour_unit > 0
+    shades = colours if colours is not None and coloured else np.zeros((height, width, 3), np.uint8)
+    unit2 = np.float32(colour_unit * colour_unit if coloured else 1.0)
+    right, down = np.empty((height, max(width - 1, 0)), np.float32), np.empty((max(height - 1, 0), width), np.float32)
+    _exponents(flows[0], flows[-1], shades, unit2, right, down)
+    for plane in (right, down):
+        np.maximum(np.exp(plane, out=plane), np.float32(FAINT), out=plane)
+    return right, down
 
 
-def _square(vectors: AnyArray) -> Plane:
-    """Squared length along the last axis; adding planes is faster than summing over a short axis."""
-    return np.asarray(sum(vectors[..., channel] * vectors[..., channel] for channel in range(vectors.shape[-1])))
+@kernel
+def _exponents(
+    first: Flow, second: Flow, colours: NDArray[np.uint8], unit2: np.float32, right: Plane, down: Plane
+) -> None:  # fmt: skip
+    """Logarithms of the edge weights."""
+    height, width = colours.shape[:2]
+    for y in range(height):
+        for x in range(width - 1):
+            right[y, x] = -_apart(first, second, colours, unit2, y, x, y, x + 1)
+        if y + 1 < height:
+            for x in range(width):
+                down[y, x] = -_apart(first, second, colours, unit2, y, x, y + 1, x)
+
+
+@kernel
+def _apart(
+    first: Flow, second: Flow, colours: NDArray[np.uint8], unit2: np.float32, y: int, x: int, j: int, i: int
+) -> np.float32:  # fmt: skip
+    """Difference of the pixels (x, y) and (i, j): of their motion, squared px, mean of both flows, plus of their
+    colours, in units of `unit2`."""
+    u, v = first[j, i, 0] - first[y, x, 0], first[j, i, 1] - first[y, x, 1]
+    motion = u * u + v * v
+    u, v = second[j, i, 0] - second[y, x, 0], second[j, i, 1] - second[y, x, 1]
+    motion += u * u + v * v
+    red = np.float32(colours[j, i, 0]) - np.float32(colours[y, x, 0])
+    green = np.float32(colours[j, i, 1]) - np.float32(colours[y, x, 1])
+    blue = np.float32(colours[j, i, 2]) - np.float32(colours[y, x, 2])
+    apart: np.float32 = motion / np.float32(2) + (red * red + green * green + blue * blue) / unit2
+    return apart
 
 
 def probabilities(
@@ -117,17 +143,44 @@ def vote(
     Departure from grady2006random: the leak, so that pixels that belong to no label get none.
     """
     height, width = choices.shape[1:]
-    absorb = weights.sum(axis=0, dtype=np.float32) + np.float32(leak)
+    absorb = np.empty((height, width), np.float32)
+    _add_up(choices, weights, 0, (0, 0), np.float32(leak), absorb)
     best, chance = np.zeros((height, width), np.int32), np.full((height, width), certainty, np.float32)
     for label, box in _boxes(choices, weights, margin):
-        source = np.where(choices[:, *box] == label, weights[:, *box], 0).sum(axis=0)
         share = absorb[box]
+        source = np.empty(share.shape, np.float32)
+        _add_up(choices, weights, label, (box[0].start, box[1].start), np.float32(0), source)
         right, down = edges[0][box][:, : share.shape[1] - 1], edges[1][box][: share.shape[0] - 1]
         matrix = Multigrid(np.zeros(share.shape, np.bool_), right=right, down=down, absorb=share)
         found = matrix.solve(source, source=source, start=source / share, tolerance=tolerance).x
-        take = found > chance[box]
-        best[box][take], chance[box][take] = label, found[take]
+        _keep_better(found, label, best[box], chance[box])
     return best, np.where(best > 0, chance, 0).astype(np.float32)
+
+
+@kernel
+def _add_up(
+    choices: NDArray[np.int32], weights: NDArray[np.float32], label: int, corner: tuple[int, int], more: np.float32,
+    out: Plane,
+) -> None:  # fmt: skip
+    """Sums of the weights of a label's votes, or of all votes if `label` is 0, plus `more`, in a box at `corner`."""
+    top, left = corner
+    for y in range(out.shape[0]):
+        out[y, :] = 0
+        for k in range(choices.shape[0]):
+            for x in range(out.shape[1]):
+                counts = label == 0 or choices[k, top + y, left + x] == label
+                out[y, x] += weights[k, top + y, left + x] if counts else np.float32(0)
+        for x in range(out.shape[1]):
+            out[y, x] += more
+
+
+@kernel
+def _keep_better(found: Plane, label: int, best: Labels, chance: Plane) -> None:
+    """Keep the label, and its probability `found`, where that is larger than that of the labels before."""
+    for y in range(found.shape[0]):
+        for x in range(found.shape[1]):
+            if found[y, x] > chance[y, x]:
+                best[y, x], chance[y, x] = label, found[y, x]
 
 
 def _boxes(

@@ -25,65 +25,108 @@ Doubles: TypeAlias = NDArray[np.float64]
 """float64 array; near convergence, residuals are small differences of large numbers."""
 
 
+_STENCIL, _LINES, _WEIGHTS = slice(0, 5), slice(5, 9), slice(9, 13)
+"""Planes of a grid, each (h + 2, w + 2): the matrix; factors of the line smoother, see `factor_lines`; interpolation
+weights from the next coarser grid."""
+_PLANES = 13
+_RIGHT, _X, _WORK_PLANES = 0, 1, 2
+"""Planes of the work arrays of a grid: right-hand side, solution; their padding stays zero."""
+
+
 @dataclass(frozen=True)
-class Level:
-    """One grid.
+class Levels:
+    """All grids from the finest to a single pixel; sizes are halved and rounded up.
+
+    They share one array, so that one call of a kernel visits all of them: a V-cycle on a few thousand pixels takes less
+    time than forty calls.
 
     Attributes:
-        stencil: the matrix, (5, h + 2, w + 2).
-        lines: factors of the line smoother, (4, h + 2, w + 2), see `factor_lines`.
-        weights: interpolation weights from the next coarser grid, (4, h + 2, w + 2).
+        planes: the planes of all grids, one grid after the other.
+        sizes: int64 (levels, 2), padded height and width of each grid.
     """
 
-    stencil: Doubles
-    lines: Doubles
-    weights: Doubles
+    planes: Doubles
+    sizes: NDArray[np.int64]
 
     @property
-    def shape(self) -> tuple[int, int]:
-        return self.stencil.shape[1], self.stencil.shape[2]
+    def stencil(self) -> Doubles:
+        """The matrix of the finest grid, (5, h + 2, w + 2)."""
+        height, width = self.sizes[0]
+        return self.planes[: 5 * height * width].reshape(5, height, width)
 
 
-def build_levels(stencil: Doubles) -> list[Level]:
-    """Build all grids from the finest, given by its stencil, to a single pixel; sizes are halved and rounded up."""
-    levels = []
-    while True:
-        height, width = stencil.shape[1] - 2, stencil.shape[2] - 2
-        weights = np.zeros((4, height + 2, width + 2))
-        levels.append(Level(stencil, factor_lines(stencil), weights))
-        if height == width == 1:
-            return levels
-        interpolation_weights(stencil, weights)
-        coarse = np.zeros((5, (height + 1) // 2 + 2, (width + 1) // 2 + 2))
-        coarse_stencil(stencil, weights, coarse)
-        stencil = coarse
+def build_levels(stencil: Doubles) -> Levels:
+    """Build all grids from the finest, given by its stencil, (5, h + 2, w + 2)."""
+    sizes = [(stencil.shape[1] - 2, stencil.shape[2] - 2)]
+    while sizes[-1] != (1, 1):
+        sizes.append(((sizes[-1][0] + 1) // 2, (sizes[-1][1] + 1) // 2))
+    padded = np.array(sizes, np.int64) + 2
+    planes = np.zeros(_PLANES * int(padded.prod(axis=1).sum()))
+    planes[: stencil.size] = stencil.reshape(-1)
+    _build(planes, padded)
+    return Levels(planes, padded)
 
 
-@dataclass(frozen=True)
-class WorkArrays:
-    """Work arrays of a V-cycle on one grid: right-hand side and solution; the padding stays zero."""
-
-    right: Doubles
-    x: Doubles
+def work_arrays(levels: Levels) -> Doubles:
+    """Allocate the work arrays of all grids; each solving thread needs its own."""
+    return np.zeros(_WORK_PLANES * int(levels.sizes.prod(axis=1).sum()))
 
 
-def work_arrays(levels: list[Level]) -> list[WorkArrays]:
-    """Allocate work arrays for each grid; each solving thread needs its own."""
-    return [WorkArrays(np.zeros(level.shape), np.zeros(level.shape)) for level in levels]
+def finest(levels: Levels, work: Doubles, plane: int) -> Doubles:
+    """Plane `RIGHT_SIDE` or `SOLUTION` of the finest grid's work arrays: (h + 2, w + 2)."""
+    height, width = levels.sizes[0]
+    return work[plane * height * width : (plane + 1) * height * width].reshape(height, width)
 
 
-def v_cycle(levels: list[Level], work: list[WorkArrays]) -> None:
-    """Run one V(1, 1)-cycle from 0: `work[0].right` -> approximate solution `work[0].x`. The operator is symmetric."""
-    level, here = levels[0], work[0]
-    here.x.fill(0.0)
-    sweep(level.stencil, level.lines, here.right, here.x, 0)
-    if len(levels) == 1:
-        return
-    work[1].right.fill(0.0)
-    restrict(level.stencil, level.weights, here.right, here.x, work[1].right)
-    v_cycle(levels[1:], work[1:])
-    interpolate(level.weights, work[1].x, here.x)
-    sweep(level.stencil, level.lines, here.right, here.x, 1)
+RIGHT_SIDE, SOLUTION = _RIGHT, _X
+
+
+def v_cycle(levels: Levels, work: Doubles) -> None:
+    """Run one V(1, 1)-cycle from 0: right-hand side of the finest grid -> its approximate solution. The operator is
+    symmetric."""
+    _v_cycle(levels.planes, levels.sizes, work)
+
+
+@kernel
+def _grid(flat: Doubles, count: int, at: int, size: NDArray[np.int64]) -> Doubles:
+    """The `count` planes of a grid from place `at` on."""
+    return flat[at : at + count * size[0] * size[1]].reshape((count, size[0], size[1]))
+
+
+@kernel
+def _build(planes: Doubles, sizes: NDArray[np.int64]) -> None:
+    at = 0
+    for level in range(len(sizes)):
+        own = _grid(planes, _PLANES, at, sizes[level])
+        at += own.size
+        factor_lines(own[_STENCIL], own[_LINES])
+        if level + 1 < len(sizes):
+            interpolation_weights(own[_STENCIL], own[_WEIGHTS])
+            coarse_stencil(own[_STENCIL], own[_WEIGHTS], _grid(planes, _PLANES, at, sizes[level + 1])[_STENCIL])
+
+
+@kernel
+def _v_cycle(planes: Doubles, sizes: NDArray[np.int64], work: Doubles) -> None:
+    last, at = len(sizes) - 1, 0
+    for level in range(last + 1):
+        cells = sizes[level, 0] * sizes[level, 1]
+        own = _grid(planes, _PLANES, _PLANES * at, sizes[level])
+        here = _grid(work, _WORK_PLANES, _WORK_PLANES * at, sizes[level])
+        here[_X] = 0.0
+        sweep(own[_STENCIL], own[_LINES], here[_RIGHT], here[_X], 0)
+        at += cells
+        if level < last:
+            coarse = _grid(work, _WORK_PLANES, _WORK_PLANES * at, sizes[level + 1])
+            coarse[_RIGHT] = 0.0
+            restrict(own[_STENCIL], own[_WEIGHTS], here[_RIGHT], here[_X], coarse[_RIGHT])
+    for level in range(last - 1, -1, -1):
+        at -= sizes[level + 1, 0] * sizes[level + 1, 1]
+        coarse = _grid(work, _WORK_PLANES, _WORK_PLANES * at, sizes[level + 1])
+        before = at - sizes[level, 0] * sizes[level, 1]
+        own = _grid(planes, _PLANES, _PLANES * before, sizes[level])
+        here = _grid(work, _WORK_PLANES, _WORK_PLANES * before, sizes[level])
+        interpolate(own[_WEIGHTS], coarse[_X], here[_X])
+        sweep(own[_STENCIL], own[_LINES], here[_RIGHT], here[_X], 1)
 
 
 @kernel

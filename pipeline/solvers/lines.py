@@ -24,12 +24,12 @@ TINY = 1e-150
 """Smaller magnitudes are set to 0, since arithmetic with denormal numbers is slow."""
 
 
-def factor_lines(stencil: Doubles) -> Doubles:
-    """Factor all lines: (4, h + 2, w + 2), for rows and then for columns coupling / pivot and 1 / pivot."""
-    out = np.zeros((4, *stencil.shape[1:]))
+@kernel
+def factor_lines(stencil: Doubles, out: Doubles) -> None:
+    """Factor all lines into `out` (4, h + 2, w + 2), zeros before: for rows and then for columns, coupling / pivot and
+    1 / pivot."""
     _factor(stencil[0], stencil[1], out[:2])
-    _factor(stencil[0].T, stencil[2].T, out[2:].transpose(0, 2, 1))
-    return out
+    _factor(stencil[0].T, stencil[2].T, out[2:].transpose((0, 2, 1)))
 
 
 @kernel

@@ -18,8 +18,22 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask
+from pipeline.jit import kernel
 from pipeline.solvers.anchors import adrift
-from pipeline.solvers.grid import Doubles, Level, advance, build_levels, conjugate, dot, multiply, v_cycle, work_arrays
+from pipeline.solvers.grid import (
+    RIGHT_SIDE,
+    SOLUTION,
+    Doubles,
+    Levels,
+    advance,
+    build_levels,
+    conjugate,
+    dot,
+    finest,
+    multiply,
+    v_cycle,
+    work_arrays,
+)
 
 TOLERANCE = 1e-6
 """Residual norm relative to that of x = 0 at which the iteration stops; its effect is below float32 resolution."""
@@ -149,44 +163,89 @@ class Multigrid:
     def _one(
         self, values: Doubles, source: Doubles, start: Doubles, fallback: float, tolerance: float, max_cycles: int
     ) -> tuple[Doubles, tuple[float, ...]]:
-        settled = self.fixed | self.adrift
-        known = np.where(self.fixed, values, 0.0)
-        pull = np.where(settled, 0.0, source + _from_given(known, self._right, self._down))
-        first = np.pad(np.where(settled, 0.0, start), 1)
-        x, history = _iterate(self._levels, np.pad(pull, 1), first, tolerance, max_cycles)
-        found = np.where(self.adrift, fallback, np.where(self.fixed, values, x[1:-1, 1:-1]))
-        return self._within(found, known, np.where(settled, 0.0, source)), history
+        padded = values.shape[0] + 2, values.shape[1] + 2
+        pull, first = np.zeros(padded), np.zeros(padded)
+        _prepare((self.fixed, self.adrift), values, source, start, self._right, self._down, pull, first)
+        x, history = _iterate(self._levels, pull, first, tolerance, max_cycles)
+        found = np.empty(values.shape)
+        _finish((self.fixed, self.adrift), values, source, self._absorb, fallback, x, found)
+        return found, history
 
-    def _within(self, x: Doubles, known: Doubles, source: Doubles) -> Doubles:
-        """Enforce the maximum principle by clipping."""
-        absorbing = self._absorb > 0
-        if np.any(source, where=~absorbing):
-            return x
-        bounds = np.divide(source, self._absorb, out=known, where=absorbing & ~self.fixed)
-        anchored = self.fixed | absorbing & ~self.adrift
-        low, high = (
-            end(bounds, where=anchored, initial=worst) for end, worst in ((np.min, math.inf), (np.max, -math.inf))
-        )
-        return np.where(self.adrift, x, x.clip(low, high)) if low <= high else x
+
+@kernel
+def _prepare(
+    kinds: tuple[Mask, Mask], values: Doubles, source: Doubles, start: Doubles, right: Doubles, down: Doubles,
+    pull: Doubles, first: Doubles,
+) -> None:  # fmt: skip
+    """Fill the padded right-hand side and first guess of the pixels that are neither given nor adrift."""
+    fixed, loose = kinds
+    height, width = fixed.shape
+    for y in range(height):
+        for x in range(width):
+            if fixed[y, x] or loose[y, x]:
+                continue
+            given = 0.0
+            if x + 1 < width and fixed[y, x + 1]:
+                given += right[y, x] * values[y, x + 1]
+            if x > 0 and fixed[y, x - 1]:
+                given += right[y, x - 1] * values[y, x - 1]
+            if y + 1 < height and fixed[y + 1, x]:
+                given += down[y, x] * values[y + 1, x]
+            if y > 0 and fixed[y - 1, x]:
+                given += down[y - 1, x] * values[y - 1, x]
+            pull[y + 1, x + 1] = source[y, x] + given
+            first[y + 1, x + 1] = start[y, x]
+
+
+@kernel
+def _finish(
+    kinds: tuple[Mask, Mask], values: Doubles, source: Doubles, absorb: Doubles, fallback: float, x: Doubles,
+    out: Doubles,
+) -> None:  # fmt: skip
+    """The solution at all pixels, clipped to the range of the given values and of b / a (maximum principle) if only
+    absorbing pixels have sources; `x` is padded."""
+    fixed, loose = kinds
+    height, width = fixed.shape
+    low, high, bounded = math.inf, -math.inf, True
+    for i in range(height):
+        for j in range(width):
+            if loose[i, j]:
+                out[i, j] = fallback
+            elif fixed[i, j]:
+                out[i, j] = values[i, j]
+                low, high = min(low, values[i, j]), max(high, values[i, j])
+            else:
+                out[i, j] = x[i + 1, j + 1]
+                if absorb[i, j] > 0:
+                    bound = source[i, j] / absorb[i, j]
+                    low, high = min(low, bound), max(high, bound)
+                elif source[i, j] != 0:
+                    bounded = False
+    if not bounded or low > high:
+        return
+    for i in range(height):
+        for j in range(width):
+            if not loose[i, j]:
+                out[i, j] = min(max(out[i, j], low), high)
 
 
 def _iterate(
-    levels: list[Level], right: Doubles, x: Doubles, tolerance: float, max_cycles: int
+    levels: Levels, right: Doubles, x: Doubles, tolerance: float, max_cycles: int
 ) -> tuple[Doubles, tuple[float, ...]]:
     """Conjugate gradients starting from `x`, in place; residual norms are relative to that of `right`."""
-    stencil, work = levels[0].stencil, work_arrays(levels)
+    stencil, work = levels.stencil, work_arrays(levels)
     whole = math.sqrt(dot(right, right))
     if whole == 0.0:
         return np.zeros_like(right), (0.0,)
     image, direction, old = np.zeros_like(right), np.zeros_like(right), math.inf
     multiply(stencil, x, image)
-    residual = work[0].right
+    residual, better = finest(levels, work, RIGHT_SIDE), finest(levels, work, SOLUTION)
     np.subtract(right, image, out=residual)
     history = [math.sqrt(dot(residual, residual)) / whole]
     while history[-1] > tolerance and len(history) <= max_cycles:
         v_cycle(levels, work)
-        new = dot(residual, work[0].x)
-        conjugate(direction, work[0].x, new / old)
+        new = dot(residual, better)
+        conjugate(direction, better, new / old)
         energy = multiply(stencil, direction, image)
         if not (new > 0 and energy > 0):  # only rounding errors are left
             break
@@ -197,27 +256,30 @@ def _iterate(
 
 def _stencil(settled: Mask, right: Doubles, down: Doubles, absorb: Doubles) -> Doubles:
     """Matrix of the free pixels (neither given nor adrift); edges to given pixels only add to the diagonal."""
-    height, width = settled.shape
-    out = np.zeros((5, height + 2, width + 2))
-    centre, east, south = (plane[1:-1, 1:-1] for plane in out[:3])
-    centre += absorb
-    centre[:, :-1] += right
-    centre[:, 1:] += right
-    centre[:-1] += down
-    centre[1:] += down
-    centre[settled] = 0.0
-    east[:, :-1] = np.where(settled[:, :-1] | settled[:, 1:], 0.0, right)
-    south[:-1] = np.where(settled[:-1] | settled[1:], 0.0, down)
+    out = np.zeros((5, settled.shape[0] + 2, settled.shape[1] + 2))
+    _fill_stencil(settled, right, down, absorb, out)
     return out
 
 
-def _from_given(known: Doubles, right: Doubles, down: Doubles) -> Doubles:
-    pull = np.zeros_like(known)
-    pull[:, :-1] += right * known[:, 1:]
-    pull[:, 1:] += right * known[:, :-1]
-    pull[:-1] += down * known[1:]
-    pull[1:] += down * known[:-1]
-    return pull
+@kernel
+def _fill_stencil(settled: Mask, right: Doubles, down: Doubles, absorb: Doubles, out: Doubles) -> None:
+    height, width = settled.shape
+    for y in range(height):
+        for x in range(width):
+            if settled[y, x]:
+                continue
+            total = absorb[y, x]
+            if x + 1 < width:
+                total += right[y, x]
+                out[1, y + 1, x + 1] = 0.0 if settled[y, x + 1] else right[y, x]
+            if x > 0:
+                total += right[y, x - 1]
+            if y + 1 < height:
+                total += down[y, x]
+                out[2, y + 1, x + 1] = 0.0 if settled[y + 1, x] else down[y, x]
+            if y > 0:
+                total += down[y - 1, x]
+            out[0, y + 1, x + 1] = total
 
 
 def _mask(fixed: Mask) -> Mask:

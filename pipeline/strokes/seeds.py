@@ -190,16 +190,34 @@ def _nearest(
 
 
 class Grid(NamedTuple):
-    """Cells of the jittered grid: side of a cell in px, and their number."""
+    """Cells of the jittered grid, and the part of the picture for which spacings are given.
+
+    Attributes:
+        cell_px: side of a cell, px.
+        rows, columns: cells [start, stop) that may have their centres in that part.
+        corner, size: first row and column, and number of rows and columns of that part, px.
+    """
 
     cell_px: float
-    rows: int
-    columns: int
+    rows: tuple[int, int]
+    columns: tuple[int, int]
+    corner: tuple[int, int]
+    size: tuple[int, int]
+
+    @classmethod
+    def of(cls, cell_px: float, shape: tuple[int, ...], part: tuple[int, int, int, int]) -> Grid:
+        """Args: shape: (height, width, ...) of the picture; part: first row and column, number of rows and columns."""
+        top, left, height, width = part
+        spans = []
+        for start, length, whole in ((top, height, shape[0]), (left, width, shape[1])):
+            stop = math.ceil(whole / cell_px) if start + length >= whole else math.ceil((start + length) / cell_px)
+            spans.append((max(int(start / cell_px) - 1, 0), stop))
+        return cls(cell_px, spans[0], spans[1], (top, left), (height, width))
 
 
 def place(
     shape: tuple[int, ...], spacing_px: StyleField, *, jitter: float = 1.0, seed: int = 0, layer: int = 0,
-    birth: int = 0,
+    birth: int = 0, corner: tuple[int, int] | None = None,
 ) -> Seeds:  # fmt: skip
     """Place seeds about `spacing_px` apart; without jitter no place is further than twice that from a seed.
 
@@ -210,6 +228,8 @@ def place(
         jitter: 0 = on the grid, 1 = anywhere within a square of side `spacing_px` about the grid point.
         seed, layer: random seed, and number of the layer; each layer has its own jitter.
         birth: frame that the seeds are made for; it is a part of their ids and does not change their places.
+        corner: row and column of the picture at which `spacing_px`, then one value a px, begins; only seeds whose cells
+            have their centres in that part are placed. None = it covers the whole picture.
 
     Source: kagaya2011video, section 4.1 (jittered grid). Departure: the density follows the stroke size. The paper
     keeps one density for all styles because a change of density made strokes jump; nested grids avoid the jumps.
@@ -221,18 +241,12 @@ def place(
             "Strokes need a spacing above 0.", field="size_px", value=float(spacing.min()), remedy="Use a size above 0."
         )
     cell = 2.0 ** math.floor(math.log2(max(float(spacing.min()), float(spacing.max()) / 2**_LEVELS)))
-    grid = Grid(cell, *(math.ceil(side / cell) for side in shape[:2]))
-    xy, ids = np.empty((grid.rows * grid.columns, 2), np.float32), np.empty(grid.rows * grid.columns, np.uint64)
-    n = _place(
-        spacing,
-        (shape[0], shape[1]),
-        grid,
-        jitter,
-        (seed & 0xFFFFFFFF, int(Purpose.PLACE)),
-        (layer, birth & 0xFFFFFF),
-        xy,
-        ids,
-    )
+    part = (0, 0, shape[0], shape[1]) if corner is None else (*corner, *spacing.shape)
+    grid = Grid.of(cell, shape, part)
+    most = (grid.rows[1] - grid.rows[0]) * (grid.columns[1] - grid.columns[0])
+    xy, ids = np.empty((most, 2), np.float32), np.empty(most, np.uint64)
+    key, origin = (seed & 0xFFFFFFFF, int(Purpose.PLACE)), (layer, birth & 0xFFFFFF)
+    n = _place(spacing, (shape[0], shape[1]), grid, jitter, key, origin, xy, ids)
     return Seeds(xy[:n].copy(), ids[:n].copy())
 
 
@@ -249,18 +263,23 @@ def _place(
     n = 0
     # The cell size is a part of the counter, so another grid gives other ids; quarter pixels distinguish all sizes.
     salt = (layer & 0xFF) | (int(cell * 64.0) << 8)
-    columns_at = np.empty(grid.columns, np.intp)
-    for j in range(grid.columns):
-        columns_at[j] = min(int((j + 0.5) * cell), width - 1) * columns // width
+    columns_at = np.empty(grid.columns[1], np.intp)
+    for j in range(grid.columns[1]):
+        columns_at[j] = (min(int((j + 0.5) * cell), width - 1) - grid.corner[1]) * columns // grid.size[1]
     ranks = np.zeros((1 << _LEVELS, 1 << _LEVELS), np.int64)
     for i in range(1 << _LEVELS):
         for j in range(1 << _LEVELS):
             for k in range(_LEVELS):
                 a, b = (j >> k) & 1, (i >> k) & 1
                 ranks[i, j] = ranks[i, j] * 4 + ((a ^ b) * 2 + b)
-    for i in range(grid.rows):
-        spacings = spacing[min(int((i + 0.5) * cell), height - 1) * rows // height]
-        for j in range(grid.columns):
+    for i in range(grid.rows[0], grid.rows[1]):
+        row = (min(int((i + 0.5) * cell), height - 1) - grid.corner[0]) * rows // grid.size[0]
+        if row < 0 or row >= rows:
+            continue
+        spacings = spacing[row]
+        for j in range(grid.columns[0], grid.columns[1]):
+            if columns_at[j] < 0 or columns_at[j] >= columns:
+                continue
             x, y = (j + 0.5) * cell - 0.5, (i + 0.5) * cell - 0.5
             step = max(np.float64(spacings[columns_at[j]]), cell)
             rank = ranks[i & ((1 << _LEVELS) - 1), j & ((1 << _LEVELS) - 1)]

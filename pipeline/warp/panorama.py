@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
-from pipeline.warp.homography import Homography, apply, lattice
+from pipeline.warp.homography import Homography
 
 Rect = tuple[int, int, int, int]
 """Left, top, right, bottom, px; right and bottom are exclusive."""
@@ -37,9 +37,9 @@ class Placement:
 
     def positions(self) -> NDArray[np.float32]:
         """Panorama positions G of the rectangle's pixels: float32 (h, w, 2), working px."""
-        left, top, right, bottom = self.rect
-        here = lattice((bottom - top, right - left), (left, top))
-        return np.asarray(apply(self.matrix, here) + self.residual, np.float32)
+        out = np.empty((*self.residual.shape[:2], 2), np.float32)
+        _place(np.array(self.matrix), self.rect[:2], self.residual.astype(np.float32), out)
+        return out
 
     def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
         """Panorama positions G of arbitrary points (h, w, 2) of the frame.
@@ -48,8 +48,37 @@ class Placement:
         """
         x = np.ascontiguousarray(points[..., 0] - np.float32(self.rect[0]))
         y = np.ascontiguousarray(points[..., 1] - np.float32(self.rect[1]))
-        residual = cv2.remap(self.residual.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return (apply(self.matrix, points) + residual).astype(np.float32)
+        residual: AnyArray = cv2.remap(
+            self.residual.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        out = np.empty(points.shape, np.float32)
+        _map(np.array(self.matrix), points, residual, out)
+        return out
+
+
+@kernel
+def _place(m: Homography, corner: tuple[int, int], residual: NDArray[np.float32], out: NDArray[np.float32]) -> None:
+    """Positions of the pixels of a rectangle with this top left corner, (x, y), by the homography plus the residual."""
+    left, top = corner
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = np.float64(left + j), np.float64(top + i)
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            out[i, j, 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * scale + residual[i, j, 0]
+            out[i, j, 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * scale + residual[i, j, 1]
+
+
+@kernel
+def _map(
+    m: Homography, points: NDArray[np.float32], residual: NDArray[np.float32], out: NDArray[np.float32]
+) -> None:  # fmt: skip
+    """`_place` for the positions `points`."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = np.float64(points[i, j, 0]), np.float64(points[i, j, 1])
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            out[i, j, 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * scale + residual[i, j, 0]
+            out[i, j, 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * scale + residual[i, j, 1]
 
 
 class _FullSizeGrid(NamedTuple):
@@ -85,7 +114,7 @@ def full_map(placement: Placement, ratio: tuple[float, float], size: tuple[int, 
     shape = rect[3] - rect[1], rect[2] - rect[0]
     x, y = np.empty(shape, np.float32), np.empty(shape, np.float32)
     grid = _FullSizeGrid((left, top), (rect[0], rect[1]), ratio, origin)
-    _full_map(placement.residual.astype(np.float32), placement.matrix, grid, x, y)
+    _full_map(placement.residual.astype(np.float32), np.array(placement.matrix), grid, x, y)
     return rect, x, y
 
 
@@ -93,28 +122,61 @@ def full_map(placement: Placement, ratio: tuple[float, float], size: tuple[int, 
 def _full_map(residual: NDArray[np.float32], m: Homography, grid: _FullSizeGrid, out_x: Plane, out_y: Plane) -> None:
     (left, top), (x0, y0), (rx, ry), (ox, oy) = grid
     rows, columns = residual.shape[:2]
-    for i in range(out_x.shape[0]):
+    height, width = out_x.shape
+    at, across, first = np.empty(width), np.empty(width, np.float32), np.empty(width, np.int64)
+    for j in range(width):
+        at[j] = (x0 + j + 0.5) / rx - 0.5
+        u = min(max(at[j] - left, 0.0), columns - 1.0)
+        first[j] = min(int(u), max(columns - 2, 0))
+        across[j] = np.float32(u - first[j])
+    # Rows of the residual, interpolated horizontally: row r is in place r % 2.
+    wide, held = np.empty((2, 2, width), np.float32), np.full(2, -1)
+    for i in range(height):
         y = (y0 + i + 0.5) / ry - 0.5
         v = min(max(y - top, 0.0), rows - 1.0)
         a = min(int(v), max(rows - 2, 0))
-        below = min(a + 1, rows - 1)
         b = np.float32(v - a)
-        for j in range(out_x.shape[1]):
-            x = (x0 + j + 0.5) / rx - 0.5
-            u = min(max(x - left, 0.0), columns - 1.0)
-            c = min(int(u), max(columns - 2, 0))
-            beside = min(c + 1, columns - 1)
-            d = np.float32(u - c)
-            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
-            for k in range(2):
-                upper = residual[a, c, k] + d * (residual[a, beside, k] - residual[a, c, k])
-                lower = residual[below, c, k] + d * (residual[below, beside, k] - residual[below, c, k])
-                off = upper + b * (lower - upper)
-                position = (m[k, 0] * x + m[k, 1] * y + m[k, 2]) * scale + off
-                if k == 0:
-                    out_x[i, j] = np.float32((position + 0.5) * rx - 0.5 - ox)
-                else:
-                    out_y[i, j] = np.float32((position + 0.5) * ry - 0.5 - oy)
+        for r in range(a, min(a + 1, rows - 1) + 1):
+            if held[r % 2] != r:
+                held[r % 2] = r
+                _widen(residual[r], first, across, wide[r % 2])
+        below = min(a + 1, rows - 1) % 2
+        _row(wide[a % 2, 0], wide[below, 0], b, (m[0], m[2]), at, y, (rx, float(ox)), out_x[i])
+        _row(wide[a % 2, 1], wide[below, 1], b, (m[1], m[2]), at, y, (ry, float(oy)), out_y[i])
+
+
+@kernel
+def _widen(
+    row: NDArray[np.float32], first: NDArray[np.int64], across: NDArray[np.float32], out: NDArray[np.float32]
+) -> None:
+    """A row of the residual, (columns, 2), at each full-size pixel: float32 (2, width)."""
+    for j in range(len(first)):
+        c, beside = first[j], min(first[j] + 1, len(row) - 1)
+        out[0, j] = row[c, 0] + across[j] * (row[beside, 0] - row[c, 0])
+        out[1, j] = row[c, 1] + across[j] * (row[beside, 1] - row[c, 1])
+
+
+@kernel
+def _row(
+    upper: NDArray[np.float32], lower: NDArray[np.float32], b: np.float32,
+    m: tuple[NDArray[np.float64], NDArray[np.float64]], at: NDArray[np.float64], y: float, to: tuple[float, float],
+    out: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """One coordinate of the positions of a row of pixels.
+
+    Args:
+        upper, lower, b: residual in two rows, and the distance from the first one, 0..1.
+        m: rows of the homography: the coordinate's, and the last one.
+        at, y: working px.
+        to: size of a working pixel, px, and first pixel of the panorama, px.
+    """
+    ratio, origin = to
+    p, q = m
+    p0, p1, p2, q0, q1, q2 = p[0], p[1] * y, p[2], q[0], q[1] * y, q[2]
+    for j in range(len(out)):
+        scale = 1.0 / (q0 * at[j] + q1 + q2)
+        position = (p0 * at[j] + p1 + p2) * scale + (upper[j] + b * (lower[j] - upper[j]))
+        out[j] = np.float32((position + 0.5) * ratio - 0.5 - origin)
 
 
 def gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane, y: Plane) -> None:
@@ -138,14 +200,22 @@ def _gather(total: NDArray[np.float32], picture: Frame, weights: Plane, x: Plane
             if share <= 0 or not (u >= 0 and v >= 0 and u < width - 1 and v < height - 1):
                 continue
             c, r = int(u), int(v)
-            a, b = u - np.float32(c), v - np.float32(r)
-            for q in range(4):
-                w = share * (b if q >= 2 else 1 - b) * (a if q % 2 else 1 - a)
-                cell = total[r + q // 2, c + q % 2]
-                cell[0] += w * picture[i, j, 0]
-                cell[1] += w * picture[i, j, 1]
-                cell[2] += w * picture[i, j, 2]
-                cell[3] += w
+            a, b = np.float64(u - np.float32(c)), np.float64(v - np.float32(r))
+            red, green, blue = np.float32(picture[i, j, 0]), np.float32(picture[i, j, 1]), np.float32(picture[i, j, 2])
+            _add_colour(total, r, c, share * (1.0 - b) * (1.0 - a), red, green, blue)
+            _add_colour(total, r, c + 1, share * (1.0 - b) * a, red, green, blue)
+            _add_colour(total, r + 1, c, share * b * (1.0 - a), red, green, blue)
+            _add_colour(total, r + 1, c + 1, share * b * a, red, green, blue)
+
+
+@kernel
+def _add_colour(
+    total: NDArray[np.float32], r: int, c: int, weight: float, red: np.float32, green: np.float32, blue: np.float32
+) -> None:
+    total[r, c, 0] += weight * red
+    total[r, c, 1] += weight * green
+    total[r, c, 2] += weight * blue
+    total[r, c, 3] += weight
 
 
 def mean(total: NDArray[np.float32], least: float = 0.05) -> tuple[Frame, Plane]:
@@ -153,10 +223,22 @@ def mean(total: NDArray[np.float32], least: float = 0.05) -> tuple[Frame, Plane]
 
     Pixels with a weight below `least` are filled from their surroundings, since strokes may extend there.
     """
-    known = np.minimum(total[..., 3] / np.float32(least), 1)
-    colours = total[..., :3] / np.maximum(total[..., 3:], np.float32(1e-6))
-    filled = _fill(np.dstack([colours * known[..., None], known]).astype(np.float32))
-    return np.rint(np.clip(filled, 0, 255)).astype(np.uint8), known.astype(np.float32)
+    weighted = np.empty(total.shape, np.float32)
+    _weigh(total, np.float32(least), weighted)
+    filled = _fill(weighted)
+    return np.rint(np.clip(filled, 0, 255)).astype(np.uint8), weighted[..., 3].copy()
+
+
+@kernel
+def _weigh(total: NDArray[np.float32], least: np.float32, out: NDArray[np.float32]) -> None:
+    """Mean colours times coverage, and the coverage."""
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            known = min(total[y, x, 3] / least, np.float32(1))
+            weight = max(total[y, x, 3], np.float32(1e-6))
+            for c in range(3):
+                out[y, x, c] = total[y, x, c] / weight * known
+            out[y, x, 3] = known
 
 
 def _fill(weighted: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -165,9 +247,32 @@ def _fill(weighted: NDArray[np.float32]) -> NDArray[np.float32]:
     known = weighted[..., 3:]
     if max(height, width) <= 1 or known.min() >= 1:
         return np.asarray(weighted[..., :3] / np.maximum(known, np.float32(1e-6)))
-    small = cv2.resize(weighted, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA)
-    share = np.maximum(small[..., 3:], np.float32(1e-6))
-    grown = np.minimum(small[..., 3:] * 4, 1)
-    small = np.dstack([small[..., :3] / share * grown, grown]).astype(np.float32)
-    below = cv2.resize(_fill(np.asarray(small, np.float32)), (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(weighted[..., :3] + below * (1 - known))
+    small = np.asarray(
+        cv2.resize(weighted, ((width + 1) // 2, (height + 1) // 2), interpolation=cv2.INTER_AREA), np.float32
+    )
+    _grow(small)
+    below = np.asarray(cv2.resize(_fill(small), (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+    _lay_over(weighted, below)
+    return below
+
+
+@kernel
+def _grow(small: NDArray[np.float32]) -> None:
+    """Let a pixel of a coarser level that is known by a quarter or more count as known, in place."""
+    for y in range(small.shape[0]):
+        for x in range(small.shape[1]):
+            share = max(small[y, x, 3], np.float32(1e-6))
+            grown = min(small[y, x, 3] * np.float32(4), np.float32(1))
+            for c in range(3):
+                small[y, x, c] = small[y, x, c] / share * grown
+            small[y, x, 3] = grown
+
+
+@kernel
+def _lay_over(weighted: NDArray[np.float32], below: NDArray[np.float32]) -> None:
+    """Lay a level over the coarser one, in place."""
+    for y in range(below.shape[0]):
+        for x in range(below.shape[1]):
+            unknown = np.float32(1) - weighted[y, x, 3]
+            for c in range(3):
+                below[y, x, c] = weighted[y, x, c] + below[y, x, c] * unknown

@@ -94,18 +94,45 @@ def relax(sheets: Sequence[Sheet], cell: float = 1.0, most: int = MOST_ITERATION
     columns, rows = (max(2, math.ceil((high[axis] - origin[axis]) / cell) + 2) for axis in (0, 1))
     shifts = np.zeros((rows, columns, 2), np.float32)
     grid = Relaxed(shifts, origin, cell, 0.0, 0.0, 0)
-    energy, force, step = _pull(sheets, grid, shifts)
+    laid = [_Laid.of(sheet, grid) for sheet in sheets]
+    total = np.empty((rows, columns, 3), np.float32)
+    energy, force, step = _pull(laid, shifts, total)
     before, best, kept, done = energy, energy, shifts, 0
     while done < most and force > 0:
         shifts = shifts + np.float32(STEP) * step
         done += 1
-        energy, now, step = _pull(sheets, grid, shifts)
+        energy, now, step = _pull(laid, shifts, total)
         if energy < best:
             best, kept = energy, shifts
         if now >= force:
             break
         force = now
     return Relaxed(kept, origin, cell, before, best, done)
+
+
+@dataclass(frozen=True)
+class _Laid:
+    """A sheet on a grid, and its work arrays.
+
+    Attributes:
+        corners: int32 (h, w), flat index of the first corner of each pixel's cell.
+        within: float32 (h, w, 2), position (x, y) in that cell, 0..1.
+        positions: float32 (h, w, 2), current positions, px.
+        force: float32 (h, w, 3), force on each pixel along x and y, and sum of its stiffnesses.
+    """
+
+    sheet: Sheet
+    corners: NDArray[np.int32]
+    within: Positions
+    positions: Positions
+    force: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, sheet: Sheet, grid: Relaxed) -> _Laid:
+        shape = sheet.inside.shape
+        corners, within = np.empty(shape, np.int32), np.empty((*shape, 2), np.float32)
+        _locate(sheet.targets, grid.shifts.shape[:2], *grid._place, corners, within)
+        return cls(sheet, corners, within, np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32))
 
 
 def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -117,17 +144,23 @@ def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.fl
 
 
 def _pull(
-    sheets: Sequence[Sheet], grid: Relaxed, shifts: NDArray[np.float32]
+    laid: Sequence[_Laid], shifts: NDArray[np.float32], total: NDArray[np.float32]
 ) -> tuple[float, float, NDArray[np.float32]]:
-    """Energy, norm of the forces on the corners, and the resulting step, float32 (rows, columns, 2)."""
-    total = np.zeros((*shifts.shape[:2], 3), np.float32)
-    energy = 0.0
-    for sheet in sheets:
-        laid = np.empty_like(sheet.targets)
-        _move(sheet.targets, shifts, *grid._place, laid)
-        force = np.zeros((*sheet.inside.shape, 3), np.float32)
-        energy += _strain(laid, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), force)
-        _gather(sheet.targets, sheet.inside, force, *grid._place, total)
+    """Energy, norm of the forces on the corners, and the resulting step, float32 (rows, columns, 2).
+
+    Args:
+        total: work array, float32 (rows, columns, 3).
+    """
+    total.fill(0)
+    energy, columns = 0.0, shifts.shape[1]
+    for one in laid:
+        sheet = one.sheet
+        _lay(sheet.targets, one.corners, one.within, shifts.reshape(-1, 2), columns, one.positions)
+        one.force.fill(0)
+        energy += _strain(
+            one.positions, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), one.force
+        )
+        _gather(one.corners, one.within, sheet.inside, one.force, columns, total.reshape(-1, 3))
     step = np.zeros_like(shifts)
     return energy, float(np.sqrt(_steps(total, step))), step
 
@@ -157,6 +190,40 @@ def _move(
                 top = shifts[i, j, c] + a * (shifts[i, j + 1, c] - shifts[i, j, c])
                 low = shifts[i + 1, j, c] + a * (shifts[i + 1, j + 1, c] - shifts[i + 1, j, c])
                 out[y, x, c] = positions[y, x, c] + top + b * (low - top)
+
+
+@kernel
+def _locate(
+    targets: Positions, grid: tuple[int, int], ox: np.float32, oy: np.float32, per_cell: np.float32,
+    corners: NDArray[np.int32], within: Positions,
+) -> None:  # fmt: skip
+    """Fill `corners` and `within` of a `_Laid` on a grid of so many rows and columns."""
+    rows, columns = grid
+    for y in range(corners.shape[0]):
+        for x in range(corners.shape[1]):
+            u = (targets[y, x, 0] - ox) * per_cell
+            v = (targets[y, x, 1] - oy) * per_cell
+            u = min(max(u, np.float32(0.0)), np.float32(columns - 1.001))
+            v = min(max(v, np.float32(0.0)), np.float32(rows - 1.001))
+            i, j = int(v), int(u)
+            corners[y, x] = i * columns + j
+            within[y, x, 0], within[y, x, 1] = u - np.float32(j), v - np.float32(i)
+
+
+@kernel
+def _lay(
+    targets: Positions, corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32], columns: int,
+    out: Positions,
+) -> None:  # fmt: skip
+    """`_move` for pixels whose cells are known; `shifts` float32 (rows * columns, 2)."""
+    for y in range(corners.shape[0]):
+        for x in range(corners.shape[1]):
+            first, a, b = corners[y, x], within[y, x, 0], within[y, x, 1]
+            below = first + columns
+            for c in range(2):
+                top = shifts[first, c] + a * (shifts[first + 1, c] - shifts[first, c])
+                low = shifts[below, c] + a * (shifts[below + 1, c] - shifts[below, c])
+                out[y, x, c] = targets[y, x, c] + top + b * (low - top)
 
 
 @kernel
@@ -211,28 +278,23 @@ def _strain(
 
 @kernel
 def _gather(
-    targets: Positions, inside: Mask, force: NDArray[np.float32], ox: np.float32, oy: np.float32,
-    per_cell: np.float32, total: NDArray[np.float32],
+    corners: NDArray[np.int32], within: Positions, inside: Mask, force: NDArray[np.float32], columns: int,
+    total: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Add each pixel's force and stiffness to the corners of its cell."""
-    rows, columns = total.shape[:2]
+    """Add each pixel's force and stiffness to the corners of its cell; `total` float32 (rows * columns, 3)."""
     one = np.float32(1.0)
     for y in range(inside.shape[0]):
         for x in range(inside.shape[1]):
             if not inside[y, x]:
                 continue
-            u = (targets[y, x, 0] - ox) * per_cell
-            v = (targets[y, x, 1] - oy) * per_cell
-            u = min(max(u, np.float32(0.0)), np.float32(columns - 1.001))
-            v = min(max(v, np.float32(0.0)), np.float32(rows - 1.001))
-            i, j = int(v), int(u)
-            b, a = v - np.float32(i), u - np.float32(j)
+            first, a, b = corners[y, x], within[y, x, 0], within[y, x, 1]
+            below = first + columns
             for c in range(3):
                 low, high = force[y, x, c] * (one - b), force[y, x, c] * b
-                total[i, j, c] += low * (one - a)
-                total[i, j + 1, c] += low * a
-                total[i + 1, j, c] += high * (one - a)
-                total[i + 1, j + 1, c] += high * a
+                total[first, c] += low * (one - a)
+                total[first + 1, c] += low * a
+                total[below, c] += high * (one - a)
+                total[below + 1, c] += high * a
 
 
 @kernel

@@ -73,3 +73,28 @@ def test_threads_share_as_many_arenas_as_there_are_processors() -> None:
         return int(done.stdout)
 
     assert arenas("yes") <= max(2, os.cpu_count() or 1) < arenas("no")
+
+
+_KEEPING = """
+import resource, sys
+import numpy as np
+from workers.process.free_memory import keep_free_memory
+
+if sys.argv[1] == "yes":
+    keep_free_memory()
+np.ones(8 << 20, np.uint8)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    np.ones(8 << 20, np.uint8)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="mallopt is a function of glibc")
+def test_large_arrays_reuse_memory_that_is_kept() -> None:
+    """An array of 8 MiB has 2048 pages."""
+    plain, kept = (
+        int(subprocess.run([sys.executable, "-c", _KEEPING, keep], capture_output=True, check=True).stdout)
+        for keep in ("no", "yes")
+    )
+    assert kept < 1000 and kept <= plain

@@ -6,9 +6,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack
-from functools import partial
 from pathlib import Path
 
 from pydantic import JsonValue
@@ -23,7 +21,8 @@ from pipeline.video.index import Index
 from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
-from workers.execution.arrays import read_arrays, write_arrays
+from workers.execution.arrays import read_arrays
+from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
 from workers.execution.handover import Handover
@@ -42,8 +41,6 @@ from workers.scheduling.planning import video_info
 PART = "part:"
 """Marks artefacts that are files, not arrays: parts of a download that the job's last step joins."""
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,150}")
-_STORING = 3
-"""Artefacts of an attempt that are stored at once."""
 _ASK_EVERY_S = 0.1
 _REPORT_EVERY_S = 0.2
 
@@ -83,6 +80,7 @@ class AttemptContext:
         """Second frames of the pairs that the job's quality report measures."""
         self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
         self._blobs = blobs
+        self._writer = ArtefactWriter(blobs)
         self._decoders = decoders
         self._scratch = scratch
         self._report = report
@@ -94,8 +92,6 @@ class AttemptContext:
         self._index: Index | None = None
         self._exit_stack = ExitStack()
         self._emission: Emission | None = None
-        self._storing: ThreadPoolExecutor | None = None
-        self._stored: list[Future[None]] = []
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
@@ -197,11 +193,7 @@ class AttemptContext:
             digest = f"-{arrays_digest(arrays)}" if self._order.traced else ""
             key = self._key(f"{_checked(name)}{digest}.npz")
             copies = None if self.handover is None else self.handover.give(key, arrays)
-            if copies is None:
-                self._blobs.put(key, partial(write_arrays, arrays=arrays))
-            else:  # a disk takes several files at once in the time of one
-                self._storing = self._storing or ThreadPoolExecutor(_STORING, thread_name_prefix="store")
-                self._stored.append(self._storing.submit(self._blobs.put, key, partial(write_arrays, arrays=copies)))
+            self._writer.put(key, arrays if copies is None else copies)
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
@@ -270,8 +262,7 @@ class AttemptContext:
         """Commit artefacts, the segment and the preview; the segment's blob key, or None. Raises EmitError,
         StorageError."""
         with self.stages.waiting("store"):
-            for stored in self._stored:
-                stored.result()
+            self._writer.finish()
         if self._order.emits is None:
             return None
         with self.stages.blocked():
@@ -317,9 +308,8 @@ class AttemptContext:
             raise Cancelled("The job was cancelled.")
 
     def close(self) -> None:
+        self._writer.close()
         self._exit_stack.close()
-        if self._storing:
-            self._storing.shutdown(cancel_futures=True)
         if self._emission:
             self._emission.close()
 

@@ -14,8 +14,12 @@ import threading
 from functools import cache
 
 EVERY_S = 60.0
-_M_ARENA_MAX = -8
-"""Number of the parameter in glibc's malloc.h."""
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
+"""Numbers of parameters in glibc's malloc.h."""
+_LARGEST_KEPT_BYTES = 32 << 20
+"""Largest block that is kept, bytes; glibc allows no more."""
+_MOST_KEPT_BYTES = 256 << 20
+"""Free memory at the end of an arena that is kept, bytes."""
 
 
 def limit_free_memory(every_s: float = EVERY_S) -> None:
@@ -25,6 +29,17 @@ def limit_free_memory(every_s: float = EVERY_S) -> None:
     if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         mallopt(_M_ARENA_MAX, max(2, os.cpu_count() or 1))
     _return_free_memory_regularly(every_s)
+
+
+def keep_free_memory() -> None:
+    """Keep freed memory in the process, for a process that lives for one job. Call it before threads start.
+
+    By default, the C library returns large arrays to the operating system when they are freed. New ones then cost a
+    page fault for every 4 KiB, during which the process's other threads may have to wait. Does nothing without glibc.
+    """
+    if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
+        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT_BYTES)
+        mallopt(_M_TRIM_THRESHOLD, _MOST_KEPT_BYTES)
 
 
 @cache

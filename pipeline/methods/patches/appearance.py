@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
+from pipeline.jit import kernel
 from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.paint_error import error_tolerance, fine_sigma_px
@@ -118,8 +119,24 @@ class ColourSum:
     @property
     def total(self) -> Total:
         """The sum as float32 (h, w, 4), cropped to `box`."""
-        weight = self.weight.astype(np.float32)
-        return np.dstack([self.colour * weight[..., None], weight]).astype(np.float32, copy=False)
+        out = np.zeros((*self.weight.shape, 4), np.float32)
+        _add_sum(self.colour, self.weight.astype(np.float32), (0, 0), out)
+        return out
+
+    def add_to(self, total: Total) -> None:
+        """Add the sum to one of the whole panorama, in place."""
+        _add_sum(self.colour, self.weight.astype(np.float32), (self.at[1], self.at[0]), total)
+
+
+@kernel
+def _add_sum(colour: Frame, weight: Plane, corner: tuple[int, int], total: Total) -> None:
+    top, left = corner
+    for y in range(weight.shape[0]):
+        for x in range(weight.shape[1]):
+            own = weight[y, x]
+            for c in range(3):
+                total[top + y, left + x, c] += np.float32(colour[y, x, c]) * own
+            total[top + y, left + x, 3] += own
 
 
 def colour_spans(track: PatchTrack) -> list[tuple[int, int]]:
@@ -204,19 +221,38 @@ def appearance_periods(
         else:
             found.append((start, stop))
             current[:] = 0
-        current[part.box] += total
-        overall[part.box] += total
+        part.add_to(current)
+        part.add_to(overall)
     return AppearancePeriods(found, ColourSum.of(overall))
 
 
 def appearance_changed(before: Total, after: Total, grid: WorkingGrid, params: PatchesParams) -> bool:
     """Whether two colour sums differ by more than half of `params.misfit` on `CHANGED_FRACTION` of common pixels."""
-    both = (before[..., 3] > 0.5) & (after[..., 3] > 0.5)
-    if not both.any():
+    change = np.empty((*before.shape[:2], 3), np.float32)
+    both = _change(np.ascontiguousarray(before), after, np.float32(0.5), np.float32(0.5), change)
+    if not both:
         return bool(after[..., 3].max(initial=0) > 0.5)
-    change = np.where(both[..., None], _colours(after) - _colours(before), 0)
     distance = vector_norm(cv2.GaussianBlur(change, (0, 0), fine_sigma_px(grid)))
-    return float((distance > params.misfit / 2)[both].mean()) > CHANGED_FRACTION
+    changed = (distance > params.misfit / 2) & (before[..., 3] > 0.5) & (after[..., 3] > 0.5)
+    return int(np.count_nonzero(changed)) / both > CHANGED_FRACTION
+
+
+@kernel
+def _change(before: Total, after: Total, least_before: np.float32, least: np.float32, out: NDArray[np.float32]) -> int:
+    """Fill `out` with the change of the mean colour, 0 where a weight is at most its least; the number of other
+    pixels."""
+    count = 0
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            if before[y, x, 3] > least_before and after[y, x, 3] > least:
+                count += 1
+                old, new = max(before[y, x, 3], np.float32(1e-6)), max(after[y, x, 3], np.float32(1e-6))
+                for c in range(3):
+                    out[y, x, c] = after[y, x, c] / new - before[y, x, c] / old
+            else:
+                for c in range(3):
+                    out[y, x, c] = 0
+    return count
 
 
 def period_picture(
@@ -233,15 +269,39 @@ def period_picture(
         misfit: tolerated RGB distance.
     """
     own, total = rect.zeros(), rect.zeros()
-    total[overall.box] = overall.total
+    overall.add_to(total)
     for part in sums:
-        own[part.box] += part.total
-    own_mean = _colours(own)
-    change = np.where(own[..., 3:] > FILL_WEIGHT, own_mean - _colours(total), 0)
+        part.add_to(own)
+    change, picture = np.empty((*own.shape[:2], 3), np.float32), np.empty((*own.shape[:2], 3), np.uint8)
+    _change(total, own, np.float32(-1), np.float32(FILL_WEIGHT), change)
+    _colour_bytes(own, picture)
     distance = vector_norm(cv2.GaussianBlur(change, (0, 0), fine_sigma_px(grid)))
-    limit = np.float32(misfit) * error_tolerance(own_mean.astype(np.uint8), grid.unit)
-    new = np.clip(distance / (limit * np.float32(UNCHANGED_MISFIT)) - 1, 0, 1)[..., None]
-    return mean(own * new + total * np.maximum(1 - new, np.float32(FILL_WEIGHT)))[0]
+    limit = np.float32(misfit) * error_tolerance(picture, grid.unit)
+    _mix(own, distance, limit, total)
+    return mean(total)[0]
+
+
+@kernel
+def _colour_bytes(total: Total, out: Frame) -> None:
+    """Mean colours, rounded down."""
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            weight = max(total[y, x, 3], np.float32(1e-6))
+            for c in range(3):
+                out[y, x, c] = np.uint8(total[y, x, c] / weight)
+
+
+@kernel
+def _mix(own: Total, distance: Plane, limit: Plane, total: Total) -> None:
+    """Replace `total`, in place, by `own` where they differ by more than the limit, with a transition."""
+    zero, one = np.float32(0), np.float32(1)
+    unchanged, least = np.float32(UNCHANGED_MISFIT), np.float32(FILL_WEIGHT)
+    for y in range(distance.shape[0]):
+        for x in range(distance.shape[1]):
+            new = min(max(distance[y, x] / (limit[y, x] * unchanged) - one, zero), one)
+            rest = max(one - new, least)
+            for c in range(4):
+                total[y, x, c] = own[y, x, c] * new + total[y, x, c] * rest
 
 
 def _colours(total: Total) -> NDArray[np.float32]:

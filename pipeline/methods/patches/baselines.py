@@ -16,6 +16,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.base import Task, TaskContext
 from pipeline.methods.patches.face_tracking import single_frame_planes
+from pipeline.methods.patches.layer_picture import LayerPicture
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
@@ -112,7 +113,8 @@ class AdvectedStrokes:
             if index:
                 keep = wanted(advected.seeds, reference, canvas, brush.size_px, limits, painter.scheme.keep)
             tracks = update(advected, seeds, reference, spacing, wanted=keep)
-        painter.paint_layer(canvas, tracks.seeds, reference, brush, index, tracks.targets, tracks.presence)
+        layer = LayerPicture.of(reference, brush)
+        painter.paint_layer(canvas, tracks.seeds, layer, brush, index, tracks.targets, tracks.presence)
         return tracks
 
     def state(self) -> State:

@@ -215,10 +215,9 @@ class PatchCompositor:
         opacity = residual.limited_opacity(index, 1 - covered)
         if (opacity > VISIBLE_OPACITY).any():
             layer = residual.paint(index, frame, opacity, limit, self._faces(index))
-            scale = (1 - opacity) / np.maximum(covered, np.float32(1e-6))
         else:
-            layer, opacity, scale = total, np.zeros_like(covered), np.reciprocal(covered)
-        picture, painting = blended(total, np.asarray(scale, np.float32), layer, opacity)
+            layer, opacity = total, np.zeros_like(covered)
+        picture, painting = blended(total, covered, layer, opacity)
         residual.store(index, picture, painting)
         return picture, painting
 

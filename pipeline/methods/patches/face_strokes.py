@@ -57,23 +57,26 @@ _OCTAVES = np.array([2.0 ** (k + 0.5) for k in range(16)], np.float32)
 
 @dataclass(frozen=True)
 class FacePlanes:
-    """Faces of a picture.
+    """Faces of a picture, or of a part of it.
 
     Attributes:
         weight: float32 (h, w), 0..1, weight of strokes on faces.
         width_px: float32 (h, w), width of the face at each pixel, px; any value where the weight is 0.
+        corner: row and column of the picture at which the part begins.
     """
 
     weight: Plane
     width_px: Plane
+    corner: tuple[int, int] = (0, 0)
 
     def within(self, box: tuple[slice, slice]) -> FacePlanes:
         """The faces in a part of the picture."""
         return FacePlanes(np.ascontiguousarray(self.weight[box]), np.ascontiguousarray(self.width_px[box]))
 
     def where(self, mask: Mask) -> FacePlanes:
-        """The faces in the pixels of a mask, bool (h, w)."""
-        return replace(self, weight=np.where(mask, self.weight, np.float32(0)))
+        """The faces in the pixels of a mask, bool (h, w): the part of the picture that they cover."""
+        inside = (self.weight > LEAST_WEIGHT) & mask
+        return self._cropped(inside, np.where(mask, self.weight, np.float32(0)), self.width_px)
 
     def groups(self) -> Iterator[tuple[float, FacePlanes]]:
         """Faces whose widths are within a factor of sqrt 2 of a power of two, and that power, px; large ones first.
@@ -86,8 +89,37 @@ class FacePlanes:
         octave = np.searchsorted(_OCTAVES, self.width_px)
         for value in np.unique(octave[inside])[::-1].tolist():
             own = inside & (octave == value)
-            width = np.where(own, self.width_px, np.float32(2.0 ** (value - 0.5)))
-            yield 2.0**value, FacePlanes(np.where(own, self.weight, np.float32(0)), np.asarray(width, np.float32))
+            width = np.where(own, self.width_px, smallest_width(2.0**value))
+            yield 2.0**value, self._cropped(own, np.where(own, self.weight, np.float32(0)), width)
+
+    def enlarged(self, box: tuple[slice, slice], width_px: float) -> FacePlanes:
+        """These faces in a larger part of the picture, without faces around them.
+
+        Args:
+            box: rows and columns of the picture.
+            width_px: width of faces in the added pixels, px.
+        """
+        rows, columns = box
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        weight, width = np.zeros(shape, np.float32), np.full(shape, width_px, np.float32)
+        top, left = self.corner[0] - rows.start, self.corner[1] - columns.start
+        own = slice(top, top + self.weight.shape[0]), slice(left, left + self.weight.shape[1])
+        weight[own], width[own] = self.weight, self.width_px
+        return FacePlanes(weight, width, (rows.start, columns.start))
+
+    def _cropped(self, inside: Mask, weight: Plane, width_px: Plane) -> FacePlanes:
+        """The part of two planes of this size around the pixels of `inside`."""
+        rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            return FacePlanes(weight[:0, :0], width_px[:0, :0], self.corner)
+        box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        corner = self.corner[0] + box[0].start, self.corner[1] + box[1].start
+        return FacePlanes(np.ascontiguousarray(weight[box]), np.ascontiguousarray(width_px[box]), corner)
+
+
+def smallest_width(power_px: float) -> np.float32:
+    """Smallest width of the group of faces around that power of two, see `FacePlanes.groups`, px."""
+    return np.float32(power_px * 2.0**-0.5)
 
 
 @dataclass(frozen=True)

@@ -141,8 +141,7 @@ def cluster_frame(
     if foreground is None:
         votes = _with_background_votes(votes, background_agreement(motion, votes, params))
     choices, weights = votes
-    damped = np.where(choices > 0, weights * np.float32(MOTION_EDGE_WEIGHT), 0)
-    weights = np.where(near_motion_edges(motion), damped, weights)
+    _damp(choices, near_motion_edges(motion), np.float32(MOTION_EDGE_WEIGHT), weights)
     if foreground is not None:
         choices, weights = _with_mask_votes((choices, weights), foreground)
     labels, probability = vote(choices, weights, edges)
@@ -226,17 +225,28 @@ def link_votes(
     Args:
         maps: label maps of preceding frames, int32 (h, w), by frame number.
     """
-    shape = motion.small.shape[:2]
-    choices, weights = [np.zeros(shape, np.int32)], [np.zeros(shape, np.float32)]
+    found: list[tuple[Labels, Flow, Plane]] = []
     for gap in range(1, params.window):
         before, pair = maps.get(index - gap), flow.backward(index, gap)
-        if before is None or pair is None:
-            continue
-        choice = warp_labels(before, pair[0])
-        weight = np.where(pair[1] >= params.reliable, params.interframe * pair[1], 0)
-        choices.append(choice)
-        weights.append(np.where(choice > 0, weight, weight * UNCLUSTERED_WEIGHT).astype(np.float32))
-    return np.stack(choices), np.stack(weights)
+        if before is not None and pair is not None:
+            found.append((before, *pair))
+    shape = len(found) + 1, *motion.small.shape[:2]
+    choices, weights = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
+    least, most = np.float32(params.reliable), np.float32(params.interframe)
+    for plane, (before, vectors, reliable) in enumerate(found, start=1):
+        _warp_labels(before, vectors, 0, 0, choices[plane])
+        _weigh(choices[plane], reliable, least, most, weights[plane])
+    return choices, weights
+
+
+@kernel
+def _weigh(choices: Labels, reliable: Plane, least: np.float32, most: np.float32, out: Plane) -> None:
+    """Weights of links with reliability R: `most` times R, 0 below `least`; lower for links to unclustered pixels."""
+    unclustered = np.float32(UNCLUSTERED_WEIGHT)
+    for y in range(out.shape[0]):
+        for x in range(out.shape[1]):
+            weight = most * reliable[y, x] if reliable[y, x] >= least else np.float32(0)
+            out[y, x] = weight if choices[y, x] > 0 else weight * unclustered
 
 
 def warp_labels(labels: Labels, flow: Flow, at: tuple[int, int] = (0, 0)) -> Labels:
@@ -339,11 +349,32 @@ def _with_background_votes(votes: Votes, agreement: BackgroundAgreement) -> Vote
     background gets a weak vote.
     """
     choices, weights = votes
-    dropped = agreement.deviates_strongly & (choices == BACKGROUND)
-    choices = np.where(dropped, 0, choices).astype(np.int32)
-    voted = ((choices > 0) & (weights > 0)).any(axis=0)
-    choices[0] = np.where(agreement.agrees, BACKGROUND, 0)
-    weights[0] = (agreement.agrees | agreement.deviates) & ~voted
-    flat = ~(agreement.agrees | agreement.deviates | voted)
-    choices[0][flat], weights[0][flat] = BACKGROUND, FLAT_WEIGHT
+    _add_background(choices, weights, agreement.agrees, agreement.deviates, agreement.deviates_strongly)
     return choices, weights
+
+
+@kernel
+def _add_background(choices: NDArray[np.int32], weights: NDArray[np.float32], agrees: Mask, deviates: Mask,
+                    strongly: Mask) -> None:  # fmt: skip
+    """`_with_background_votes`, in place."""
+    for y in range(agrees.shape[0]):
+        for x in range(agrees.shape[1]):
+            voted = False
+            for k in range(choices.shape[0]):
+                if strongly[y, x] and choices[k, y, x] == BACKGROUND:
+                    choices[k, y, x] = 0
+                voted = voted or (choices[k, y, x] > 0 and weights[k, y, x] > 0)
+            visible = agrees[y, x] or deviates[y, x]
+            flat = not visible and not voted
+            choices[0, y, x] = BACKGROUND if agrees[y, x] or flat else 0
+            weights[0, y, x] = FLAT_WEIGHT if flat else np.float32(visible and not voted)
+
+
+@kernel
+def _damp(choices: NDArray[np.int32], near: Mask, factor: np.float32, weights: NDArray[np.float32]) -> None:
+    """Multiply the weights of votes for a label by `factor` near silhouettes, and remove those for none, in place."""
+    for k in range(choices.shape[0]):
+        for y in range(near.shape[0]):
+            for x in range(near.shape[1]):
+                if near[y, x]:
+                    weights[k, y, x] = weights[k, y, x] * factor if choices[k, y, x] > 0 else np.float32(0)

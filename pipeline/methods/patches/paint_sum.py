@@ -21,11 +21,16 @@ def add_weighted(total: WeightedSum, rendering: Rendering, weight: Plane) -> Non
         _add(one, plane, weight)
 
 
-def blended(total: WeightedSum, scale: Plane, layer: WeightedSum, opacity: Plane) -> tuple[Frame, Frame]:
-    """`scale` times `total` plus `opacity` times `layer`: picture and painting, uint8 (h, w, 3) each."""
+def blended(total: WeightedSum, covered: Plane, layer: WeightedSum, opacity: Plane) -> tuple[Frame, Frame]:
+    """The mean of `total` under `layer`: picture and painting, uint8 (h, w, 3) each.
+
+    Args:
+        covered: float32 (h, w), sum of the weights in `total`.
+        opacity: float32 (h, w), 0..1, opacity of `layer`.
+    """
     out = np.empty(total.shape, np.uint8)
     for one, plane, over in zip(out, total, layer, strict=True):
-        _blend(plane, scale, over, opacity, one)
+        _blend(plane, covered, over, opacity, one)
     return out[0], out[1]
 
 
@@ -43,12 +48,14 @@ def _add(total: NDArray[np.float32], picture: Frame, weight: Plane) -> None:
 
 @kernel
 def _blend(
-    total: NDArray[np.float32], scale: Plane, layer: NDArray[np.float32], opacity: Plane, out: Frame
+    total: NDArray[np.float32], covered: Plane, layer: NDArray[np.float32], opacity: Plane, out: Frame
 ) -> None:  # fmt: skip
-    height, width = scale.shape
+    height, width = covered.shape
     least, most, half = np.float32(0), np.float32(255), np.float32(0.5)
     for y in range(height):
         for x in range(width):
+            over = opacity[y, x]
+            scale = (np.float32(1) - over) / max(covered[y, x], np.float32(1e-6))
             for c in range(3):
-                value = scale[y, x] * total[y, x, c] + opacity[y, x] * layer[y, x, c]
+                value = scale * total[y, x, c] + over * layer[y, x, c]
                 out[y, x, c] = np.uint8(min(max(value, least), most) + half)

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.methods.patches.face_strokes import FACE_BLUR, FACE_LENGTH, LAYERS, LEAST_WEIGHT, FaceBrush, FacePlanes
+from pipeline.jit import kernel
+from pipeline.methods.patches.face_strokes import (
+    FACE_BLUR,
+    FACE_LENGTH,
+    LAYERS,
+    LEAST_WEIGHT,
+    FaceBrush,
+    FacePlanes,
+    smallest_width,
+)
+from pipeline.methods.patches.layer_picture import LEAST_PAD_PX, Box, LayerPicture, areas_around
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams, StrokeStyle
 from pipeline.methods.patches.scan import PAPER_HEIGHT
-from pipeline.strokes.brush import Brush, Canvas, Direction, blank, colours_at
+from pipeline.strokes.brush import Brush, Canvas, blank, colours_at
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import (
     FARTHEST,
@@ -24,12 +36,11 @@ from pipeline.strokes.layers import (
     spacing_px,
     wanted,
 )
-from pipeline.strokes.raster import paint, slopes_of
+from pipeline.strokes.raster import paint
 from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.steepen import steepen
 from pipeline.strokes.trace import TraceRules, trace
 from pipeline.strokes.tracks import fade
-from pipeline.tensors.structure import doubled_tangents
 
 TABLE_1 = ((64, 2.0, 1.0, 16.0), (512, 4.0, 2.0, 32.0), (float("inf"), 8.0, 4.0, 128.0))
 """Rows of (largest region area, r_max, l_min, l_max), in px of a frame 344 px high."""
@@ -41,9 +52,10 @@ STEEPENING, MOST_STEPS = 2.0, 8
 """Steps of edge steepening per px of a frame 344 px high, see `steepen`, and the largest number of them."""
 MIN_RADIUS = 0.8
 """Smallest stroke radius, px."""
-
-Box = tuple[slice, slice]
-"""Rows and columns."""
+START_REACH = 0.25
+"""Distance from the pixels to be painted within which strokes start, in reaches of a stroke of the layer."""
+KEPT_SEEDS = 16
+"""Layers whose seeds stay in memory: those of the frame, and of a few panoramas."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +110,6 @@ class HertzmannPainter:
         """Number, brush ratio and stroke density of the layers."""
         return LayerScheme(most=self.layers, ratio=0.5, overlap=self.style.overlap, blur=0.5, edge=90.0)
 
-    @property
-    def reach_px(self) -> float:
-        """Largest distance of a stroke's pixels from its seed, px."""
-        return float(self.brush.length_px) / 2 + float(self.brush.size_px)
-
     def reference(self, picture: Frame, brush: Brush) -> Frame:
         """The picture of a layer, blurred in proportion to its strokes, with steep edges: uint8 (h, w, 3).
 
@@ -121,68 +128,101 @@ class HertzmannPainter:
             faces: where strokes are added on faces; None = nowhere.
         """
         every = np.ones(picture.shape[:2], np.bool_)
-        return self._painting(picture, every, (slice(None), slice(None)), faces)
+        return self._painting(picture, [every] * self.layers, (slice(None), slice(None)), faces)
 
     def paint_part(self, picture: Frame, where: Mask, faces: FacePlanes | None = None) -> Frame:
-        """Paint only the strokes that start in `where`, bool (h, w); pixels beyond their reach are black.
+        """Paint the pixels of `where`, bool (h, w), by the strokes that start in them or near them.
+
+        "Near" is a quarter of a stroke's reach, which differs from layer to layer. The result has the size of the
+        picture; it is undefined outside `where`.
 
         Args:
             faces: as for `paint_picture`.
         """
-        box = _bounding_box(where, int(self.reach_px))
+        own, near = where.astype(np.uint8), list[Mask]()
+        for index in range(self.layers):
+            side = 2 * int(reach_px(layer_brush(self.brush, self.scheme.ratio, index)) * START_REACH) + 1
+            near.append(cv2.dilate(own, np.ones((side, side), np.uint8)) > 0)
+        box = _bounding_box(near[0], int(reach_px(self.brush)))
         out = np.zeros_like(picture)
-        out[box] = self._painting(np.ascontiguousarray(picture[box]), where, box, faces)
+        out[box] = self._painting(np.ascontiguousarray(picture[box]), near, box, faces)
         return out
 
-    def _painting(self, picture: Frame, where: Mask, box: Box, faces: FacePlanes | None) -> Frame:
-        """Paint a crop. Seeds are placed on the full frame `where`, so they do not depend on the crop `box`."""
-        reference, tolerance = self.reference(picture, self.brush), error_tolerance(picture, self.unit)
-        canvas = blank(reference)
-        for index in range(self.layers):
-            brush = layer_brush(self.brush, self.scheme.ratio, index)
-            reference = self.reference(picture, brush) if index else reference
-            seeds = self._seeds(brush, index, where, box)
+    def _painting(self, picture: Frame, where: Sequence[Mask], box: Box, faces: FacePlanes | None) -> Frame:
+        """Paint a crop of the frame.
+
+        Args:
+            picture: the crop `box` of the frame.
+            where: for each layer, the pixels in which its strokes may start, bool of the frame's size. Seeds are placed
+                on the frame, so they do not depend on the crop.
+        """
+        base, tolerance = self.reference(picture, self.brush), error_tolerance(picture, self.unit)
+        canvas, shape = blank(base), (where[0].shape[0], where[0].shape[1])
+        for index, starts in enumerate(where):
+            brush, inside = layer_brush(self.brush, self.scheme.ratio, index), np.ascontiguousarray(starts[box])
+            layer = self._layer_picture(picture, base, brush, index, inside)
+            seeds = self._seeds(brush, index, inside, shape, box)
             if index:
-                seeds = seeds[wanted(seeds, reference, canvas, brush.size_px, self.error_limit(index, tolerance))]
-            self.paint_layer(canvas, seeds, reference, brush, index)
+                limit = self.error_limit(index, tolerance)
+                seeds = seeds[wanted(seeds, layer.reference, canvas, brush.size_px, limit)]
+            self.paint_layer(canvas, seeds, layer, brush, index)
         if faces is not None:
-            for width, group in faces.where(where).groups():
-                self._paint_faces(canvas, picture, width, group, box)
+            for width, group in faces.where(where[0]).groups():
+                self._paint_faces(canvas, picture, width, group, box, shape)
         return emboss(canvas)
 
-    def _paint_faces(self, canvas: Canvas, picture: Frame, width_px: float, faces: FacePlanes, box: Box) -> None:
+    def _layer_picture(self, picture: Frame, base: Frame, brush: Brush, index: int, where: Mask) -> LayerPicture:
+        """The picture of layer `index` for strokes that start in `where`; `base` is that of the coarsest layer."""
+        areas = areas_around(where, int(float(brush.size_px)) + LEAST_PAD_PX)
+        if [(area[0].stop - area[0].start, area[1].stop - area[1].start) for area in areas] == [where.shape]:
+            return LayerPicture.of(self.reference(picture, brush) if index else base, brush)
+        if not index:
+            return LayerPicture.within(areas, base, brush, lambda area: np.ascontiguousarray(base[area]))
+        return LayerPicture.within(
+            areas, base, brush, lambda area: self.reference(np.ascontiguousarray(picture[area]), brush)
+        )
+
+    def _paint_faces(self, canvas: Canvas, picture: Frame, width_px: float, faces: FacePlanes, box: Box,
+                     shape: tuple[int, int]) -> None:  # fmt: skip
         """Add strokes on faces of similar width, in place.
 
         Opacity and number of the strokes fall with the weight, so that no seam appears.
 
         Args:
             width_px: typical width of the faces, px.
-            faces: the faces on the full frame, of which `canvas` and `picture` are the crop `box`.
+            faces: the faces, in the part of the frame that they cover.
+            box: the crop of the frame that `canvas` and `picture` are.
+            shape: (height, width) of the frame, px.
         """
         finest = float(self.brush.size_px) * self.scheme.ratio ** (self.layers - 1)
-        where = faces.weight > LEAST_WEIGHT
-        inner = _bounding_box(where[box], int(max(float(self.brush.size_px), width_px * LAYERS[0].share * FACE_LENGTH)))
+        pad = int(max(float(self.brush.size_px), width_px * LAYERS[0].share * FACE_LENGTH))
+        outer, inner = _around(faces, pad, box, shape)
         part, own = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(canvas[inner])
-        outer = _within(box, inner)
-        near = faces.within(outer)
+        near = faces.enlarged(outer, float(smallest_width(width_px)))
+        where = near.weight > LEAST_WEIGHT
         for index, layer in enumerate(LAYERS, start=self.layers):
             face = FaceBrush(layer, finest)
-            whole, brush = face.shape(self.brush, faces.width_px), face.brush(self.brush, near)
+            brush = face.brush(self.brush, near)
             sigma = FACE_BLUR * float(face.size_px(width_px)) / 2
             reference = np.asarray(cv2.GaussianBlur(part, (0, 0), sigma), np.uint8)
             if face.is_large(width_px):
                 reference = self._steepened(reference)
-            seeds = self._seeds(whole, index, where, outer)
+            seeds = place(
+                shape, spacing_px(brush, self.scheme), jitter=self.scheme.scatter, seed=self.seed, layer=index,
+                corner=near.corner,
+            )  # fmt: skip
+            seeds = _seeds_in(seeds, where, near.corner)
             seeds = seeds[wanted(seeds, reference, own, brush.size_px, face.limit(near, self.threshold))]
-            self.paint_layer(own, seeds, reference, brush, index, edge=face.edge(width_px))
+            if len(seeds):
+                layer_picture = LayerPicture.of(reference, brush)
+                self.paint_layer(own, seeds, layer_picture, brush, index, edge=face.edge(width_px))
         canvas[inner] = own
 
-    def _seeds(self, brush: Brush, index: int, where: Mask, box: Box) -> Seeds:
-        spacing = spacing_px(brush, self.scheme)
-        seeds = place(where.shape, spacing, jitter=self.scheme.scatter, seed=self.seed, layer=index)
-        seeds = seeds[where[np.rint(seeds.xy[:, 1]).astype(int), np.rint(seeds.xy[:, 0]).astype(int)]]
-        corner = np.array([box[1].start or 0, box[0].start or 0], np.float32)
-        return Seeds(seeds.xy - corner, seeds.ids)
+    def _seeds(self, brush: Brush, index: int, inside: Mask, shape: tuple[int, int], box: Box) -> Seeds:
+        """Seeds of a layer in the mask `inside` of the crop `box`, and relative to it; `shape` is that of the frame."""
+        spacing = float(spacing_px(brush, self.scheme))
+        seeds = _uniform_seeds(shape, spacing, self.scheme.scatter, self.seed, index)
+        return _seeds_in(seeds, inside, (box[0].start or 0, box[1].start or 0))
 
     def error_limit(self, index: int, tolerance: Plane) -> Plane:
         """Error above which layer `index` is painted: float32 (h, w), RGB distance.
@@ -195,7 +235,7 @@ class HertzmannPainter:
         return layer_threshold(self.layers, np.minimum(threshold, np.float32(FARTHEST)), index, tolerance.shape)
 
     def paint_layer(
-        self, canvas: Canvas, seeds: Seeds, reference: Frame, brush: Brush, index: int,
+        self, canvas: Canvas, seeds: Seeds, layer: LayerPicture, brush: Brush, index: int,
         targets: NDArray[np.float32] | None = None, presence: NDArray[np.float32] | None = None,
         edge: float | None = None,
     ) -> None:  # fmt: skip
@@ -203,25 +243,59 @@ class HertzmannPainter:
 
         Args:
             canvas: the painting of the layers before.
-            reference: uint8 (h, w, 3), the blurred picture of this layer.
+            layer: what the strokes follow.
             targets, presence: colours float32 (n, 3) and fading state float32 (n,) of tracked strokes; None for new
                 strokes.
             edge: RGB distance at which strokes end; None = the scheme's, for that layer.
         """
-        edge = self.scheme.edge * 0.8**index if edge is None else edge
+        edge, reference = self.scheme.edge * 0.8**index if edge is None else edge, layer.reference
         rules = TraceRules(reference, canvas if index else None, edge, self.min_length, self.style.curvature)
         targets = colours_at(seeds, reference) if targets is None else targets
-        strokes = trace(seeds, directions(reference, brush), brush, targets, rules, self.seed)
+        strokes = trace(seeds, layer.field, brush, targets, rules, self.seed)
         if presence is not None:
             strokes = fade(strokes, presence)
-        paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=slopes_of(reference))
+        paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=layer.slopes)
 
 
-def _within(box: Box, inner: Box) -> Box:
-    """The part `inner` of a crop `box` as rows and columns of the full frame."""
-    starts = [(outer.start or 0) + part.start for outer, part in zip(box, inner, strict=True)]
-    rows, columns = (slice(at, at + part.stop - part.start) for at, part in zip(starts, inner, strict=True))
-    return rows, columns
+def reach_px(brush: Brush) -> float:
+    """Largest distance of a stroke's pixels from its seed, px, for a brush of uniform size."""
+    return float(brush.length_px) / 2 + float(brush.size_px)
+
+
+@lru_cache(maxsize=KEPT_SEEDS)
+def _uniform_seeds(shape: tuple[int, int], spacing: float, jitter: float, seed: int, layer: int) -> Seeds:
+    """`place` for one spacing, px: every frame of a video has the same seeds. The arrays are read-only."""
+    seeds = place(shape, spacing, jitter=jitter, seed=seed, layer=layer)
+    for array in (seeds.xy, seeds.ids):
+        array.setflags(write=False)
+    return seeds
+
+
+def _seeds_in(seeds: Seeds, where: Mask, corner: tuple[int, int]) -> Seeds:
+    """The seeds in a mask of a part of the picture, relative to that part's first pixel at `corner`, row and column."""
+    keep = np.empty(len(seeds), np.bool_)
+    _inside(seeds.xy, where, corner, keep)
+    found = seeds[keep]
+    return Seeds(found.xy - np.array([corner[1], corner[0]], np.float32), found.ids)
+
+
+@kernel
+def _inside(xy: NDArray[np.float32], where: Mask, corner: tuple[int, int], keep: NDArray[np.bool_]) -> None:
+    height, width = where.shape
+    for k in range(len(keep)):
+        column, row = int(np.rint(xy[k, 0])) - corner[1], int(np.rint(xy[k, 1])) - corner[0]
+        keep[k] = 0 <= row < height and 0 <= column < width and where[row, column]
+
+
+def _around(faces: FacePlanes, pad: int, box: Box, shape: tuple[int, int]) -> tuple[Box, Box]:
+    """The part of the frame within `pad` px of the faces, inside the crop `box`; and the same part of the crop."""
+    outer, inner = [], []
+    for first, length, side, whole in zip(faces.corner, faces.weight.shape, box, shape, strict=True):
+        low, high = side.start or 0, min(side.stop or whole, whole)
+        span = slice(max(first - pad, low), min(first + length + pad, high))
+        outer.append(span)
+        inner.append(slice(span.start - low, span.stop - low))
+    return (outer[0], outer[1]), (inner[0], inner[1])
 
 
 def _bounding_box(where: Mask, pad_px: int) -> Box:
@@ -231,13 +305,3 @@ def _bounding_box(where: Mask, pad_px: int) -> Box:
         found = np.flatnonzero(where.any(axis=axis))
         spans.append(slice(max(int(found[0]) - pad_px, 0), int(found[-1]) + 1 + pad_px) if len(found) else slice(0, 1))
     return spans[0], spans[1]
-
-
-def directions(reference: Frame, brush: Brush) -> Direction:
-    """Stroke directions normal to the image gradient: float32 (h, w, 2), (cos 2a, sin 2a) times a length of 0..1.
-
-    Departure from hertzmann1998painterly: the gradient is averaged over the stroke's width by a structure tensor,
-    since the gradient of a single pixel is mostly noise in smooth areas.
-    """
-    gray = np.asarray(cv2.cvtColor(reference, cv2.COLOR_RGB2GRAY), np.uint8)
-    return doubled_tangents(gray, max(float(np.median(brush.size_px)) / 2, 1.0))

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Labels, Mask, Plane
+from pipeline.jit import kernel
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.motion_clustering import warp_labels
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.scan import run_key, runs
-from pipeline.methods.patches.window_flow import WindowFlow, textured, vector_norm
-from pipeline.warp.homography import IDENTITY, Homography, apply, fit, lattice
+from pipeline.methods.patches.window_flow import WindowFlow, textured
+from pipeline.warp.homography import IDENTITY, Homography, fit, lattice
 from pipeline.warp.panorama import Rect
 from pipeline.warp.springs import MOST_ITERATIONS, Sheet, relax
 
@@ -278,14 +279,51 @@ def _spring_system(
     independent warping error, computed with flow as noisy as ours, is 0.85, 0.90 and 0.97 (foreman). The default 0.15
     is a compromise.
     """
-    positions = lattice(mask.shape, rect[:2])
-    plane = apply(matrix, positions).astype(np.float32)
-    off = (positions + flow - plane) * reliable[..., None]
-    coverage = np.maximum(cv2.GaussianBlur(reliable, (0, 0), 1.5), np.float32(1e-3))
-    smooth = cv2.GaussianBlur(off, (0, 0), 1.5) / coverage[..., None]
-    if params.rigidity > 0:
-        keep = np.clip(vector_norm(smooth) / np.float32(params.rigidity) - 1, 0, 1)
-        off = off * (keep * keep * (3 - 2 * keep))[..., None]
-    stiffness = np.where(reliable > 0, params.stiffness, params.stiffness * UNRELIABLE_STIFFNESS).astype(np.float32)
+    plane, off = np.empty((*mask.shape, 2), np.float32), np.empty((*mask.shape, 2), np.float32)
+    _deviate(np.ascontiguousarray(matrix), rect[:2], flow, reliable, plane, off)
+    coverage = np.asarray(cv2.GaussianBlur(reliable, (0, 0), 1.5), np.float32)
+    smooth = np.asarray(cv2.GaussianBlur(off, (0, 0), 1.5), np.float32)
+    targets, stiffness = plane, np.empty(mask.shape, np.float32)
+    _add_reliable(off, smooth, coverage, np.float32(params.rigidity), targets)
+    _stiffen(reliable, np.float32(params.stiffness), np.float32(params.stiffness * UNRELIABLE_STIFFNESS), stiffness)
     rest_length = float(np.sqrt(abs(np.linalg.det(matrix[:2, :2]))))
-    return Sheet((plane + off).astype(np.float32), mask, stiffness, rest_length)
+    return Sheet(targets, mask, stiffness, rest_length)
+
+
+@kernel
+def _deviate(
+    m: Homography, corner: tuple[int, int], flow: Flow, reliable: Plane, plane: Flow, off: Flow
+) -> None:  # fmt: skip
+    """Positions of the pixels of a rectangle by the homography, and the deviation of reliable flow from them, px."""
+    left, top = corner
+    for i in range(reliable.shape[0]):
+        for j in range(reliable.shape[1]):
+            x, y = np.float64(left + j), np.float64(top + i)
+            scale = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
+            plane[i, j, 0] = (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * scale
+            plane[i, j, 1] = (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * scale
+            off[i, j, 0] = (np.float32(left + j) + flow[i, j, 0] - plane[i, j, 0]) * reliable[i, j]
+            off[i, j, 1] = (np.float32(top + i) + flow[i, j, 1] - plane[i, j, 1]) * reliable[i, j]
+
+
+@kernel
+def _add_reliable(off: Flow, smooth: Flow, coverage: Plane, rigidity: np.float32, targets: Flow) -> None:
+    """Add the deviations `off` to the targets, in place, where their smoothed length exceeds `rigidity`."""
+    zero, one = np.float32(0), np.float32(1)
+    for i in range(coverage.shape[0]):
+        for j in range(coverage.shape[1]):
+            share = one
+            if rigidity > zero:
+                known = max(coverage[i, j], np.float32(1e-3))
+                u, v = smooth[i, j, 0] / known, smooth[i, j, 1] / known
+                keep = min(max(np.sqrt(u * u + v * v) / rigidity - one, zero), one)
+                share = keep * keep * (np.float32(3) - np.float32(2) * keep)
+            targets[i, j, 0] += off[i, j, 0] * share
+            targets[i, j, 1] += off[i, j, 1] * share
+
+
+@kernel
+def _stiffen(reliable: Plane, stiff: np.float32, soft: np.float32, out: Plane) -> None:
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = stiff if reliable[i, j] > 0 else soft

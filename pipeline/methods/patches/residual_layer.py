@@ -24,11 +24,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.gaussian import enlarge_cells
 from pipeline.jit import kernel
@@ -83,8 +85,9 @@ class PaintSource:
     @classmethod
     def identity(cls, index: int, shape: tuple[int, ...]) -> PaintSource:
         """Every pixel comes from frame `index`, at its own position."""
-        rows, columns = np.indices(shape[:2], np.float32)
-        return cls(np.full(shape[:2], index, np.int32), np.dstack([columns, rows]))
+        out = cls(np.empty(shape[:2], np.int32), np.empty((*shape[:2], 2), np.float32))
+        _reset(index, np.ones(shape[:2], np.bool_), out.frame, out.position)
+        return out
 
     def advect(self, pair: tuple[Flow, Plane] | None, grid: WorkingGrid, where: Mask) -> PaintSource:
         """Advect the sources to the frame in which `pair` starts.
@@ -95,17 +98,16 @@ class PaintSource:
         """
         out = PaintSource(np.full_like(self.frame, NO_SOURCE), np.zeros_like(self.position))
         if pair is not None:
-            flow = (grid.enlarge(pair[0]) * np.array(grid.ratio, np.float32)).astype(np.float32)
-            valid = grid.enlarge(_valid_flow(pair[1]).astype(np.float32)) > 0.5
-            _advect(self.frame, self.position, flow, where & valid, out.frame, out.position)
+            flow = scale_flow(np.asarray(grid.enlarge(pair[0]), np.float32), *grid.ratio)
+            valid = np.asarray(grid.enlarge(_valid_flow(pair[1]).astype(np.float32)), np.float32)
+            _advect(self.frame, self.position, flow, where, valid, out.frame, out.position)
         return out
 
     def reset(self, index: int, where: Mask) -> PaintSource:
         """Replace the source of the pixels in `where` by frame `index`, at their own positions."""
-        own = PaintSource.identity(index, where.shape)
-        return PaintSource(
-            np.where(where, own.frame, self.frame), np.where(where[..., None], own.position, self.position)
-        )  # fmt: skip
+        out = PaintSource(self.frame.copy(), self.position.copy())
+        _reset(index, where, out.frame, out.position)
+        return out
 
     def sample(self, paintings: Paintings, where: Mask) -> Rendering:
         """Sample the source pictures and their paintings at the stored positions: uint8 (2, h, w, 3).
@@ -113,11 +115,15 @@ class PaintSource:
         Pixels outside `where` are 0.
         """
         out = np.zeros((2, *where.shape, 3), np.uint8)
-        for source in _source_frames(self.frame[where]):
-            pixels = np.flatnonzero(where & (self.frame == source))
-            positions = self.position.reshape(-1, 2)[pixels]
-            for which, plane in enumerate(out):
-                plane.reshape(-1, 3)[pixels] = _sampled(paintings[source][which], positions, bicubic=which == 1)
+        first, last = min(paintings, default=0), max(paintings, default=0)
+        pixels, positions = np.empty(where.size, np.int32), np.empty((where.size, 2), np.float32)
+        bounds = np.zeros(last - first + 2, np.int64)
+        _group(self.frame, self.position, where, first, bounds, pixels, positions)
+        for source, (start, stop) in enumerate(pairwise(bounds.tolist()), start=first):
+            if stop > start:
+                for which, plane in enumerate(out):
+                    found = _sampled(paintings[source][which], positions[start:stop], bicubic=which == 1)
+                    _scatter(found, pixels[start:stop], plane)
         return out
 
 
@@ -163,7 +169,7 @@ class ResidualLayer:
         old, weight = self._old_paint(self.source, self.paintings, frame, visible, limit)
         rendering, total = self._with_next_run(index, frame, visible, limit, old, weight)
         if (incomplete := visible & (total < 1)).any():
-            add_weighted(rendering, np.stack([frame, self._new_paint(frame, incomplete, faces)]), 1 - total)
+            add_weighted(rendering, np.stack([frame, self.painter.paint_part(frame, incomplete, faces)]), 1 - total)
         self.source, self.last = self.source.reset(index, ~visible | (weight < 1)), index
         return rendering
 
@@ -253,12 +259,6 @@ class ResidualLayer:
         _with_transition(smooth, kept)
         return rendering, kept
 
-    def _new_paint(self, frame: Frame, where: Mask, faces: FacePlanes | None) -> Frame:
-        """Paint the frame by itself, near the pixels of `where`."""
-        reach = 2 * int(self.painter.reach_px / 4) + 1
-        near = cv2.dilate(where.astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-        return self.painter.paint_part(frame, near, faces)
-
 
 def _warped(plane: Plane, pair: tuple[Flow, Plane] | None) -> Plane:
     """Warp a plane at the working size by the flow; 0 where the flow is invalid."""
@@ -278,19 +278,79 @@ def _valid_flow(reliable: Plane) -> Mask:
 
 def _source_frames(frames: NDArray[np.int32]) -> list[int]:
     """Sorted numbers of the source frames in `frames`."""
-    first = int(frames.min(initial=np.iinfo(np.int32).max))
-    return (np.flatnonzero(np.bincount(frames.ravel() - first)) + first).tolist()
+    if not frames.size:
+        return []
+    first, last = int(frames.min()), int(frames.max())
+    flags = np.zeros(last - first + 1, np.bool_)
+    _flag(frames, first, flags)
+    return (np.flatnonzero(flags) + first).tolist()
+
+
+@kernel
+def _flag(frames: NDArray[np.int32], first: int, flags: Mask) -> None:
+    height, width = frames.shape
+    for y in range(height):
+        for x in range(width):
+            flags[frames[y, x] - first] = True
 
 
 def _sampled(picture: Frame, positions: Positions, *, bicubic: bool) -> Frame:
     """Sample a picture at float32 (n, 2) positions: uint8 (n, 3). Bilinear unless `bicubic`."""
     rows = -(-len(positions) // REMAP_ROW)
-    table = np.zeros((2, rows * REMAP_ROW), np.float32)
+    table = np.empty((2, rows * REMAP_ROW), np.float32)
     table[:, : len(positions)] = positions.T
+    table[:, len(positions) :] = 0
     x, y = table.reshape(2, rows, REMAP_ROW)
     interpolation = cv2.INTER_CUBIC if bicubic else cv2.INTER_LINEAR
     found = cv2.remap(picture, x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(found.reshape(-1, 3)[: len(positions)], np.uint8)
+
+
+@kernel
+def _reset(index: int, where: Mask, frames: NDArray[np.int32], position: Positions) -> None:
+    height, width = where.shape
+    for y in range(height):
+        for x in range(width):
+            if where[y, x]:
+                frames[y, x] = index
+                position[y, x, 0], position[y, x, 1] = x, y
+
+
+@kernel
+def _group(
+    frames: NDArray[np.int32], position: Positions, where: Mask, first: int, bounds: NDArray[np.int64],
+    pixels: NDArray[np.int32], positions: Positions,
+) -> None:  # fmt: skip
+    """Sort the pixels of `where` by source frame: their flat indices and positions.
+
+    Args:
+        first: number of the first source frame.
+        bounds: zeros; where the pixels of each source frame begin, and where the last ones end.
+    """
+    height, width = where.shape
+    used = np.zeros(len(bounds), np.int64)
+    for y in range(height):
+        for x in range(width):
+            if where[y, x]:
+                used[frames[y, x] - first] += 1
+    for k in range(len(bounds) - 1):
+        bounds[k + 1] = bounds[k] + used[k]
+        used[k] = bounds[k]
+    for y in range(height):
+        for x in range(width):
+            if where[y, x]:
+                at = used[frames[y, x] - first]
+                used[frames[y, x] - first] = at + 1
+                pixels[at] = y * width + x
+                positions[at, 0], positions[at, 1] = position[y, x, 0], position[y, x, 1]
+
+
+@kernel
+def _scatter(colours: NDArray[np.uint8], pixels: NDArray[np.int32], out: Frame) -> None:
+    width = out.shape[1]
+    for k in range(len(pixels)):
+        y, x = pixels[k] // width, pixels[k] % width
+        out[y, x, 0], out[y, x, 1], out[y, x, 2] = colours[k, 0], colours[k, 1], colours[k, 2]
 
 
 @kernel
@@ -322,10 +382,11 @@ def _advect(
     position: Positions,
     flow: Flow,
     where: Mask,
+    valid: Plane,
     out: NDArray[np.int32],
     out_position: Positions,
 ) -> None:
-    """Sample source frame and position at the flow's target.
+    """Sample source frame and position at the flow's target, where the flow is `valid` by more than half.
 
     The source frame is that of the nearest pixel; the position is interpolated among those of the four surrounding
     pixels that have the same source frame.
@@ -333,7 +394,7 @@ def _advect(
     height, width = where.shape
     for y in range(height):
         for x in range(width):
-            if not where[y, x]:
+            if not where[y, x] or not valid[y, x] > np.float32(0.5):
                 continue
             u = min(max(np.float32(x) + flow[y, x, 0], np.float32(0)), np.float32(width - 1))
             v = min(max(np.float32(y) + flow[y, x, 1], np.float32(0)), np.float32(height - 1))

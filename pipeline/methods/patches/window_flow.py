@@ -15,15 +15,19 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, State
 from pipeline.flow import estimate
-from pipeline.flow.reliability import inside
-from pipeline.flow.warp import fetch
+from pipeline.flow.dis import Preset, dis
+from pipeline.flow.gray import Gray, to_gray
+from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.jit import kernel
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 
 MIN_GRADIENT = 1.0
 """Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
+PRESETS: dict[str, tuple[Preset, Preset]] = {"dis-medium": ("medium", "sparse")}
+"""Presets of DIS for neighbouring frames, and for frames further apart, whose flow only votes for labels."""
 MAX_CACHED_FLOWS = 10
 """Maximum number of decoded flow fields in memory, about as many as a frame's window has."""
 
@@ -39,12 +43,12 @@ def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     reach = (params.window if params.temporal == "on" else 2) - 1
     start, stop, begin, end = (task.args[name] for name in ("start", "stop", "begin", "end"))
     artefacts: dict[str, dict[str, np.ndarray]] = {flow_artefact(stop - 1, 1, begin): {}}
-    grid, queue = WorkingGrid.of(context.size), list[tuple[Frame, Frame]]()
+    grid, queue = WorkingGrid.of(context.size), list[WindowFrame]()
     source = context.frames("video", start, min(stop + reach, end))
     for index in range(start, stop):
         while len(queue) <= reach and (frame := next(source, None)) is not None:
-            queue.append((frame, grid.small(frame)))
-        artefacts.setdefault(flow_artefact(index, 0, begin), {})[f"small-{index}"] = queue[0][1]
+            queue.append(WindowFrame.of(frame, grid))
+        artefacts.setdefault(flow_artefact(index, 0, begin), {})[f"small-{index}"] = queue[0].small
         for gap in range(1, len(queue)):
             with context.clock("flow"):
                 pair = flow_pair(queue[0], queue[gap], gap, grid, params)
@@ -59,48 +63,79 @@ def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
 
 
 @dataclass(frozen=True)
+class WindowFrame:
+    """A frame in the forms that its flow to the other frames of a window needs, each computed once.
+
+    Attributes:
+        gray: uint8 (H, W), brightness at full size.
+        small: uint8 (h, w, 3), the frame at the working size.
+        small_gray: uint8 (h, w), brightness at the working size.
+        colours: float32 (h, w, 3), gray levels, `small` blurred by about a pixel to suppress noise.
+    """
+
+    gray: Gray
+    small: Frame
+    small_gray: Gray
+    colours: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, frame: Frame, grid: WorkingGrid) -> WindowFrame:
+        """The forms of a frame, uint8 (H, W, 3)."""
+        small = grid.small(frame)
+        colours = cv2.GaussianBlur(small, (0, 0), 0.8).astype(np.float32)
+        return cls(to_gray(frame), small, to_gray(small), colours)
+
+
+@dataclass(frozen=True)
 class FlowPair:
     """Optical flow between frames i and j = i + gap, at the working size.
 
     Attributes:
         forward, backward: float32 (h, w, 2), flow from i to j and from j to i, working px.
-        forward_reliability, backward_reliability: float32 (h, w), 0..1.
+        forward_reliability: float32 (h, w), 0..1; None for gaps above 1, where nothing reads it.
+        backward_reliability: float32 (h, w), 0..1.
     """
 
     forward: Flow
     backward: Flow
-    forward_reliability: Plane
+    forward_reliability: Plane | None
     backward_reliability: Plane
 
 
-def flow_pair(
-    first: tuple[Frame, Frame], second: tuple[Frame, Frame], gap: int, grid: WorkingGrid, params: PatchesParams
-) -> FlowPair:
+def flow_pair(first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGrid, params: PatchesParams) -> FlowPair:
     """Forward and backward flow between two frames, and the reliability of each.
 
     Flow between consecutive frames is computed at full size, since it moves the strokes; over larger gaps, at the
     working size.
 
     Args:
-        first, second: each frame at full size and at the working size.
         gap: distance of the frames, frames.
     """
-    size = 0 if gap == 1 else 1
-    forward: Flow = estimate(first[size], second[size], params.flow)
-    backward: Flow = estimate(second[size], first[size], params.flow)
+    here, there = (first.gray, second.gray) if gap == 1 else (first.small_gray, second.small_gray)
+    forward, backward = _estimated(here, there, gap, params), _estimated(there, here, gap, params)
+    of_forward = None
     if gap == 1:
         forward, backward = grid.shrink_flow(forward), grid.shrink_flow(backward)
-    return FlowPair(
-        forward, backward, reliability(first[1], second[1], forward, backward, params.colour_scale),
-        reliability(second[1], first[1], backward, forward, params.colour_scale),
-    )  # fmt: skip
+        of_forward = reliability(first.colours, second.colours, forward, backward, params.colour_scale)
+    of_backward = reliability(second.colours, first.colours, backward, forward, params.colour_scale)
+    return FlowPair(forward, backward, of_forward, of_backward)
 
 
-def reliability(first: Frame, second: Frame, flow: Flow, reverse: Flow, colour_scale: float) -> Plane:
+def _estimated(here: Gray, there: Gray, gap: int, params: PatchesParams) -> Flow:
+    """Flow from one frame to the other, px."""
+    preset = PRESETS.get(params.flow)
+    if preset is None:
+        return estimate(here, there, params.flow)
+    return dis(here, there, preset[min(gap, 2) - 1])
+
+
+def reliability(
+    first: NDArray[np.float32], second: NDArray[np.float32], flow: Flow, reverse: Flow, colour_scale: float
+) -> Plane:  # fmt: skip
     """Reliability R_xy = exp(-|c_x - c_y|) of the links between pixels x and y: float32 (h, w), 0..1.
 
     Args:
-        first, second: uint8 (h, w, 3).
+        first, second: float32 (h, w, 3), blurred colours of both frames, see `WindowFrame`.
         flow: float32 (h, w, 2), flow from the first frame to the second, px.
         reverse: float32 (h, w, 2), flow from the second frame to the first, px.
         colour_scale: unit of the RGB distance, gray levels.
@@ -110,9 +145,39 @@ def reliability(first: Frame, second: Frame, flow: Flow, reverse: Flow, colour_s
     pixels have no partner, and links that pass it only approximately get half of R. Colours are blurred by about a
     pixel to suppress noise.
     """
-    a, b = (cv2.GaussianBlur(f, (0, 0), 0.8).astype(np.float32) for f in (first, second))
-    distance = vector_norm(a - fetch(b, flow))
-    return np.asarray(np.exp(-distance / np.float32(colour_scale)) * _round_trip(flow, reverse), np.float32)
+    x, y = positions(flow)
+    there, returned = (
+        np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32)
+        for image in (second, reverse)
+    )
+    exponent, share = np.empty(x.shape, np.float32), np.empty(x.shape, np.float32)
+    _compare(first, there, flow, returned, np.float32(colour_scale), exponent, share)
+    return np.asarray(np.multiply(np.exp(exponent, out=exponent), share, out=share), np.float32)
+
+
+@kernel
+def _compare(
+    first: NDArray[np.float32], there: NDArray[np.float32], flow: Flow, returned: Flow, scale: np.float32,
+    exponent: Plane, share: Plane,
+) -> None:  # fmt: skip
+    """Colour differences of links, in units of `-scale`, and their share of R by the forward-backward check.
+
+    The share is 1 if the check is passed, 0.5 if it is passed approximately (usual in smooth areas), 0 if it fails.
+    """
+    height, width = share.shape
+    for y in range(height):
+        for x in range(width):
+            red, green = first[y, x, 0] - there[y, x, 0], first[y, x, 1] - there[y, x, 1]
+            blue = first[y, x, 2] - there[y, x, 2]
+            exponent[y, x] = -np.sqrt(red * red + green * green + blue * blue) / scale
+            u, v, back_u, back_v = flow[y, x, 0], flow[y, x, 1], returned[y, x, 0], returned[y, x, 1]
+            length = (u * u + back_u * back_u) + (v * v + back_v * back_v)
+            error = (u + back_u) * (u + back_u) + (v + back_v) * (v + back_v)
+            passed = error <= np.float32(0.01) * length + np.float32(0.5)
+            nearly = error <= np.float32(0.04) * length + np.float32(2.5)
+            to_x, to_y = np.float32(x) + u, np.float32(y) + v
+            within = to_x >= 0 and to_y >= 0 and to_x <= width - 1 and to_y <= height - 1
+            share[y, x] = (np.float32(passed) + np.float32(nearly)) * np.float32(0.5) * np.float32(within)
 
 
 def vector_norm(vectors: AnyArray) -> Plane:
@@ -121,16 +186,6 @@ def vector_norm(vectors: AnyArray) -> Plane:
     for channel in range(1, vectors.shape[-1]):
         square += vectors[..., channel] * vectors[..., channel]
     return np.asarray(np.sqrt(square), np.float32)
-
-
-def _round_trip(flow: Flow, reverse: Flow) -> Plane:
-    """Forward-backward check: 1 = passed, 0.5 = passed approximately (usual in smooth areas), 0 = failed."""
-    returned = fetch(reverse, flow)
-    squares = np.square(flow) + np.square(returned)
-    trip, length = np.square(flow + returned), squares[..., 0] + squares[..., 1]
-    error = trip[..., 0] + trip[..., 1]
-    passed, nearly = error <= 0.01 * length + 0.5, error <= 0.04 * length + 2.5
-    return np.asarray((passed.astype(np.float32) + nearly) * np.float32(0.5) * inside(flow), np.float32)
 
 
 def textured(small: Frame) -> NDArray[np.bool_]:
@@ -158,7 +213,7 @@ def _stored_arrays(pair: FlowPair, index: int, gap: int) -> State:
     The forward flow is stored for consecutive frames only, since later steps do not read it over larger gaps.
     """
     stored = {_BACKWARD: (pair.backward, pair.backward_reliability)}
-    if gap == 1:
+    if pair.forward_reliability is not None:
         stored[_FORWARD] = (pair.forward, pair.forward_reliability)
     arrays: State = {}
     for direction, (flow, reliable) in stored.items():

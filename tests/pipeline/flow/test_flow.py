@@ -12,7 +12,7 @@ import pytest
 from pipeline.compute import device, report
 from pipeline.errors import BadFrame, BadParameter
 from pipeline.flow import FlowMethod, TvL1, estimate
-from pipeline.flow.dis import PRESETS, dis
+from pipeline.flow.dis import PRESETS, Preset, dis
 from pipeline.flow.tvl1 import tvl1
 from tests.pipeline.flow import truth
 
@@ -51,11 +51,14 @@ def test_any_size_is_accepted(method: FlowMethod, size: tuple[int, int]) -> None
     assert flow.shape == (*size, 2) and np.isfinite(flow).all()
 
 
+@pytest.mark.parametrize(("preset", "within_px"), [("half", 0.3), ("sparse", 0.4)])
 @pytest.mark.parametrize("size", [(16, 16), (17, 131), (131, 17), (16, 400), (61, 83)], ids=str)
-def test_the_preset_half_finds_a_shift_at_any_size(size: tuple[int, int]) -> None:
-    flow = dis(*pair(*size), "half")
+def test_the_presets_between_fast_and_medium_find_a_shift_at_any_size(
+    size: tuple[int, int], preset: Preset, within_px: float
+) -> None:  # fmt: skip
+    flow = dis(*pair(*size), preset)
     assert flow.shape == (*size, 2)
-    np.testing.assert_allclose(np.median(flow, axis=(0, 1)), [2, 1], atol=0.3)
+    np.testing.assert_allclose(np.median(flow, axis=(0, 1)), [2, 1], atol=within_px)
 
 
 @pytest.mark.real("opencl")

@@ -12,9 +12,9 @@ import pytest
 from pipeline.frames import Frame
 from pipeline.methods.patches import face_tracking, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
-from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes
+from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes, smallest_width
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes, stroke_widths
-from pipeline.methods.patches.painter import HertzmannPainter
+from pipeline.methods.patches.painter import HertzmannPainter, reach_px
 from pipeline.methods.patches.panorama_faces import as_planes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.scenes import scene
@@ -46,7 +46,7 @@ def test_fine_strokes_bring_a_face_nearer_to_the_frame_and_change_nothing_far_fr
     painter = HertzmannPainter.of("hertzmann", SIZE[0] * SIZE[1], SIZE[1], PatchesParams(), 0)
     without, fine = painter.paint_picture(portrait()[0]), painter.paint_picture(portrait()[0], head())
     assert error(fine) < 0.8 * error(without)
-    reach = 2 * int(painter.reach_px) + 1
+    reach = 2 * int(reach_px(painter.brush)) + 1
     far = cv2.dilate((head().weight > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) == 0
     assert far.any()
     np.testing.assert_array_equal(fine[far], without[far])
@@ -130,10 +130,12 @@ def test_faces_of_different_width_are_painted_in_groups_whose_grids_of_seeds_do_
     both = FacePlanes(np.hstack([one.weight, other.weight]), np.hstack([one.width_px, other.width_px]))
     (coarse, first), (fine, second) = both.groups()
     assert (coarse, fine) == (128.0, 32.0)
-    assert not first.weight[:, :40].any() and not second.weight[:, 40:].any()
+    assert (first.corner, first.weight.shape) == ((0, 40), (40, 40))
+    assert (second.corner, second.weight.shape) == ((0, 0), (40, 40))
     alone = next(iter(one.groups()))[1]
-    np.testing.assert_array_equal(second.width_px[:, :40], alone.width_px)
-    assert second.width_px.min() >= 32 / 2**0.51
+    np.testing.assert_array_equal(second.width_px, alone.width_px)
+    whole = second.enlarged((slice(0, 40), slice(0, 80)), float(smallest_width(fine)))
+    assert not whole.weight[:, 40:].any() and whole.width_px.min() >= 32 / 2**0.51
 
 
 def test_width_of_a_face_in_the_panorama_is_that_in_the_frames(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,6 +32,19 @@ def test_density_is_one_seed_per_squared_spacing(spacing: float) -> None:
     assert len(place(shape, spacing)) == pytest.approx(201 * 307 / spacing**2, rel=0.06)
 
 
+@pytest.mark.parametrize("cell", [2.0, 3.0])
+def test_seeds_of_a_part_are_those_of_the_whole_picture(cell: float) -> None:
+    spacing = np.full(ODD, cell, np.float32)
+    spacing[20:40, 30:60] *= 1.7
+    whole, part = place(ODD, spacing, seed=3), place(ODD, spacing[15:45, 22:70].copy(), seed=3, corner=(15, 22))
+    inner = (np.abs(whole.xy - np.array([46, 30])) < np.array([17, 8])).all(axis=1)
+    assert inner.sum() > 1 and set(part.ids) < set(whole.ids)
+    places = dict(zip(part.ids.tolist(), part.xy.tolist(), strict=True))
+    assert {key: places[key] for key in whole.ids[inner].tolist()} == dict(
+        zip(whole.ids[inner].tolist(), whole.xy[inner].tolist(), strict=True)
+    )
+
+
 def test_density_follows_a_field() -> None:
     spacing = np.full((200, 200), 4, np.float32)
     spacing[:, 100:] = 12
