@@ -74,6 +74,9 @@ def _chain(flow: Flow, step: Flow, out: Flow) -> None:
     height, width = flow.shape[:2]
     for y in range(height):
         for x in range(width):
+            if flow[y, x, 0] == 0 and flow[y, x, 1] == 0:
+                out[y, x, 0], out[y, x, 1] = flow[y, x, 0] + step[y, x, 0], flow[y, x, 1] + step[y, x, 1]
+                continue
             left, right, top, bottom, a, b = _neighbours(flow[y, x, 0], flow[y, x, 1], y, x, height, width)
             for c in range(2):
                 out[y, x, c] = flow[y, x, c] + _interpolated(step, left, right, top, bottom, a, b, c)

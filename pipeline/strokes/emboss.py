@@ -94,7 +94,7 @@ def _emboss(
     height, width, channels = canvas.shape
     # Flat arrays with unsigned indices, and loops without branches, which vectorise.
     colours, picture = canvas.reshape(-1), out.reshape(-1)
-    uniform, woven = terms.shape[1] == 1, terms[..., _WEAVE].max() > _ZERO
+    uniform, woven = terms.shape[0] * terms.shape[1] == 1, terms[..., _WEAVE].max() > _ZERO
     level = np.empty((3, width + 2), np.float32)
     strength, gloss = np.full(width, terms[0, 0, _STRENGTH]), np.full(width, terms[0, 0, _GLOSS])
     line = np.empty(3 * width, np.float32)

@@ -21,6 +21,7 @@ RIM_WIDTH, RIM_STEP = 0.008, 22.0
 FOLLOW = 0.15
 """Fraction of the difference by which rims change per frame, because dried paint does not move."""
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_1, _2 = np.uintp(1), np.uintp(2)
 
 PAPER = 256
 """Side of the paper's tile, px; a power of two."""
@@ -55,18 +56,26 @@ def settle_pigment(picture: Frame, rims: Plane, grain: StyleField) -> Frame:
 
 @kernel
 def _settle(picture: Frame, rims: Plane, grain: Plane, heights: Plane, out: Frame) -> None:
-    """`grain` float32 (h, w) or (1, 1)."""
+    """`grain` float32 (h, w) or (1, 1). The loop over a row's colours has no branches and vectorises."""
     height, width = rims.shape
-    last_y, last_x = grain.shape[0] - 1, grain.shape[1] - 1
+    uniform = grain.size == 1
+    given, made = picture.reshape(-1), out.reshape(-1)
+    rim, depth = np.empty(3 * width, np.float32), np.empty(3 * width, np.float32)
+    strength = np.full(3 * width, grain[0, 0])
     for y in range(height):
         for x in range(width):
-            strength = grain[min(y, last_y), min(x, last_x)]
-            depth = heights[y & 255, x & 255]
-            for c in range(3):
-                value = np.float32(picture[y, x, c])
-                thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * np.float32(1 / 255))
-                value *= (_ONE - rims[y, x] * thick) * (_ONE - strength * thick * depth)
-                out[y, x, c] = np.uint8(min(max(value + _HALF, _ZERO), np.float32(255.0)))
+            at, hollow = np.uintp(3 * x), heights[y & 255, x & 255]
+            rim[at], rim[at + _1], rim[at + _2] = rims[y, x], rims[y, x], rims[y, x]
+            depth[at], depth[at + _1], depth[at + _2] = hollow, hollow, hollow
+        if not uniform:
+            for x in range(width):
+                strength[3 * x], strength[3 * x + 1], strength[3 * x + 2] = grain[y, x], grain[y, x], grain[y, x]
+        for i in range(3 * width):
+            at, pixel = np.uintp(i), np.uintp(3 * y * width + i)
+            value = np.float32(given[pixel])
+            thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * np.float32(1 / 255))
+            value *= (_ONE - rim[at] * thick) * (_ONE - strength[at] * thick * depth[at])
+            made[pixel] = np.uint8(np.int32(min(max(value + _HALF, _ZERO), np.float32(255.0))))
 
 
 class EdgeDarkening:

@@ -98,10 +98,8 @@ def sample_all(fields: Sequence[StyleField], xy: Points, shape: tuple[int, ...])
 
 def _between_cells(planes: Sequence[Plane], xy: Points, shape: tuple[int, ...]) -> list[NDArray[np.float32]]:
     """Values of coarser grids, interpolated at points; grids of one size at once."""
-    if len({plane.shape for plane in planes}) > 1:
-        return [_between_cells([plane], xy, shape)[0] for plane in planes]
-    if not planes:
-        return []
+    if len({plane.shape for plane in planes}) != 1 or len(planes) == 1:
+        return [interpolated(plane[..., None], xy, shape)[:, 0] for plane in planes]
     grids, out = np.stack(planes), np.empty((len(planes), len(xy)), np.float32)
     scale = np.float32(grids.shape[2] / shape[1]), np.float32(grids.shape[1] / shape[0])
     _interpolate_planes(grids, xy, scale, out)
