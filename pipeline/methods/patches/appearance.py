@@ -154,9 +154,12 @@ def colour_sum(
     rect: PanoramaRect,
     context: TaskContext[PatchesParams],
 ) -> ColourSum:
-    """Sum the patch's colours over the frames [start, stop) of a span that contain it."""
+    """Sum the patch's colours over the frames [start, stop) of a span that contain it. Only these are decoded."""
     total, grid = rect.zeros(), WorkingGrid.of(context.size)
-    for index, frame in enumerate(context.frames("video", *span), start=span[0]):
+    inside = [index for index in range(*span) if index in placements]
+    if not inside:
+        return ColourSum.of(total)
+    for index, frame in enumerate(context.frames("video", inside[0], inside[-1] + 1), start=inside[0]):
         if (placement := placements.get(index)) is not None:
             _add_frame(total, frame, placement, maps.require(index) == track.label, rect, grid)
     return ColourSum.of(total)
