@@ -137,9 +137,10 @@ def disc_at(page: Page) -> float:
 def test_a_running_job_shows_its_newest_frame(watched: Watched, service: str, tmp_path: Path) -> None:
     page, statuses = watched.page, []
     page.on("response", lambda answer: statuses.append(answer.status) if "/files/preview" in answer.url else None)
-    large = make_clip(tmp_path / "large.mp4", size=(1280, 720), frames=60)
+    large = make_clip(tmp_path / "large.mp4", size=(1280, 720), frames=90)  # one run of frames
     asset = HTTP.post(f"{service}/v1/assets", files={"file": ("large.mp4", large.read_bytes())}).json()["id"]
-    job = HTTP.post(f"{service}/v1/jobs", json={"method": "abstraction", "inputs": {"video": asset}}).json()["id"]
+    request = {"method": "abstraction", "inputs": {"video": asset}, "params": {"analysis": "full"}}
+    job = HTTP.post(f"{service}/v1/jobs", json=request).json()["id"]
     page.goto(f"{service}/#/jobs/{job}")
     expect(page.get_by_role("img", name="The newest finished frame")).to_be_visible(timeout=SLOW_MS)
     steps = HTTP.get(f"{service}/v1/jobs/{job}").json()["steps"]

@@ -28,7 +28,7 @@ from workers.settings import FarmSettings
 GIB, MIB = 1 << 30, 1 << 20
 PAGE = (ROOT / "docs" / "operations.md").read_text()
 DECLARED = {"abstraction": 908, "multistyle": 776, "patches": 951, "analogy": 1054}
-"""MiB that docs/performance.md lists for these sizes."""
+"""MiB that docs/measurements/farm.md lists for these sizes."""
 CPUS = {"abstraction": Abstraction.task_cpus}
 
 
