@@ -95,7 +95,7 @@ class AttemptContext:
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
-        """Where artefacts wait for other tasks in this process; None: they are passed on as blobs only."""
+        """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
         self.shown = True
         """Whether somebody may look at previews."""
 

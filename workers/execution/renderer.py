@@ -58,7 +58,8 @@ def prepare_process() -> None:
 
 @dataclass(frozen=True)
 class Shared:
-    """What the renderers of a process share. The pool closes the decoders."""
+    """Decoders, and arrays on their way between tasks, that all renderers of a process use. The pool closes the
+    decoders."""
 
     decoders: Decoders
     handover: Handover

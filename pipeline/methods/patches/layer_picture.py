@@ -31,7 +31,7 @@ Box = tuple[slice, slice]
 
 @dataclass(frozen=True)
 class LayerPicture:
-    """What the strokes of a layer follow.
+    """Picture and directions that the strokes of a layer follow.
 
     Attributes:
         reference: uint8 (h, w, 3), the blurred picture of the layer.
