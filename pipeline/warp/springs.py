@@ -69,9 +69,16 @@ class Relaxed:
 
     def moved(self, positions: Positions) -> Positions:
         """Move positions, float32 (h, w, 2), with the grid."""
+        corners, within = self.cells(positions)
         out = np.empty_like(positions)
-        _move(positions, self.shifts, *self._place, out)
+        _lay(positions, corners, within, self.shifts.reshape(-1, 2), self.shifts.shape[1], out)
         return out
+
+    def cells(self, positions: Positions) -> tuple[NDArray[np.int32], Positions]:
+        """For each position, px: flat index of the first corner of its cell, and position (x, y) in that cell, 0..1."""
+        corners, within = np.empty(positions.shape[:2], np.int32), np.empty_like(positions)
+        _locate(positions, self.shifts.shape[:2], *self._place, corners, within)
+        return corners, within
 
     @property
     def _place(self) -> tuple[np.float32, np.float32, np.float32]:
@@ -130,8 +137,7 @@ class _Laid:
     @classmethod
     def of(cls, sheet: Sheet, grid: Relaxed) -> _Laid:
         shape = sheet.inside.shape
-        corners, within = np.empty(shape, np.int32), np.empty((*shape, 2), np.float32)
-        _locate(sheet.targets, grid.shifts.shape[:2], *grid._place, corners, within)
+        corners, within = grid.cells(sheet.targets)
         return cls(sheet, corners, within, np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32))
 
 
@@ -173,31 +179,11 @@ def distortion(sheet: Sheet, positions: Positions) -> Plane:
 
 
 @kernel
-def _move(
-    positions: Positions, shifts: NDArray[np.float32], ox: np.float32, oy: np.float32, per_cell: np.float32,
-    out: Positions,
-) -> None:  # fmt: skip
-    rows, columns = shifts.shape[:2]
-    for y in range(positions.shape[0]):
-        for x in range(positions.shape[1]):
-            u = (positions[y, x, 0] - ox) * per_cell
-            v = (positions[y, x, 1] - oy) * per_cell
-            u = min(max(u, np.float32(0.0)), np.float32(columns - 1.001))
-            v = min(max(v, np.float32(0.0)), np.float32(rows - 1.001))
-            i, j = int(v), int(u)
-            b, a = v - np.float32(i), u - np.float32(j)
-            for c in range(2):
-                top = shifts[i, j, c] + a * (shifts[i, j + 1, c] - shifts[i, j, c])
-                low = shifts[i + 1, j, c] + a * (shifts[i + 1, j + 1, c] - shifts[i + 1, j, c])
-                out[y, x, c] = positions[y, x, c] + top + b * (low - top)
-
-
-@kernel
 def _locate(
     targets: Positions, grid: tuple[int, int], ox: np.float32, oy: np.float32, per_cell: np.float32,
     corners: NDArray[np.int32], within: Positions,
 ) -> None:  # fmt: skip
-    """Fill `corners` and `within` of a `_Laid` on a grid of so many rows and columns."""
+    """Fill `corners` and `within`, see `Relaxed.cells`, on a grid of so many rows and columns."""
     rows, columns = grid
     for y in range(corners.shape[0]):
         for x in range(corners.shape[1]):
@@ -215,7 +201,8 @@ def _lay(
     targets: Positions, corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32], columns: int,
     out: Positions,
 ) -> None:  # fmt: skip
-    """`_move` for pixels whose cells are known; `shifts` float32 (rows * columns, 2)."""
+    """Move each target by the bilinear mean of the shifts at the corners of its cell; `shifts` float32 (rows * columns,
+    2)."""
     for y in range(corners.shape[0]):
         for x in range(corners.shape[1]):
             first, a, b = corners[y, x], within[y, x, 0], within[y, x, 1]
