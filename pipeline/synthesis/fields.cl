@@ -202,7 +202,7 @@ kernel void advect(
 
 /* Upsamples the offsets of the next coarser level by 2, extrapolated from the nearest sample. `style_bins` has the size
    of the coarse style, `usable_mask` that of the fine style. */
-kernel void upsample(
+kernel void upsample_offsets(
     global const float2 *coarse /* coarse_height * coarse_width */,
     global const uchar *bins /* ROTATE * coarse_height * coarse_width */,
     global const uchar *style_bins /* ROTATE * coarse_style_height * coarse_style_width */,

@@ -220,7 +220,7 @@ class OpenCLOperations:
             offsets, state.bins or self._placeholder, coarse.bins, self._cosines, style.usable, out, *coarse.size,
             *state.size, *style.size,
         )  # fmt: skip
-        self.device.run(self._at(style, "upsample", to.size, *args))
+        self.device.run(self._at(style, "upsample_offsets", to.size, *args))
         return out
 
     def merge(

@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from pipeline.compute import device
@@ -30,8 +31,13 @@ MIN_LEVEL_PX = 24
 flow."""
 _EXTRAPOLATED_VELOCITY_PX = 600
 """Maximum distance from a silhouette to which velocities are extrapolated, px."""
-_THREADS = 2
-"""Number of threads that convert frames and estimate motion."""
+_PROCESSORS = cv2.getNumberOfCPUs()
+"""Number of processors that this process may use."""
+_THREADS = max(2, min(8, _PROCESSORS))
+"""Number of threads that convert frames, and that estimate motion at full size."""
+_AHEAD = max(1, min(4, _PROCESSORS - 1))
+"""Number of pairs of frames whose motion is estimated in advance, each on a thread. A GPU paints a frame in a tenth of
+the time that one processor needs to estimate the motion."""
 _BOIL_BLOCK_PX = 32
 """Side of the blocks that boil, px at full size."""
 _MAX_BOIL_BLOCKS = 256
@@ -159,7 +165,7 @@ def _reduced_distances(distances: Plane, level: int) -> Plane:
 
 
 class EstimatedVelocities:
-    """Optical flow at full size, once for all levels, estimated on two threads while the caller does other work.
+    """Optical flow at full size, once for all levels, estimated on threads while the caller does other work.
 
     Nothing is estimated if the inputs have velocities.
 
@@ -220,7 +226,7 @@ class Boil:
 class LevelAnimation:
     """The `pipeline.synthesis.sweeps.Animation` of decoded frames. Motion: given velocities, or optical flow.
 
-    While the device works on a frame, a thread estimates the motion to the next frame of the sweep.
+    While the device works on a frame, threads estimate the motion of the next pairs of frames of the sweep.
 
     Args:
         usable_position: a usable position (x, y) of the style, assigned to pixels that may not be painted.
@@ -249,7 +255,7 @@ class LevelAnimation:
         if first not in self._motions:
             with self._clock("flow"):
                 self._motions = {first: self._requested(first)}
-            self._request(first + index - other)
+            self._request([first + ahead * (index - other) for ahead in range(1, _AHEAD + 1)])
         return self._motions[first][0 if index < other else 1]
 
     def _requested(self, first: int) -> tuple[Motion, Motion]:
@@ -257,18 +263,20 @@ class LevelAnimation:
         requested = self._next.pop(first, None)
         return self._between(first) if requested is None else requested.result()
 
-    def _request(self, first: int) -> None:
-        """Let a thread estimate the motion between frame `first` and the next frame, unless it is given.
+    def _request(self, firsts: list[int]) -> None:
+        """Let threads estimate the motion between each of these frames and its next frame, unless it is given.
 
         Layers are left out: their velocities are extrapolated on the device, which one thread uses.
         """
-        frames = self._frames
-        known = not self._estimates or bool(frames.silhouettes)
-        if known or first not in frames.frames or first + 1 not in frames.frames:
+        frames = self._frames.frames
+        if not self._estimates or self._frames.silhouettes:
             return
-        threads = ThreadPoolExecutor(1, "impasto-flow")
-        self._next = {first: threads.submit(self._between, first)}
-        threads.shutdown(wait=False)
+        self._next = {first: motion for first, motion in self._next.items() if first in firsts}
+        for first in firsts:
+            if first not in self._next and first in frames and first + 1 in frames:
+                threads = ThreadPoolExecutor(1, "impasto-flow")
+                self._next[first] = threads.submit(self._between, first)
+                threads.shutdown(wait=False)
 
     def _between(self, first: int) -> tuple[Motion, Motion]:
         """Motion from frame `first` to the next frame, and back."""

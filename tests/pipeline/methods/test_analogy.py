@@ -15,7 +15,7 @@ from pipeline.compute import Device, device
 from pipeline.errors import BadInput, DeviceError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.analogy import Analogy, synthesizer
+from pipeline.methods.analogy import Analogy, level_animation, synthesizer
 from pipeline.methods.analogy.guided_stills import guided_still_params, guided_still_schedule, stretch_of_guides
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import (
@@ -101,6 +101,14 @@ def test_a_still_shot_flickers_less_than_independent_frames() -> None:
         np.abs(np.diff(rendered(frames=still, temporal=t).astype(int), axis=0)).mean() for t in ("on", "off")
     )
     assert coherent < 0.2 * independent
+
+
+def test_the_number_of_threads_that_estimate_motion_does_not_change_the_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = []
+    for ahead in (1, 4):
+        monkeypatch.setattr(level_animation, "_AHEAD", ahead)
+        frames.append(rendered())
+    assert np.array_equal(*frames)
 
 
 def test_a_single_frame_is_synthesised() -> None:
