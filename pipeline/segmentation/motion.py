@@ -21,7 +21,7 @@ from pipeline.segmentation.regions import Lab8
 BLOCK_PX = 32
 """Side of the blocks without any motion that `warp_back` copies."""
 WARPED_ROWS = 32
-"""Rows whose positions `warp_enlarged` computes at a time."""
+"""Rows of the whole width whose positions `warp_enlarged` computes at a time; more rows of narrower parts."""
 MOST = 0.7
 """Share of moving blocks from which the whole frame is warped at once, which then costs less."""
 RESIDUAL_STEPS = 4
@@ -116,13 +116,15 @@ def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
     blocks = _moving_blocks(flow)
     if blocks.mean() > MOST:
         return [_everything(flow)]
-    found = []
-    for row, moving in enumerate(blocks):
-        rows = slice(row * BLOCK_PX, min((row + 1) * BLOCK_PX, height))
-        changes = np.flatnonzero(np.diff(moving, prepend=0, append=0))
-        for first, last in zip(changes[::2].tolist(), changes[1::2].tolist(), strict=True):
-            found.append((rows, slice(first * BLOCK_PX, min(last * BLOCK_PX, width))))
-    return found
+    bordered = np.pad(blocks, ((0, 0), (1, 1)))
+    rows, columns = np.nonzero(bordered[:, 1:] != bordered[:, :-1])  # of each row, where its spans begin and end
+    return [
+        (
+            slice(row * BLOCK_PX, min((row + 1) * BLOCK_PX, height)),
+            slice(first * BLOCK_PX, min(last * BLOCK_PX, width)),
+        )
+        for row, first, last in zip(rows[::2].tolist(), columns[::2].tolist(), columns[1::2].tolist(), strict=True)
+    ]
 
 
 def _everything(flow: Flow) -> tuple[slice, slice]:
@@ -182,8 +184,9 @@ def warp_enlarged(image: NDArray[np.uint8], flow: Flow) -> NDArray[np.uint8]:
     memory = np.empty((WARPED_ROWS * width, 2), np.float32)
     for rows, columns in spans:
         rows, columns = _scaled(rows, down), _scaled(columns, across)
-        for top in range(rows.start, rows.stop, WARPED_ROWS):
-            band = out[top : min(top + WARPED_ROWS, rows.stop), columns]
+        at_once = WARPED_ROWS * width // (columns.stop - columns.start)
+        for top in range(rows.start, rows.stop, at_once):
+            band = out[top : min(top + at_once, rows.stop), columns]
             where = memory[: band.shape[0] * band.shape[1]].reshape(*band.shape[:2], 2)
             nearest = near_row[top : top + len(band)], near_column[columns]
             _positions(flow, nearest, (np.float32(across), np.float32(down)), (columns.start, top), where)

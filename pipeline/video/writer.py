@@ -148,7 +148,7 @@ class VideoSegment(SegmentWriter):
         self._encode(picture)
 
     def _picture(self, frame: Frame) -> av.VideoFrame:
-        return av.VideoFrame.from_ndarray(_even(frame, self.spec.coded_size), format="rgb24").reformat(
+        return _with_alpha(_even(frame, self.spec.coded_size)).reformat(
             format="yuv420p",
             dst_colorspace=customary_matrix(self.spec.size[1]),
             src_color_range=ColorRange.JPEG,
@@ -230,6 +230,16 @@ def _even(frame: Frame, size: tuple[int, int]) -> Frame:
     if not right and not bottom:
         return np.ascontiguousarray(frame)
     return np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
+
+
+def _with_alpha(frame: Frame) -> av.VideoFrame:
+    """The frame with an alpha channel, which is opaque. FFmpeg converts it to YUV in two thirds of the time that it takes
+    without, to the same bytes."""
+    height, width = frame.shape[:2]
+    picture = av.VideoFrame(width, height, "rgba")
+    rows = np.frombuffer(picture.planes[0], np.uint8).reshape(height, -1)
+    cv2.cvtColor(frame, cv2.COLOR_RGB2RGBA, dst=rows[:, : 4 * width].reshape(height, width, 4))
+    return picture
 
 
 class ImageSegment(SegmentWriter):
