@@ -94,7 +94,7 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
     """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
     width, height = geometry.scaled
     same = (picture.width, picture.height) == geometry.scaled
-    pixels = picture.reformat(
+    made = picture.reformat(
         width=width,
         height=height,
         format="rgba" if _has_alpha(picture) else "rgb24",
@@ -103,8 +103,18 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
         dst_color_range=ColorRange.JPEG,
         interpolation=Interpolation.BILINEAR if same else Interpolation.BICUBIC,
         threads=1,
-    ).to_ndarray()
-    return _oriented(over_white(np.asarray(pixels)) if pixels.shape[2] == 4 else np.asarray(pixels), geometry)
+    )
+    pixels = np.asarray(made.to_ndarray()) if made is picture else _pixels(made)
+    return _oriented(over_white(pixels) if pixels.shape[2] == 4 else pixels, geometry)
+
+
+def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
+    """The pixels of an RGB or RGBA picture that no decoder refers to, uint8 (h, w, 3 or 4); without a copy, if its rows
+    follow one another in memory."""
+    plane, channels = picture.planes[0], 4 if _has_alpha(picture) else 3
+    if plane.line_size != channels * picture.width:
+        return np.asarray(picture.to_ndarray())
+    return np.frombuffer(memoryview(plane), np.uint8).reshape(picture.height, picture.width, channels)
 
 
 def _has_alpha(picture: av.VideoFrame) -> bool:
