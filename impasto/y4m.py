@@ -9,12 +9,12 @@ from typing import BinaryIO, NoReturn
 
 import av
 import numpy as np
-from av.video.reformatter import ColorRange, Interpolation
+from av.video.reformatter import ColorRange
 from numpy.typing import NDArray
 
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
-from pipeline.video.geometry import customary_matrix, geometry_of, to_frame
+from pipeline.video.geometry import customary_matrix, geometry_of, to_frame, to_yuv
 from pipeline.video.media import Limits, check_size
 
 MAGIC = b"YUV4MPEG2"
@@ -94,14 +94,7 @@ class Y4mWriter:
         stream.write(MAGIC + f" W{width} H{height} F{rate} Ip A1:1 C{tag} XCOLORRANGE=LIMITED\n".encode())
 
     def write(self, frame: Frame) -> None:
-        picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24").reformat(
-            format=self._form.pixel_format,
-            dst_colorspace=customary_matrix(self._form.size[1]),
-            src_color_range=ColorRange.JPEG,
-            dst_color_range=ColorRange.MPEG,
-            interpolation=Interpolation.BILINEAR,
-            threads=1,
-        )
+        picture = to_yuv(np.ascontiguousarray(frame), customary_matrix(self._form.size[1]), self._form.pixel_format)
         self._stream.write(b"FRAME\n")
         for number, plane in enumerate(picture.planes):
             rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)

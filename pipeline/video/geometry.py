@@ -104,7 +104,7 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
         interpolation=Interpolation.BILINEAR if same else Interpolation.BICUBIC,
         threads=1,
     )
-    pixels = np.asarray(made.to_ndarray()) if made is picture else _pixels(made)
+    pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
     return _oriented(over_white(pixels) if pixels.shape[2] == 4 else pixels, geometry)
 
 
@@ -113,8 +113,27 @@ def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
     follow one another in memory."""
     plane, channels = picture.planes[0], 4 if _has_alpha(picture) else 3
     if plane.line_size != channels * picture.width:
-        return np.asarray(picture.to_ndarray())
+        return np.asarray(picture.to_ndarray(), np.uint8)
     return np.frombuffer(memoryview(plane), np.uint8).reshape(picture.height, picture.width, channels)
+
+
+def to_yuv(frame: Frame, matrix: Colorspace, pixel_format: str = "yuv420p") -> av.VideoFrame:
+    """Convert a frame, uint8 (h, w, 3), to YUV of limited range, as encoders take it.
+
+    FFmpeg converts RGB with an alpha channel in two thirds of the time that it takes without one, to the same bytes.
+    """
+    height, width = frame.shape[:2]
+    opaque = av.VideoFrame(width, height, "rgba")
+    rows = np.frombuffer(memoryview(opaque.planes[0]), np.uint8).reshape(height, -1)
+    cv2.cvtColor(frame, cv2.COLOR_RGB2RGBA, dst=rows[:, : 4 * width].reshape(height, width, 4))
+    return opaque.reformat(
+        format=pixel_format,
+        dst_colorspace=matrix,
+        src_color_range=ColorRange.JPEG,
+        dst_color_range=ColorRange.MPEG,
+        interpolation=Interpolation.BILINEAR,
+        threads=1,
+    )
 
 
 def _has_alpha(picture: av.VideoFrame) -> bool:

@@ -17,11 +17,11 @@ import numpy as np
 from av.codec.codec import Codec
 from av.video.codeccontext import VideoCodecContext
 from av.video.frame import PictureType
-from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc, Interpolation
+from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 
 from pipeline.errors import BadFrame, ImpastoError
 from pipeline.frames import Frame
-from pipeline.video.geometry import Geometry, customary_matrix, to_frame
+from pipeline.video.geometry import Geometry, customary_matrix, to_frame, to_yuv
 from pipeline.video.headers import image_header, sniff
 from workers.live.model import Size, WireFormat
 
@@ -172,10 +172,7 @@ class _VideoEncoder:
         right, bottom = self._size[0] - frame.shape[1], self._size[1] - frame.shape[0]
         if right or bottom:
             frame = np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
-        picture = av.VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-            format="yuv420p", dst_colorspace=self._matrix, src_color_range=ColorRange.JPEG,
-            dst_color_range=ColorRange.MPEG, interpolation=Interpolation.BILINEAR, threads=1,
-        )  # fmt: skip
+        picture = to_yuv(frame, self._matrix)
         picture.pts, picture.time_base = self._next, self._context.time_base
         picture.pict_type = PictureType.I if key else PictureType.NONE
         self._next += 1
