@@ -10,9 +10,10 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy import Analogy, AnalogyParams
 from pipeline.methods.base import Arrays, PlanContext, TaskResult, VideoInfo
+from pipeline.segmentation.cuts import thumbnail
 
 
 class Memory:
@@ -35,6 +36,9 @@ class Memory:
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         return iter(self.inputs[name][start:stop])
+
+    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
+        return map(thumbnail, self.frames(name))
 
     def has(self, name: str) -> bool:
         return name in self.inputs or name in self._numbered

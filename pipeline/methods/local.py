@@ -16,9 +16,10 @@ from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadParameter
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, Method, P, PlanContext, Task, TaskResult, VideoInfo, no_clock
 from pipeline.methods.plan_check import check_plan, dependencies
+from pipeline.segmentation.cuts import thumbnail
 
 DEFAULT_FPS = 25.0
 
@@ -78,6 +79,9 @@ class LocalContext(Generic[P]):
         source = cast("Sequence[Frame] | FrameSource", self._input(name))
         frames = source[start:stop] if isinstance(source, Sequence) else source.read(start, stop)
         return (frame.copy() for frame in frames)
+
+    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
+        return map(thumbnail, self.frames(name))
 
     def has(self, name: str) -> bool:
         return name in self.inputs

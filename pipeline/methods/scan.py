@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
@@ -32,16 +32,22 @@ def scan_video(
     before: Plane | None = None
     cuts: list[int] = []
     count = 0
-    for index, frame in enumerate(context.frames("video")):
+    for index, now in enumerate(context.thumbnails() if each is None else _seen(context, each)):
         with context.clock("scan"):
-            now = thumbnail(frame)
             if before is not None and is_cut(before, now, cut_sensitivity):
                 cuts.append(index)
-            if each is not None:
-                each(frame)
         before, count = now, index + 1
         if index % _PROGRESS_FRAMES == 0:
             context.progress(min(1.0, count / max(context.video.frames, count)))
     if not count:
         raise BadInput("The video has no frames.", field="inputs.video", remedy="Upload a video that plays.")
     return count, cuts
+
+
+def _seen(context: TaskContext[AnyParams], each: Callable[[Frame], None]) -> Iterator[Plane]:
+    """Thumbnails of all frames, which `each` is called with."""
+    for frame in context.frames("video"):
+        with context.clock("scan"):
+            each(frame)
+            made = thumbnail(frame)
+        yield made

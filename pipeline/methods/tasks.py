@@ -23,7 +23,7 @@ from typing import Any, Generic, Protocol
 from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray, Arrays, State
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.fields import P, P_co
 
 TaskResult = dict[str, Any]
@@ -129,6 +129,10 @@ class TaskContext(Protocol[P_co]):
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Decode frames [start, stop) of an input, one at a time; fewer if the video ends earlier."""
+        ...
+
+    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
+        """Thumbnails of all frames of an input, see `pipeline.segmentation.cuts.thumbnail`."""
         ...
 
     def has(self, name: str) -> bool:

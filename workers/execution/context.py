@@ -8,14 +8,17 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter, Cancelled
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, Arrays
+from pipeline.segmentation.cuts import thumbnail
 from pipeline.video.guard.files import GuardedImages
+from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff
 from pipeline.video.index import Index
 from pipeline.video.shot_files import ShotFiles, files_of_frames
@@ -38,6 +41,7 @@ from workers.process.log_context import belong
 from workers.process.logs import attempt_facts
 from workers.scheduling.planning import video_info
 
+Picture = TypeVar("Picture")
 PART = "part:"
 """Marks artefacts that are files, not arrays: parts of a download that the job's last step joins."""
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,150}")
@@ -102,6 +106,23 @@ class AttemptContext:
     # -- inputs
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        def read(reader: GuardedReader, first: int, last: int | None) -> Iterator[Frame]:
+            frames = reader.read(first, last)
+            return keep_pairs(frames, set(self.report_pairs), self.save) if pairs else frames
+
+        pairs = self._is_first_pass(name, start, stop)
+        return self._read(name, start, stop, read)
+
+    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
+        if self._is_first_pass(name, 0, None) and self.report_pairs:  # the frames themselves are needed
+            return map(thumbnail, self.frames(name))
+        return self._read(name, 0, None, GuardedReader.read_thumbnails)
+
+    def _read(
+        self, name: str, start: int, stop: int | None,
+        read: Callable[[GuardedReader, int, int | None], Iterator[Picture]],
+    ) -> Iterator[Picture]:  # fmt: skip
+        """What `read` makes of frames [start, stop) of an input, one for each frame; records the input's damage."""
         first, last = self._source_span(name, start, stop)
         with self._decoders.reader(self._input(name), first) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
@@ -109,7 +130,7 @@ class AttemptContext:
             self.damage.record(name, expected, ())
             if name == "video":
                 self._index = window_index(reader.index, self._order.frames)
-            source = self._kept(reader.read(first, last), name, (start, stop))
+            source = read(reader, first, last)
             while (frame := self._next(source)) is not None:
                 at += 1
                 if len(reader.unreadable) > unreadable:
@@ -120,12 +141,12 @@ class AttemptContext:
         if name == "video" and (stop is None or at < stop):
             self._ended_at = at
 
-    def _kept(self, frames: Iterator[Frame], name: str, span: tuple[int, int | None]) -> Iterator[Frame]:
-        """Frames of an input. While the first step reads the whole video, frames for the quality report are saved."""
-        if name != "video" or span != (0, None) or self._order.results or self._order.emits:
-            return frames
+    def _is_first_pass(self, name: str, start: int, stop: int | None) -> bool:
+        """Whether the first step reads the whole video: then, frames for the quality report are saved."""
+        if name != "video" or (start, stop) != (0, None) or self._order.results or self._order.emits:
+            return False
         self.reads.record("report")
-        return keep_pairs(frames, set(self.report_pairs), self.save)
+        return True
 
     def _source_span(self, name: str, start: int, stop: int | None) -> tuple[int, int | None]:
         """Frames [start, stop) of an input, in frame numbers of its file."""
@@ -136,7 +157,7 @@ class AttemptContext:
         end = window[1] if stop is None else min(window[0] + stop, window[1])
         return min(window[0] + start, end), end
 
-    def _next(self, source: Iterator[Frame]) -> Frame | None:
+    def _next(self, source: Iterator[Picture]) -> Picture | None:
         self._check_cancelled()
         with self.stages.waiting("decode"):
             return next(source, None)

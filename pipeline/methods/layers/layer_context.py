@@ -10,11 +10,12 @@ from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods import parse_params
 from pipeline.methods.base import AnyParams, TaskContext, VideoInfo
 from pipeline.methods.layers.names import VIDEO, input_name, prefix, stage
 from pipeline.methods.layers.params import LayerParams, LayersParams
+from pipeline.segmentation.cuts import thumbnail
 from pipeline.video.stills import encode_png
 
 PIECE_FRAMES = 8
@@ -57,6 +58,9 @@ class LayerContext:
                     remedy=f"Scale it to {self.size[0]}x{self.size[1]}.",
                 )  # fmt: skip
             yield frame
+
+    def thumbnails(self, name: str = VIDEO) -> Iterator[Plane]:
+        return map(thumbnail, self.frames(name))
 
     def has(self, name: str) -> bool:
         return self._context.has(self._own(name))

@@ -12,13 +12,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.index import Index
 from pipeline.video.media import Limits
 
 _FOREVER = 1 << 62
+_THUMBNAILS = 16
+"""Thumbnails in one answer."""
 
 
 class GuardedReader:
@@ -81,6 +83,21 @@ class GuardedReader:
             raise ValueError(f"no frames [{start}, {stop})")
         return self._frames(start, stop if stop is not None else _FOREVER)
 
+    def read_thumbnails(self, start: int = 0, stop: int | None = None) -> Iterator[Plane]:
+        """Thumbnails (`pipeline.segmentation.cuts.thumbnail`) of the frames [start, stop), computed by the decoder's
+        process, so that no frame is copied to this one. Otherwise as `read`."""
+        last = stop if stop is not None else _FOREVER
+        question: Message = {"start": start, "stop": last}
+        while True:
+            more = {"thumbnails": _THUMBNAILS}
+            answer = self._asked(question | more, {"start": start, "stop": last} | more)
+            self._note(answer)
+            if answer.get("end"):
+                return
+            found = np.asarray(self._child.array(tuple(answer["shape"]), "f4"), np.float32)
+            start, question = start + len(found), {}
+            yield from found
+
     def _begin(self) -> DecoderProcess:
         return start_decoder("video", self._task, self._shared_bytes)
 
@@ -89,12 +106,15 @@ class GuardedReader:
         while True:
             answer = self._asked(question, {"start": start, "stop": stop})
             start, question = start + 1, {}
-            self.position = answer["position"]
-            self.errors += answer["errors"]
-            self.unreadable += answer["unreadable"]
+            self._note(answer)
             if answer.get("end"):
                 return
             yield np.asarray(self._child.array(tuple(answer["shape"]), "u1"), np.uint8)
+
+    def _note(self, answer: Message) -> None:
+        self.position = answer["position"]
+        self.errors += answer["errors"]
+        self.unreadable += answer["unreadable"]
 
     def _asked(self, question: Message, again: Message) -> Message:
         """The answer to `question`. If the process has died, a new one gets `again` once."""

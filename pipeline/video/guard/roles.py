@@ -12,6 +12,7 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ import psutil
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
 from pipeline.frames import Frame
+from pipeline.segmentation.cuts import thumbnail
 from pipeline.video import memory_file
 from pipeline.video.exr import read_exr
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
@@ -69,7 +71,8 @@ def _limits(task: Message) -> Limits:
 
 
 def _video(connection: ChildConnection) -> None:
-    """A `VideoReader`: {"start", "stop"} begins a read, {} gives its next frame.
+    """A `VideoReader`: {"start", "stop"} begins a read, {} gives its next frame; with {"thumbnails": n}, thumbnails of
+    the next n frames in one array.
 
     While the parent works on a frame, the next one of the same read is decoded.
     """
@@ -82,18 +85,35 @@ def _video(connection: ChildConnection) -> None:
         times |= {"missing": index.missing, "incomplete": sorted(index.incomplete)}
         data = index.pts.astype("<i8").tobytes() + index.keys.astype("<i8").tobytes()
         connection.answer(facts | times | {"frames": len(index.pts), "position": reader.position}, data)
-        reported, noted, frames = 0, 0, reader.read(0, 0)
+        faults, frames = _Faults(reader), reader.read(0, 0)
         ahead: _Read | None = None
         while True:
             request = connection.next()
             if "start" in request:
                 frames, ahead = reader.read(request["start"], request["stop"]), None
+            if "thumbnails" in request:
+                found = [thumbnail(frame) for frame in islice(frames, request["thumbnails"])]
+                state = faults.new(reader.position, len(reader.errors), len(reader.unreadable))
+                connection.answer(state | (connection.share(np.stack(found)) if found else {"end": True}))
+                continue
             now = ahead or _read_next(reader, frames)
-            state: Message = {"position": now.position, "errors": reader.errors[reported : now.errors]}
-            state["unreadable"] = reader.unreadable[noted : now.unreadable]
-            reported, noted = now.errors, now.unreadable
+            state = faults.new(now.position, now.errors, now.unreadable)
             connection.answer(state | ({"end": True} if now.frame is None else connection.share(now.frame)))
             ahead = None if now.frame is None else _read_next(reader, frames)
+
+
+class _Faults:
+    """What a reader has found, of which each answer reports what is new."""
+
+    def __init__(self, reader: VideoReader) -> None:
+        self._reader, self._reported, self._noted = reader, 0, 0
+
+    def new(self, position: int | None, errors: int, unreadable: int) -> Message:
+        """The reader's position, and what it has found since the last call, up to these numbers of findings."""
+        found: Message = {"position": position, "errors": self._reader.errors[self._reported : errors]}
+        found["unreadable"] = self._reader.unreadable[self._noted : unreadable]
+        self._reported, self._noted = errors, unreadable
+        return found
 
 
 class _Read(NamedTuple):

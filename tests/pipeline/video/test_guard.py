@@ -20,6 +20,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
+from pipeline.segmentation.cuts import thumbnail
 from pipeline.video.exr import read_exr, write_exr
 from pipeline.video.guard import decoder_server, roles
 from pipeline.video.guard.decoder_server import _SERVER, DecoderProcess
@@ -64,6 +65,27 @@ def test_a_guarded_reader_reads_the_same_frames(clip: Path, tmp_path: Path) -> N
                 pairs = list(zip(plain.read(*span), guarded.read(*span), strict=True))
                 assert all(same(a, b) for a, b in pairs)
                 assert plain.position == guarded.position
+
+
+def test_thumbnails_are_those_of_the_frames(clip: Path, tmp_path: Path) -> None:
+    for path in (clip, make_zip(tmp_path / "a.zip", png_frames(40))):
+        with VideoReader(path) as plain, GuardedReader(path) as guarded:
+            for span in ((0, None), (3, 5), (4, 4), (1, 400)):
+                expected = [thumbnail(frame) for frame in plain.read(*span)]
+                assert np.array_equal(expected, list(guarded.read_thumbnails(*span)))
+                assert plain.position == guarded.position
+
+
+def test_damage_is_reported_with_thumbnails_as_with_frames(tmp_path: Path) -> None:
+    path = make_video(tmp_path / "a.mp4", [picture(i) for i in range(40)])
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 400] = bytes(400)
+    path.write_bytes(data)
+    with GuardedReader(path) as frames, GuardedReader(path) as thumbnails:
+        assert len(list(frames.read())) == len(list(thumbnails.read_thumbnails()))
+        assert frames.unreadable == thumbnails.unreadable and frames.unreadable
+        assert frames.errors == thumbnails.errors
 
 
 def test_frames_are_copies(clip: Path) -> None:
@@ -160,6 +182,11 @@ def test_a_killed_decoder_is_replaced(clip: Path, tmp_path: Path) -> None:
     with VideoReader(clip) as plain, GuardedReader(clip) as reader:
         for index, (frame, other) in enumerate(zip(plain.read(2), reader.read(2), strict=True)):
             assert same(frame, other)
+            if index in (0, 4):
+                os.kill(pid_of(reader), signal.SIGKILL)
+        expected = [thumbnail(frame) for frame in plain.read()]
+        for index, (one, other) in enumerate(zip(expected, reader.read_thumbnails(), strict=True)):
+            assert np.array_equal(one, other)
             if index in (0, 4):
                 os.kill(pid_of(reader), signal.SIGKILL)
     path = make_zip(tmp_path / "a.zip", png_frames(3))
