@@ -137,11 +137,13 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
         farm.stop()
 
 
-def submit(farm: Farm, request: JobRequest, files: Mapping[str, InputFile], video: MediaInfo, key: str) -> Job:
+def submit(
+    farm: Farm, request: JobRequest, files: Mapping[str, InputFile], key: str, video: MediaInfo | None = None
+) -> Job:
     """Submit the job, or find the one of an interrupted render of the same command; retry it if it had failed.
 
     Args:
-        video: what `probe_guarded` has found of the input "video".
+        video: what `probe_guarded` has found of the input "video"; None: it is probed.
     """
 
     def add(name: str) -> str:

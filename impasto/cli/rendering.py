@@ -117,7 +117,7 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
             _check_consent(order, place)
             _warm_up(order.request)
             with private_farm.opened(place.folder, workers or 0) as farm:
-                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, video, key).id, show)
+                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, video).id, show)
                 remember(home, order.request, video, job)
                 place.consent()  # existing outputs are our own from here on
                 summary = _deliver(farm, job, order)
