@@ -216,18 +216,24 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
     """Mean over each cell of `out` of the difference between the picture and the earlier one at p + flow."""
     height, width = picture.shape[:2]
     rows, columns = out.shape[:2]
+    steps, now, past = flow.reshape(-1), picture.reshape(-1), before.reshape(-1)
+    edges = np.empty(columns + 1, np.intp)
+    for column in range(columns + 1):
+        edges[column] = column * width // columns
     for row in range(rows):
         first_y, last_y = row * height // rows, (row + 1) * height // rows
         for column in range(columns):
-            first_x, last_x = column * width // columns, (column + 1) * width // columns
+            first_x, last_x = edges[column], edges[column + 1]
             red, green, blue = np.float32(0), np.float32(0), np.float32(0)
             for y in range(first_y, last_y):
                 for x in range(first_x, last_x):
-                    dx, dy = flow[y, x, 0], flow[y, x, 1]
+                    pixel = np.uintp(y * width + x)
+                    place = np.uintp(3) * pixel
+                    dx, dy = steps[np.uintp(2) * pixel], steps[np.uintp(2) * pixel + np.uintp(1)]
                     if dx == 0 and dy == 0:
-                        red += np.float32(np.int32(picture[y, x, 0]) - np.int32(before[y, x, 0]))
-                        green += np.float32(np.int32(picture[y, x, 1]) - np.int32(before[y, x, 1]))
-                        blue += np.float32(np.int32(picture[y, x, 2]) - np.int32(before[y, x, 2]))
+                        red += np.float32(np.int32(now[place]) - np.int32(past[place]))
+                        green += np.float32(np.int32(now[place + np.uintp(1)]) - np.int32(past[place + np.uintp(1)]))
+                        blue += np.float32(np.int32(now[place + np.uintp(2)]) - np.int32(past[place + np.uintp(2)]))
                         continue
                     left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
                     red += np.float32(picture[y, x, 0]) - _interpolated(before, left, right, top, bottom, a, b, 0)
