@@ -84,9 +84,11 @@ class Dispatcher:
         self._draining = False
         self._slots: tuple[Slot, ...] | None = None
         """Slots as last written to the store."""
-        self._running_parts = (self._enrol, self._write_progress, self._revoke)
-        """Functions for running attempts, called in every tick after reports and leases. Repeatable: an exception in
-        the middle loses nothing."""
+        self._running_parts = (
+            self._handle_reports, self._keep_leases, self._enrol, self._write_progress, self._revoke,
+        )  # fmt: skip
+        """Functions for running attempts, called in every tick. Repeatable: an exception in the middle loses
+        nothing."""
         self._thread = threading.Thread(target=self._run, name="impasto-dispatcher", daemon=True)
         self._process_lock: ProcessLock | None = None
         self._last_renewal = self._progress_written = self._last_cancel_check = self._last_idle = float("-inf")
@@ -154,12 +156,12 @@ class Dispatcher:
             self._wake.clear()
             self._last_tick = time.monotonic()
             try:
-                parts: list[Callable[[], None]] = [self._handle_reports, self._keep_leases]
+                parts: list[Callable[[], None]] = [*self._running_parts]
                 interval_s = _IDLE_TICK_S if self._has_free_slot() else _FULL_TICK_S
                 if woken or back_off or self._last_tick - searched >= interval_s:
-                    parts += [self._plan, self._fill]  # before the others: a worker may be waiting
+                    parts += [self._plan, self._fill]
                     searched = self._last_tick
-                run_each([*parts, *self._running_parts])
+                run_each(parts)
                 back_off, self.trouble = 0.0, ""
             except Exception as error:
                 back_off = min(_MAX_BACK_OFF_S, max(0.5, 2 * back_off))
