@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 
+from workers.process.starting import without_garbage_collection
+
 
 def main() -> None:
     """Run the command line. For `impasto render`, the decoder server starts beside the imports of this process, which
@@ -13,11 +15,12 @@ def main() -> None:
     # start a thread for each processor, which is busy while it waits for work: 0.2 s of processor time a render. Our
     # matrices are small.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if sys.argv[1:2] == ["render"] and not {"-h", "--help"} & set(sys.argv):
-        from pipeline.video.guard.decoder_server import start_decoder_server
+    with without_garbage_collection():
+        if sys.argv[1:2] == ["render"] and not {"-h", "--help"} & set(sys.argv):
+            from pipeline.video.guard.decoder_server import start_decoder_server
 
-        start_decoder_server()
-    from impasto.cli.app import main as run
+            start_decoder_server()
+        from impasto.cli.app import main as run
 
     run()
 

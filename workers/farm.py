@@ -56,6 +56,8 @@ class Farm:
         live_workers: render live sessions; None: threads of this process.
         probe: examines uploaded files; by default in a child process, because they are untrusted.
         preview_runner: makes previews; None: threads of this process.
+        private: the farm of one command, whose folder is deleted after its job. It clears nothing up, and after a power
+            cut tasks that had just ended may run again.
 
     Attributes:
         store: the database: jobs, tasks and their states. Prefer the nouns below.
@@ -72,11 +74,14 @@ class Farm:
         live_workers: LiveWorkers | None = None,
         probe: Probe = probe_guarded,
         preview_runner: PreviewRunner | None = None,
+        private: bool = False,
     ) -> None:
         limits = Limits(settings.attempts, settings.interruptions)
-        policy = StorePolicy(limits, settings.retry_delay_s, settings.events_kept, settings.owner_tasks)
+        policy = StorePolicy(
+            limits, settings.retry_delay_s, settings.events_kept, settings.owner_tasks, durable=not private
+        )
         images: LruCache[bytes] = LruCache(_CACHED_IMAGES)
-        self._settings, self._pool = settings, pool
+        self._settings, self._pool, self._private = settings, pool, private
         self.store, self.blobs = Store(settings.url, policy), open_blobs(settings)
         self._collector = GarbageCollector(
             self.store,
@@ -104,7 +109,8 @@ class Farm:
 
     def _make_dispatcher(self, pool: Pool) -> Dispatcher:
         who = WorkerInfo(socket.gethostname(), self._settings.role, str(pool.describe()["kind"]), version())
-        return Dispatcher(self.store, pool, self._settings, self.blobs.check_free_space, self._collector.later, who)
+        collect = (lambda job_id: None) if self._private else self._collector.later
+        return Dispatcher(self.store, pool, self._settings, self.blobs.check_free_space, collect, who)
 
     def _parts(self) -> dict[str, Callable[[], None]]:
         parts = {"store": self.store.check, "blobs": self.blobs.check}
@@ -135,7 +141,8 @@ class Farm:
         except BaseException:
             lock.end()
             raise
-        self._collector.start()
+        if not self._private:
+            self._collector.start()
         self.live.start()
         self.previews.start_runner()
 
@@ -173,11 +180,11 @@ class Farm:
         return {**self.store.statistics.snapshot(), "pool": pool}
 
 
-def open_farm(settings: FarmSettings, *, overview: bool = True) -> Farm:
+def open_farm(settings: FarmSettings, *, private: bool = False) -> Farm:
     """The farm of these settings; call `start` to let it work. With Ray: on the main thread.
 
     Args:
-        overview: whether jobs of a local pool get previews, a poster and a contact sheet.
+        private: see `Farm`; its jobs get no previews, poster and contact sheet, either.
 
     Raises:
         StorageError: the database or the blob store cannot be used.
@@ -186,8 +193,8 @@ def open_farm(settings: FarmSettings, *, overview: bool = True) -> Farm:
     check_installed(settings)
     blobs = open_blobs(settings)
     machine = None if settings.workers else this_machine()
-    pool, live_workers = _pool(settings, blobs, machine, overview), _live_workers(settings, blobs)
-    farm = Farm(settings, pool, live_workers, preview_runner=_preview_runner(settings, blobs))
+    pool, live_workers = _pool(settings, blobs, machine, overview=not private), _live_workers(settings, blobs)
+    farm = Farm(settings, pool, live_workers, preview_runner=_preview_runner(settings, blobs), private=private)
     if machine is not None:
         machine.live_sessions = lambda: farm.live.sessions
     return farm

@@ -2,7 +2,8 @@
 
 Each command line has a folder of its own, so that the same command resumes its own work. The folder holds the farm's
 database and blobs. It is locked while a render uses it and removed when the result is delivered. After Ctrl-C, a
-failure or a power cut it remains, and the same command continues there.
+failure or a power cut it remains, and the same command continues there. After a power cut, tasks of the last seconds
+may run again: their results are on the disk, but perhaps not the database's note of them.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import dataclasses
 import fcntl
 import hashlib
 import json
+import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
@@ -23,6 +25,7 @@ from typing import IO
 from impasto.cli.console import Interrupted, Show, print_status
 from impasto.cli.input_files import InputFile
 from impasto.problems import JobFailed
+from pipeline.video.media import MediaInfo
 from workers.errors import Conflict
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json, TaskView
@@ -75,7 +78,11 @@ def workspace(home: Path, key: str) -> Iterator[Workspace]:
 
 
 def forget(folder: Path) -> None:
-    """Remove the folder of a render."""
+    """Remove the folder of a render, its files at the same time: a disk may take milliseconds to free each of them."""
+    files = [Path(parent) / name for parent, _, names in os.walk(folder) for name in names]
+    with ThreadPoolExecutor(_DELETERS, "impasto-deleter") as threads:
+        for file in files:
+            threads.submit(file.unlink, missing_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -102,6 +109,8 @@ def _locked(folder: Path) -> Iterator[IO[bytes] | None]:
 
 _THREADS = 2
 """Number of threads that check and store the inputs."""
+_DELETERS = 8
+"""Number of threads that remove files."""
 _BEAT_S = 0.5
 """Minimum interval of progress updates, seconds: events arrive in bursts, and updates take processor time."""
 _POLL_S = 5.0
@@ -120,7 +129,7 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
     from workers.settings import FarmSettings
 
     keep_free_memory()
-    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), overview=False)
+    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), private=True)
     farm.start()
     try:
         yield farm
@@ -128,10 +137,20 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
         farm.stop()
 
 
-def submit(farm: Farm, request: JobRequest, files: Mapping[str, InputFile], key: str) -> Job:
-    """Submit the job, or find the one of an interrupted render of the same command; retry it if it had failed."""
+def submit(
+    farm: Farm, request: JobRequest, files: Mapping[str, InputFile], key: str, video: MediaInfo | None = None
+) -> Job:
+    """Submit the job, or find the one of an interrupted render of the same command; retry it if it had failed.
+
+    Args:
+        video: what `probe_guarded` has found of the input "video"; None: it is probed.
+    """
+
+    def add(name: str) -> str:
+        return farm.assets.add(files[name].path, files[name].filename, known=video if name == "video" else None).id
+
     with ThreadPoolExecutor(_THREADS, "impasto-inputs") as threads:  # each is decoded and checked in a child process
-        added = threads.map(lambda file: farm.assets.add(file.path, file.filename).id, files.values())
+        added = threads.map(add, files)
         ids = dict(zip(files, added, strict=True))
     job = farm.jobs.submit(dataclasses.replace(request, inputs=ids), idempotency_key=key)
     if job.progress > 0:

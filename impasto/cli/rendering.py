@@ -20,6 +20,7 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, missing_inputs
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
+from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
 from workers.model import Job, JobRequest, Json, TaskView
@@ -116,7 +117,7 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
             _check_consent(order, place)
             _warm_up(order.request)
             with private_farm.opened(place.folder, workers or 0) as farm:
-                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key).id, show)
+                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, video).id, show)
                 remember(home, order.request, video, job)
                 place.consent()  # existing outputs are our own from here on
                 summary = _deliver(farm, job, order)
@@ -146,6 +147,7 @@ def _check_consent(order: RenderOrder, place: Workspace) -> None:
 
 
 def _warm_up(request: JobRequest) -> None:
+    prepare_process()  # with short turns, a thread that loads kernels delays this one little
     chosen = method(request.method)
     begin_warm_up(chosen, parse_params(chosen, request.params))
 

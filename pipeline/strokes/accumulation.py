@@ -115,7 +115,14 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
     for x in range(width):
         columns[0, x], columns[1, x], across[x] = _cells(x, width, flow.shape[1])
         change_columns[0, x], change_columns[1, x], change_across[x] = _cells(x, width, change.shape[1])
+    # Pixels [starts[i], starts[i + 1]) are between the columns i and i + 1 of the flow.
+    starts = np.full(flow.shape[1] + 1, width, np.intp)
+    for x in range(width - 1, -1, -1):
+        starts[columns[0, x]] = x
+    for i in range(flow.shape[1] - 1, -1, -1):
+        starts[i] = min(starts[i], starts[i + 1])
     flow_x, flow_y = np.empty(flow.shape[1], np.float32), np.empty(flow.shape[1], np.float32)
+    moves = np.empty(flow.shape[1], np.bool_)
     changed = np.empty(change.shape[1], np.float32)
     shares, parts, there = np.empty(width, np.float32), np.empty(3 * width, np.float32), np.empty(3 * width, np.float32)
     for y in range(height):
@@ -124,6 +131,7 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
         for x in range(flow.shape[1]):
             flow_x[x] = (flow[above, x, 0] + down * (flow[below, x, 0] - flow[above, x, 0])) * grow_x
             flow_y[x] = (flow[above, x, 1] + down * (flow[below, x, 1] - flow[above, x, 1])) * grow_y
+            moves[x] = flow_x[x] != zero or flow_y[x] != zero
         above, below, down = _cells(y, height, change.shape[0])
         for x in range(change.shape[1]):
             changed[x] = change[above, x] + down * (change[below, x] - change[above, x])
@@ -136,19 +144,22 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
         row, own = paint[y].reshape(-1), mean[y].reshape(-1)
         for i in range(3 * width):
             there[i] = np.float32(row[i])
-        for x in range(width):
-            i, j = columns[0, x], columns[1, x]
-            dx, dy = flow_x[i], flow_y[i]
-            if dx == zero and dy == zero and flow_x[j] == zero and flow_y[j] == zero:
+        for i in range(flow.shape[1]):
+            j = min(i + 1, flow.shape[1] - 1)
+            if not moves[i] and not moves[j]:
                 continue
-            dx, dy = dx + across[x] * (flow_x[j] - dx), dy + across[x] * (flow_y[j] - dy)
-            px, py = np.float32(x) + dx, np.float32(y) + dy
-            if px < zero or py < zero or px > np.float32(width - 1) or py > np.float32(height - 1):
-                shares[x] = zero
-            if shares[x] > zero:
-                left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
-                for c in range(3):
-                    there[3 * x + c] = _interpolated(paint, left, right, top, bottom, a, b, c)
+            for x in range(starts[i], starts[i + 1]):
+                dx, dy = (
+                    flow_x[i] + across[x] * (flow_x[j] - flow_x[i]),
+                    flow_y[i] + across[x] * (flow_y[j] - flow_y[i]),
+                )
+                px, py = np.float32(x) + dx, np.float32(y) + dy
+                if px < zero or py < zero or px > np.float32(width - 1) or py > np.float32(height - 1):
+                    shares[x] = zero
+                if shares[x] > zero:
+                    left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
+                    for c in range(3):
+                        there[3 * x + c] = _interpolated(paint, left, right, top, bottom, a, b, c)
         # Weighted mean. These loops vectorise.
         sums = weight[y]
         for x in range(width):
@@ -205,18 +216,24 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
     """Mean over each cell of `out` of the difference between the picture and the earlier one at p + flow."""
     height, width = picture.shape[:2]
     rows, columns = out.shape[:2]
+    steps, now, past = flow.reshape(-1), picture.reshape(-1), before.reshape(-1)
+    edges = np.empty(columns + 1, np.intp)
+    for column in range(columns + 1):
+        edges[column] = column * width // columns
     for row in range(rows):
         first_y, last_y = row * height // rows, (row + 1) * height // rows
         for column in range(columns):
-            first_x, last_x = column * width // columns, (column + 1) * width // columns
+            first_x, last_x = edges[column], edges[column + 1]
             red, green, blue = np.float32(0), np.float32(0), np.float32(0)
             for y in range(first_y, last_y):
                 for x in range(first_x, last_x):
-                    dx, dy = flow[y, x, 0], flow[y, x, 1]
+                    pixel = np.uintp(y * width + x)
+                    place = np.uintp(3) * pixel
+                    dx, dy = steps[np.uintp(2) * pixel], steps[np.uintp(2) * pixel + np.uintp(1)]
                     if dx == 0 and dy == 0:
-                        red += np.float32(np.int32(picture[y, x, 0]) - np.int32(before[y, x, 0]))
-                        green += np.float32(np.int32(picture[y, x, 1]) - np.int32(before[y, x, 1]))
-                        blue += np.float32(np.int32(picture[y, x, 2]) - np.int32(before[y, x, 2]))
+                        red += np.float32(np.int32(now[place]) - np.int32(past[place]))
+                        green += np.float32(np.int32(now[place + np.uintp(1)]) - np.int32(past[place + np.uintp(1)]))
+                        blue += np.float32(np.int32(now[place + np.uintp(2)]) - np.int32(past[place + np.uintp(2)]))
                         continue
                     left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
                     red += np.float32(picture[y, x, 0]) - _interpolated(before, left, right, top, bottom, a, b, 0)

@@ -59,7 +59,7 @@ def emboss(canvas: Canvas, light: Lighting | None = None) -> Frame:
     x, y = np.float32(math.cos(light.angle_rad)), np.float32(math.sin(light.angle_rad))
     terms = pixel_terms((light.strength, light.gloss, light.weave_px), canvas.shape)
     out = np.empty((*canvas.shape[:2], 3), np.uint8)
-    _emboss(canvas, x, y, terms, weave(), out)
+    _emboss(canvas, (x, y), terms, bool(terms[..., _WEAVE].max() > 0), weave(), out)
     return out
 
 
@@ -88,13 +88,16 @@ def weave(seed: int = 0) -> Plane:
 
 @kernel
 def _emboss(
-    canvas: NDArray[np.float32], lx: np.float32, ly: np.float32, terms: NDArray[np.float32], cloth: Plane, out: Frame
-) -> None:
-    """`terms`: float32 (h, w, 3) or (1, 1, 3), see `_STRENGTH`."""
+    canvas: NDArray[np.float32], towards: tuple[np.float32, np.float32], terms: NDArray[np.float32], woven: bool,
+    cloth: Plane, out: Frame,
+) -> None:  # fmt: skip
+    """`towards`: unit vector to the light; `terms`: float32 (h, w, 3) or (1, 1, 3), see `_STRENGTH`; `woven`: whether
+    any pixel has a weave. (A maximum in here would make Numba import linear algebra: 0.2 s at every start.)"""
     height, width, channels = canvas.shape
+    lx, ly = towards
     # Flat arrays with unsigned indices, and loops without branches, which vectorise.
     colours, picture = canvas.reshape(-1), out.reshape(-1)
-    uniform, woven = terms.shape[0] * terms.shape[1] == 1, terms[..., _WEAVE].max() > _ZERO
+    uniform = terms.shape[0] * terms.shape[1] == 1
     level = np.empty((3, width + 2), np.float32)
     strength, gloss = np.full(width, terms[0, 0, _STRENGTH]), np.full(width, terms[0, 0, _GLOSS])
     line = np.empty(3 * width, np.float32)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.jit import kernel
+from pipeline.prefetch import prefetch
 from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
 from pipeline.strokes.brush import HEIGHT, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
 from pipeline.strokes.raster import DRY, SOFT, STREAKS, TAPER_END, TAPER_START, Profiles, StrokeProfile, profiles
@@ -55,6 +56,8 @@ _STRAIGHT = np.float32(0.1)
 _1, _2, _3, _4 = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(4)
 _OPAQUE = np.float32(0.03)
 """Transmittance below which a pixel counts as finished."""
+_LINE = 16
+"""Numbers of 32 bits in a line of the processor's cache."""
 _SCRATCH = 1 << 12
 """Pixels of a stroke's bounding box for which memory is reserved at first; a larger box gets twice what it needs."""
 
@@ -205,7 +208,11 @@ def _paint_strokes(
     crosswise = np.empty(_SCRATCH, np.float32)
     rows = np.empty((band_bottom - band_top, 2), np.int32)
     line = np.empty((points.shape[1], 2), np.float32)
-    for k in order:
+    all_points, per_stroke = points.reshape(-1), points.shape[1] * 2
+    for turn in range(len(order)):
+        k, later = order[turn], order[min(turn + 2, len(order) - 1)]
+        prefetch(all_points, np.uintp(later * per_stroke))
+        prefetch(all_points, np.uintp(later * per_stroke + _LINE))
         r, tolerance = strokes.radius_px[k], guide.tolerances[k]
         taper_start, taper_end = profile[k, TAPER_START], profile[k, TAPER_END]
         dry, soft = profile[k, DRY], profile[k, SOFT]
@@ -283,6 +290,10 @@ def _paint_strokes(
                     start += 1
                 while start <= final and finished[np.uintp(in_row + final)]:
                     final -= 1
+                if start <= final:
+                    prefetch(image, np.uintp((in_row + start) * 3))
+                    for channel in range((in_row + start) * 5, (in_row + final + 1) * 5, _LINE):
+                        prefetch(pixels, np.uintp(channel))
                 s_row, t_row = fy * ay, fy * ax
                 first_covered, last_covered = rows[row, 0], rows[row, 1]
                 for x in range(start, final + 1):
@@ -290,26 +301,18 @@ def _paint_strokes(
                         continue
                     fx = np.float32(x) - x0
                     s, t = fx * ax + s_row, t_row - fx * ay
-                    if s > length:
-                        if not ends:
-                            continue  # the next segment's round joint covers it
-                        d = np.sqrt((s - length) * (s - length) + t * t)
-                        p = length
-                    elif s < _ZERO:
-                        d = np.sqrt(s * s + t * t)
-                        p = _ZERO
-                    else:
-                        d = abs(t)
-                        p = s
+                    if s > length and not ends:
+                        continue  # the next segment's round joint covers it
+                    # Without branches, which the processor could not foresee.
+                    p = min(max(s, _ZERO), length)
+                    beyond = s - p
+                    d = np.sqrt(beyond * beyond + t * t)
                     w = r
                     if not whole:
                         u = (before + p) * part
-                        if u < _TIP:
-                            q = _ONE - u * _PER_TIP
-                            w = r * (_ONE - taper_start * q * q)
-                        elif u > _ONE - _TIP:
-                            q = _ONE - (_ONE - u) * _PER_TIP
-                            w = r * (_ONE - taper_end * q * q)
+                        q = max(_ONE - u * _PER_TIP, _ZERO)
+                        v = max(_ONE - (_ONE - u) * _PER_TIP, _ZERO)
+                        w = r * (_ONE - (taper_start * q * q + taper_end * v * v))
                     c = min((w - d) * sharp + _HALF, _ONE)
                     at = np.uintp(box + x)
                     if c > coverage[at]:

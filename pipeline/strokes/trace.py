@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.jit import kernel
+from pipeline.prefetch import prefetch
 from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, Strokes, discs
 from pipeline.strokes.seeds import Points, Seeds, sample
 
 MAX_POINTS = 48
 """Points of the longest stroke; longer strokes take longer steps."""
 
+_AHEAD, _NEAR = 4, 6
+"""Number of strokes by which memory is read ahead; rows above and below the seed of which that is done, px."""
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 
@@ -151,9 +154,9 @@ def _trace_along(
     """`_trace` without rules: the directions of its steps are read from `tangents`."""
     height, width = field.shape[:2]
     most = points.shape[1] // 2
-    columns, rows = np.float32(width), np.float32(height)
-    units = tangents.reshape(-1)  # a flat array with unsigned indices: signed ones are tested for being negative
-    line = np.empty((points.shape[1], 2), np.float32)
+    # Flat arrays with unsigned indices: signed ones are tested for being negative.
+    units, given = tangents.reshape(-1), field.reshape(-1)
+    behind, ahead = np.empty((points.shape[1], 2), np.float32), np.empty((points.shape[1], 2), np.float32)
     for k in range(len(starts.xy)):
         reach = starts.length_px[k] * _HALF
         steps = int(np.ceil(reach / max(starts.radius_px[k], _ONE)))
@@ -161,45 +164,68 @@ def _trace_along(
         step = reach / np.float32(steps)
         if reach <= _ZERO:
             steps = 0
+        later = min(k + _AHEAD, len(starts.xy) - 1)
+        px, py = int(starts.xy[later, 0] + _HALF), int(starts.xy[later, 1] + _HALF)
+        prefetch(given, np.uintp(2 * (py * width + px)))
+        for row in range(max(py - _NEAR, 0), min(py + _NEAR + 1, height), 2):
+            prefetch(units, np.uintp(2 * (row * width + px)))
         px, py = int(starts.xy[k, 0] + _HALF), int(starts.xy[k, 1] + _HALF)
         first_x, first_y = tangent(field[py, px, 0], field[py, px, 1], _ONE, _ZERO)
-        n = 0
-        for side in range(2):
-            x, y = starts.xy[k, 0], starts.xy[k, 1]
-            dx, dy = (first_x, first_y) if side else (-first_x, -first_y)
-            for _ in range(steps):
-                # A midpoint step: half an Euler step finds the direction for the whole one.
-                mx, my = x + _HALF * step * dx + _HALF, y + _HALF * step * dy + _HALF
-                if not (mx >= _ZERO and my >= _ZERO and mx < columns and my < rows):
-                    break
-                at = np.uintp(2 * (int(my) * width + int(mx)))
-                tx, ty = units[at], units[at + np.uintp(1)]
-                if tx == _ZERO and ty == _ZERO:  # undefined: straight on
-                    norm = np.sqrt(dx * dx + dy * dy)
-                    tx, ty = dx / norm, dy / norm
-                elif tx * dx + ty * dy < _ZERO:
-                    tx, ty = -tx, -ty
-                dx, dy = tx, ty
-                nx, ny = x + step * dx, y + step * dy
-                mx, my = nx + _HALF, ny + _HALF
-                if not (mx >= _ZERO and my >= _ZERO and mx < columns and my < rows):
-                    break
-                x, y = nx, ny
-                line[n, 0] = x
-                line[n, 1] = y
-                n += 1
-            if side == 0:
-                for i in range(n):  # the points behind the seed come first, the farthest one foremost
-                    points[k, i, 0] = line[n - 1 - i, 0]
-                    points[k, i, 1] = line[n - 1 - i, 1]
-                behind = n
-                points[k, n, 0] = starts.xy[k, 0]
-                points[k, n, 1] = starts.xy[k, 1]
-                n += 1
-        for i in range(behind + 1, n):
-            points[k, i, 0] = line[i, 0]
-            points[k, i, 1] = line[i, 1]
-        counts[k] = n
+        # Both sides in turn, step by step: a step waits for the pixel to which the step before has led, and meanwhile
+        # the processor computes the other side.
+        seed = starts.xy[k, 0], starts.xy[k, 1]
+        back, back_way, back_steps, back_open = seed, (-first_x, -first_y), 0, True
+        front, front_way, front_steps, front_open = seed, (first_x, first_y), 0, True
+        for _ in range(steps):
+            if back_open:
+                back_open, back, back_way = _stepped(units, (height, width), back, back_way, step)
+                if back_open:
+                    behind[back_steps, 0], behind[back_steps, 1] = back
+                    back_steps += 1
+            if front_open:
+                front_open, front, front_way = _stepped(units, (height, width), front, front_way, step)
+                if front_open:
+                    ahead[front_steps, 0], ahead[front_steps, 1] = front
+                    front_steps += 1
+        for i in range(back_steps):  # the points behind the seed come first, the farthest one foremost
+            points[k, i, 0], points[k, i, 1] = behind[back_steps - 1 - i, 0], behind[back_steps - 1 - i, 1]
+        points[k, back_steps, 0], points[k, back_steps, 1] = seed
+        for i in range(front_steps):
+            points[k, back_steps + 1 + i, 0], points[k, back_steps + 1 + i, 1] = ahead[i, 0], ahead[i, 1]
+        counts[k] = back_steps + 1 + front_steps
+
+
+@kernel
+def _stepped(
+    units: NDArray[np.float32], shape: tuple[int, int], place: tuple[np.float32, np.float32],
+    direction: tuple[np.float32, np.float32], step: np.float32,
+) -> tuple[bool, tuple[np.float32, np.float32], tuple[np.float32, np.float32]]:  # fmt: skip
+    """A step of length `step`, px, along the streamline at `place`, (x, y).
+
+    Args:
+        units: `unit_tangents` of the field, flat.
+        shape: (height, width) of the picture.
+        direction: unit vector of the step before.
+
+    Returns: whether the step ends inside the picture, its end, its direction.
+    """
+    x, y = place
+    dx, dy = direction
+    columns, rows = np.float32(shape[1]), np.float32(shape[0])
+    # A midpoint step: half an Euler step finds the direction for the whole one.
+    mx, my = x + _HALF * step * dx + _HALF, y + _HALF * step * dy + _HALF
+    if not (mx >= _ZERO and my >= _ZERO and mx < columns and my < rows):
+        return False, place, direction
+    at = np.uintp(2 * (int(my) * shape[1] + int(mx)))
+    tx, ty = units[at], units[at + np.uintp(1)]
+    if tx == _ZERO and ty == _ZERO:  # undefined: straight on
+        norm = np.sqrt(dx * dx + dy * dy)
+        tx, ty = dx / norm, dy / norm
+    elif tx * dx + ty * dy < _ZERO:
+        tx, ty = -tx, -ty
+    nx, ny = x + step * tx, y + step * ty
+    mx, my = nx + _HALF, ny + _HALF
+    return mx >= _ZERO and my >= _ZERO and mx < columns and my < rows, (nx, ny), (tx, ty)
 
 
 @kernel

@@ -33,9 +33,9 @@ def test_inputs_are_checked_two_at_a_time(
     farm, together = open_farm(FarmSettings(home=home, pool="none")), threading.Barrier(2, timeout=20)
     add = farm.assets.add
 
-    def added(path: Path, filename: str) -> Any:
+    def added(path: Path, filename: str, **known: Any) -> Any:
         together.wait()
-        return add(path, filename)
+        return add(path, filename, **known)
 
     monkeypatch.setattr(farm.assets, "add", added)
     paths = {"video": tiny_clip, "reference": picture}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -111,3 +113,21 @@ def test_a_pool_is_ready_while_it_warms_up(tmp_path: Path) -> None:
     assert not ended.is_set()
     pool.stop()
     assert ended.is_set()
+
+
+_LOADS = """
+import sys
+from pipeline.methods import method, parse_params
+from workers.execution.warm_up import warm_up
+warm_up(method(sys.argv[1]), parse_params(method(sys.argv[1]), {}))
+print("numba.np.arraymath" in sys.modules)
+"""
+
+
+@pytest.mark.parametrize("name", ["abstraction", "multistyle"])
+def test_compiled_kernels_load_without_linear_algebra(name: str) -> None:
+    """A kernel that takes the maximum or the mean of an array makes Numba import it: 0.2 s at every start."""
+    command = [sys.executable, "-c", _LOADS, name]
+    subprocess.run(command, check=True, capture_output=True)
+    loaded = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert loaded.stdout.split() == ["False"]

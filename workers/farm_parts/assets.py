@@ -37,10 +37,14 @@ class FarmAssets:
     def close(self) -> None:
         self._frames.close()
 
-    def add(self, path: Path, filename: str, owner: str = "") -> Asset:
-        """Probe and store the file at `path`, which the caller may delete afterwards. Raises BadMedia, StorageFull."""
+    def add(self, path: Path, filename: str, owner: str = "", known: MediaInfo | None = None) -> Asset:
+        """Probe and store the file at `path`, which the caller may delete afterwards. Raises BadMedia, StorageFull.
+
+        Args:
+            known: what a probe with the default limits has found; used if they are the limits of this farm.
+        """
         self._blobs.check_free_space(path.stat().st_size)
-        info = self._probe(path, self._limits)
+        info = known if known is not None and self._limits == Limits() else self._probe(path, self._limits)
         sha256 = _sha256(path)
         asset = Asset(
             id=f"ast_{sha256}",

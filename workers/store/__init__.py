@@ -40,8 +40,9 @@ class Store:
     """
 
     def __init__(self, url: str, policy: StorePolicy | None = None, now: Clock | None = None) -> None:
-        self.database = Database(url)
-        shared = (self.database, EventNotifier(), policy or StorePolicy(), now or self.database.now)
+        policy = policy or StorePolicy()
+        self.database = Database(url, policy.durable)
+        shared = (self.database, EventNotifier(), policy, now or self.database.now)
         counters = AttemptCounters()
         self.assets = Assets(*shared)
         self.jobs = Jobs(*shared)

@@ -1,9 +1,10 @@
 """The database connection: opened, migrated, and used in two kinds of transaction, `read` and `write`.
 
 SQLite runs in WAL mode, so that readers never wait, with `synchronous=FULL`: a commit is on the disk when it returns,
-because an accepted job must survive a power cut (NORMAL may lose the last commits). With a few commits a second, the
-flushes cost little. Its writers begin with BEGIN IMMEDIATE, one at a time, so that no transaction has to fail in the
-middle because another wrote first.
+because an accepted job must survive a power cut. With a few commits a second, the flushes cost little. `impasto render`
+uses NORMAL for its own database: a power cut may lose the last commits and leaves the database consistent. SQLite's
+writers begin with BEGIN IMMEDIATE, one at a time, so that no transaction has to fail in the middle because another
+wrote first.
 
 PostgreSQL commits synchronously by default; leave it so. Connections that a network failure has cut are detected within
 half a minute, and waits for locks and queries have time-outs.
@@ -15,6 +16,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +49,7 @@ class Database:
 
     Args:
         url: SQLAlchemy URL, `sqlite:///path` or `postgresql://...`. A missing SQLite file is made.
+        durable: whether a commit in SQLite is on the disk when it returns.
 
     Attributes:
         engine: the pool of connections, for its events; use `read` and `write` for statements.
@@ -56,8 +59,8 @@ class Database:
         BadParameter: the URL names an unsupported database.
     """
 
-    def __init__(self, url: str) -> None:
-        self.engine = _engine(url)
+    def __init__(self, url: str, durable: bool = True) -> None:
+        self.engine = _engine(url, durable)
         self._one_writer = threading.RLock() if self.is_sqlite else nullcontext()
         self._clock = None if self.is_sqlite else ServerClock()
         with _as_storage_error():
@@ -125,7 +128,7 @@ class Database:
             migrate(connection)
 
 
-def _engine(url: str) -> Engine:
+def _engine(url: str, durable: bool) -> Engine:
     parsed = _parse(url)
     if parsed.get_backend_name() != "sqlite":
         return create_engine(
@@ -133,7 +136,7 @@ def _engine(url: str) -> Engine:
         )
     _make_folder(Path(parsed.database or "."))
     engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, pool_size=10, max_overflow=40)
-    event.listen(engine, "connect", _prepare_sqlite)
+    event.listen(engine, "connect", partial(_prepare_sqlite, "FULL" if durable else "NORMAL"))
     event.listen(engine, "begin", _begin_sqlite)
     return engine
 
@@ -158,9 +161,10 @@ def _make_folder(database: Path) -> None:
         raise StorageError(f"The database's folder cannot be made: {error}.", remedy="Choose another home.") from error
 
 
-def _prepare_sqlite(connection: Any, _record: Any) -> None:
+def _prepare_sqlite(synchronous: str, connection: Any, _record: Any) -> None:
     connection.isolation_level = None  # BEGIN is sent explicitly
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", f"busy_timeout={BUSY_TIMEOUT_S * 1000}"):
+    wait_ms = BUSY_TIMEOUT_S * 1000
+    for pragma in ("journal_mode=WAL", f"synchronous={synchronous}", "foreign_keys=ON", f"busy_timeout={wait_ms}"):
         connection.execute(f"PRAGMA {pragma}").close()
 
 

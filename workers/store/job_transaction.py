@@ -38,13 +38,15 @@ ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
 
 @dataclass(frozen=True)
 class StorePolicy:
-    """Limits of attempts, delays of retries, and length of the history."""
+    """Limits of attempts, delays of retries, length of the history, and durability."""
 
     limits: Limits = field(default_factory=Limits)
     retry_delay_s: float = 0.5
     events_kept: int = 5000
     owner_tasks: int | None = None
     """Maximum number of running tasks of an owner whose key has no limit of its own; None: no limit."""
+    durable: bool = True
+    """Whether every commit survives a power cut; see `Database`."""
 
 
 class JobTransaction:

@@ -28,6 +28,7 @@ from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    Connection,
     Double,
     ForeignKey,
     Index,
@@ -38,6 +39,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    event,
     false,
     text,
 )
@@ -59,7 +61,28 @@ UNFINISHED_TEXT = "state IN ('queued', 'running', 'paused')"
 
 def _where(condition: str, in_sqlite: str = "") -> dict[str, Any]:
     """Restriction of a partial index to these rows."""
-    return {"postgresql_where": text(condition), "sqlite_where": text(in_sqlite or condition)}
+    return {"sqlite_where": text(in_sqlite or condition), "info": {_ROWS: condition}}
+
+
+_ROWS = "rows"
+"""Key of an index's `info`: the condition for its rows in PostgreSQL, see `restrict_indexes`."""
+
+
+def restrict_indexes() -> None:
+    """Give the partial indexes their conditions for PostgreSQL.
+
+    SQLAlchemy imports all drivers of a database whose options it meets: 25 ms for PostgreSQL, at every start.
+    """
+    for table in metadata.tables.values():
+        for index in table.indexes:
+            if _ROWS in index.info:
+                index.dialect_kwargs["postgresql_where"] = text(index.info[_ROWS])
+
+
+@event.listens_for(metadata, "before_create")
+def _before_create(_target: MetaData, connection: Connection, **_options: Any) -> None:
+    if connection.dialect.name == "postgresql":
+        restrict_indexes()
 
 
 def _job_id(primary_key: bool = False) -> Column[str]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, part
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.halves import to_single
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Ids
@@ -54,7 +55,7 @@ class StrokeLayer:
 
     def values(self, field: str) -> NDArray[np.float32]:
         """A field of STROKE in single precision."""
-        return np.ascontiguousarray(self.strokes[field], np.float32)
+        return np.asarray(to_single(self.strokes[field]), np.float32)
 
     @property
     def topmost_first(self) -> NDArray[np.intp]:
@@ -168,4 +169,5 @@ def _ordered_bits(values: Half) -> NDArray[np.uint16]:
 def _resized(
     plane: Half | NDArray[np.uint8], size: tuple[int, int], out: NDArray[np.float32] | None = None
 ) -> NDArray[np.float32]:
-    return np.asarray(cv2.resize(plane.astype(np.float32), size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)
+    given = to_single(plane) if plane.dtype == np.float16 else plane.astype(np.float32)
+    return np.asarray(cv2.resize(given, size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)

@@ -15,6 +15,7 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.flow import estimate
 from pipeline.flow.invert import invert_flow
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
+from pipeline.halves import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis
 from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
 from pipeline.methods.multistyle.design import Design
@@ -108,7 +109,7 @@ class StrokeAnalyzer:
         with self.clock("strokes"):
             layers = self.strokes.step(picture, style, motion, detail, self.number)
         self.gray, self.number = gray, self.number + 1
-        field16 = np.ascontiguousarray(field.transpose(1, 2, 0), np.float16)
+        field16 = to_half(field.transpose(1, 2, 0))
         technique = {name: self._stored(values, name) for name in PIXEL_FIELDS}
         rims = self.rims.step(picture, back, changed) if np.max(values["paper"]) > 0 else None
         flow16 = None if back is None else _coarse(back)
@@ -230,7 +231,7 @@ def _coarse(back: Flow) -> Half:
     """Backward flow on a coarser grid; it is smooth, and is stored for every frame."""
     by = max(1, back.shape[0] // BACK_ROWS)
     size = (max(1, back.shape[1] // by), max(1, back.shape[0] // by))
-    return np.asarray(cv2.resize(back, size, interpolation=cv2.INTER_AREA), np.float16)
+    return to_half(cv2.resize(back, size, interpolation=cv2.INTER_AREA))
 
 
 def _importance(params: MultistyleParams) -> ImportanceParams:

@@ -13,6 +13,7 @@ from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.flow.reliability import inside
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.halves import to_half
 from pipeline.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -181,16 +182,16 @@ class StrokeLayers:
         strokes = np.zeros(len(tracks), STROKE)
         paint = pigment(tracks.targets, own["vivid"], own["contrast"])
         shifts = [own[name] for name in ("hue_deg", "saturation", "value", "jitter")]
-        strokes["colour"] = np.clip(shifted(paint, seeds.ids, shifts, self.seed), 0, 255)
-        strokes["target"] = tracks.targets
-        strokes["radius_px"] = own["size_px"] / np.float32(2)
+        strokes["colour"] = to_half(np.clip(shifted(paint, seeds.ids, shifts, self.seed), 0, 255))
+        strokes["target"] = to_half(tracks.targets)
+        strokes["radius_px"] = to_half(own["size_px"] / np.float32(2))
         for name in ("opacity", "relief_px", "grain", "length_px"):
-            strokes[name] = own[name]
-        strokes["presence"] = tracks.presence
+            strokes[name] = to_half(own[name])
+        strokes["presence"] = to_half(tracks.presence)
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
-        strokes["rank"] = np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + own["order_mix"] * variation
+        strokes["rank"] = to_half(np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + own["order_mix"] * variation)
         strict = 0.0 if detail is None else own["detail"] * np.float32(EDGE_DETAIL_FALL)
-        strokes["tolerance"] = own["tolerance"] * (1 - strict)
+        strokes["tolerance"] = to_half(own["tolerance"] * (1 - strict))
         if detail is not None and (face := face_weight(own["detail"])) is not None:
             strokes["tolerance"] *= 1 - face * np.float32(EDGE_FACE_FALL)
         profile = [np.array([technique[name]]) if uniform else own[name] for name in PROFILE_FIELDS]
