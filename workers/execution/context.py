@@ -25,6 +25,7 @@ from workers.execution.arrays import read_arrays
 from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
+from workers.execution.frame_cache import FrameCache
 from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.pair_recorder import keep_pairs
@@ -96,6 +97,8 @@ class AttemptContext:
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
         """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
+        self.frame_cache: FrameCache | None = None
+        """Keeps decoded frames for later tasks in this process; None: tasks read them from decoders only."""
         self.shown = True
         """Whether somebody may look at previews."""
 
@@ -103,13 +106,16 @@ class AttemptContext:
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         first, last = self._source_span(name, start, stop)
-        with self._decoders.reader(self._input(name), first) as reader:
+        key, cache = self._input(name), self.frame_cache
+        to_decode = first if cache is None else cache.first_missing(key, first)
+        with self._decoders.reader(key, to_decode) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
             self.damage.record(name, expected, ())
             if name == "video":
                 self._index = window_index(reader.index, self._order.frames)
-            source = self._kept(reader.read(first, last), name, (start, stop))
+            read = reader.read(first, last) if cache is None else cache.read(key, reader, first, last)
+            source = self._kept(read, name, (start, stop))
             while (frame := self._next(source)) is not None:
                 at += 1
                 if len(reader.unreadable) > unreadable:
