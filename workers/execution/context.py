@@ -97,6 +97,8 @@ class AttemptContext:
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
         """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
+        self.reads_again = False
+        """Whether artefacts stay in the handover for further tasks that read them."""
         self.frame_cache: FrameCache | None = None
         """Keeps decoded frames for later tasks in this process; None: tasks read them from decoders only."""
         self.shown = True
@@ -206,8 +208,13 @@ class AttemptContext:
         self.reads.record(f"artefact {step}/{name}")
         key = self._order.artefacts[f"{step}/{name}"]
         with self.stages.waiting("store"):
-            handed = None if self.handover is None else self.handover.take(key)
+            handed = self._handed_over(key)
             return read_arrays(self._blobs.get(key)) if handed is None else handed
+
+    def _handed_over(self, key: str) -> dict[str, AnyArray] | None:
+        if self.handover is None:
+            return None
+        return self.handover.copy(key) if self.reads_again else self.handover.take(key)
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         """Keep a file for the user. If its name is `<artefact>-...` with an artefact that the job requested, it is a

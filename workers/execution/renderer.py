@@ -155,7 +155,8 @@ class Renderer:
             context.shown = self._overview
             if self._shared is not None:
                 context.handover = self._shared.handover
-                context.frame_cache = self._shared.frames if chosen.reads_frames_again else None
+                context.reads_again = chosen.reads_again
+                context.frame_cache = self._shared.frames if chosen.reads_again else None
             try:
                 context.progress(0.0)
                 if order.earlier and (found := reused(context.reads, order.earlier, self._blobs)):
