@@ -330,13 +330,13 @@ def evenly_spaced(items: list[int], most: int) -> list[int]:
 def save_placements(
     context: TaskContext[PatchesParams], track: PatchTrack, placements: Mapping[int, Placement]
 ) -> None:  # fmt: skip
-    """Save the placements by run as artefacts "<patch>-<run>", each with the run's frames and the frame after them."""
+    """Save the placements by run as artefacts "<patch>-<run>"."""
     by_run: dict[int, dict[int, FrameWarp]] = {
         run_start(index, track.begin): {} for index in range(track.start, track.stop)
     }  # fmt: skip
     for index, placement in placements.items():
-        for run in {run_start(at, track.begin) for at in (index, max(index - 1, track.begin))} & set(by_run):
-            by_run[run][index] = FrameWarp(placement.rect, 0, placement.matrix, placement.residual)
+        warp = FrameWarp(placement.rect, 0, placement.matrix, placement.residual)
+        by_run[run_start(index, track.begin)][index] = warp
     for start, warps in by_run.items():
         save_warps(context, f"{track.key}-{run_key(start)}", warps)
 
@@ -344,14 +344,11 @@ def save_placements(
 def load_placements(
     context: TaskContext[PatchesParams], track: PatchTrack, start: int, stop: int
 ) -> dict[int, Placement]:  # fmt: skip
-    """Load the placements of frames start..stop, both included, that contain the patch.
-
-    Frame `stop` is included only if a run that begins before it contains the patch.
-    """
+    """Load the placements of the frames [start, stop) that contain the patch."""
     placements = {}
     frames = range(max(start, track.start), min(stop, track.stop))
     for run in sorted({run_start(index, track.begin) for index in frames}):
         for index, warp in load_warps(context, f"{track.key}-{run_key(run)}", "patch").items():
-            if start <= index <= stop:
+            if start <= index < stop:
                 placements[index] = Placement(warp.rect, warp.matrix, warp.displacement)
     return placements
