@@ -26,6 +26,8 @@ from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.segmentation.mattes import LabelMattes
 from pipeline.warp.panorama import Placement, full_map
 
+CUBIC_REACH = 2
+"""Pixels on either side of a position that bicubic interpolation reads."""
 PERIOD_FADE_FRAMES = 3.0
 """Half length of the cross-fade between two periods of a patch, frames."""
 
@@ -186,14 +188,26 @@ class PaintedPatch:
             x, y: float32 (h, w), positions in the panorama, px.
         """
         out = np.empty((2, *x.shape, 3), np.uint8)
-        (number, weight), *before_or_after = self._period_weights(index)
-        for which, interpolation in enumerate((cv2.INTER_LINEAR, cv2.INTER_CUBIC)):
-            own = self.renderings[number][which]
-            cv2.remap(own, x, y, interpolation, dst=out[which], borderMode=cv2.BORDER_REPLICATE)
-            for other, rest in before_or_after:
-                sampled = cv2.remap(self.renderings[other][which], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
-                cv2.addWeighted(out[which], weight, sampled, rest, 0, dst=out[which])
+        (picture, painting), (x, y) = self._shown(index, x, y)
+        cv2.remap(picture, x, y, cv2.INTER_LINEAR, dst=out[0], borderMode=cv2.BORDER_REPLICATE)
+        cv2.remap(painting, x, y, cv2.INTER_CUBIC, dst=out[1], borderMode=cv2.BORDER_REPLICATE)
         return out
+
+    def _shown(self, index: int, x: Plane, y: Plane) -> tuple[tuple[Frame, Frame], tuple[Plane, Plane]]:
+        """Panorama and painting that frame `index` shows, and the positions in them.
+
+        Of two periods, the part around the positions is blended: to sample it once takes less than to sample both.
+        """
+        (number, weight), *before_or_after = self._period_weights(index)
+        if not before_or_after or not x.size:
+            return self.renderings[number], (x, y)
+        (other, rest), (height, width) = before_or_after[0], self.renderings[number][0].shape[:2]
+        rows, columns = _around(y, height), _around(x, width)
+        picture, painting = (
+            np.asarray(cv2.addWeighted(own[rows, columns], weight, its[rows, columns], rest, 0), np.uint8)
+            for own, its in zip(self.renderings[number], self.renderings[other], strict=True)
+        )
+        return (picture, painting), (x - np.float32(columns.start), y - np.float32(rows.start))
 
     def _period_weights(self, index: int) -> list[tuple[int, float]]:
         """Numbers of the periods shown at frame `index`, and their cross-fade weights."""
@@ -207,6 +221,13 @@ class PaintedPatch:
             weight = 0.5 + until / (2 * PERIOD_FADE_FRAMES)
             return [(number, weight), (number + 1, 1 - weight)]
         return [(number, 1.0)]
+
+
+def _around(positions: Plane, length: int) -> slice:
+    """Pixels on an axis of that length that are read to interpolate at the positions, px; at least one."""
+    low, high = int(np.floor(positions.min())) - CUBIC_REACH, int(np.ceil(positions.max())) + CUBIC_REACH + 1
+    start = min(max(low, 0), length - 1)
+    return slice(start, max(min(high, length), start + 1))
 
 
 class PatchCompositor:
