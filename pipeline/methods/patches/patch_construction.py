@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.frames import Frame, Mask
+from pipeline.half import to_half, to_single
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.appearance import (
     AppearancePeriods,
@@ -279,7 +280,7 @@ def _concatenated(warp: FrameWarp, target: Placement, size: tuple[int, int]) -> 
     if not _is_regular(matrix, size):
         matrix = target.matrix
     plane = Placement(warp.rect, matrix, np.zeros_like(warp.displacement)).positions()
-    return Placement(warp.rect, matrix, (positions - plane).astype(np.float16))
+    return Placement(warp.rect, matrix, to_half(positions - plane))
 
 
 def _is_regular(matrix: Homography, size: tuple[int, int]) -> bool:
@@ -302,8 +303,8 @@ def relax_placements(
     moved = {}
     for index, placement in placements.items():
         positions = placement.positions()
-        residual = placement.residual + (relaxed.moved(positions) - positions)
-        moved[index] = Placement(placement.rect, placement.matrix, residual.astype(np.float16))
+        residual = to_single(placement.residual) + (relaxed.moved(positions) - positions)
+        moved[index] = Placement(placement.rect, placement.matrix, to_half(residual))
     return moved, relaxed
 
 
