@@ -38,6 +38,7 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
 from pipeline.methods.patches.registration import plan_register, run_register
 from pipeline.methods.patches.scan import plan_scan, run_scan
+from pipeline.methods.patches.window_flow import load_kernels
 
 __all__ = ["Patches", "PatchesParams"]
 
@@ -95,6 +96,10 @@ class Patches(Method):
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
+
+    def load(self) -> None:
+        """Load the kernels of the first tasks."""
+        load_kernels()
 
     def single_frame_params(self, params: PatchesParams) -> PatchesParams:
         """Parameters of a single frame: without temporal coherence."""

@@ -38,6 +38,12 @@ def flow_key(start: int) -> str:
     return f"flow-{start:07d}"
 
 
+def load_kernels() -> None:
+    """Load the kernels that the first tasks of a job call; otherwise these tasks wait while one of them loads them."""
+    frame, still = np.zeros((16, 16, 3), np.float32), np.zeros((16, 16, 2), np.float32)
+    reliability(frame, frame, still, still, 1.0)
+
+
 def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     """Compute flow and reliability of all pairs (i, i + k) in the shot, for i in [start, stop) and 1 <= k < window."""
     params = context.params
