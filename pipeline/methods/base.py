@@ -157,6 +157,8 @@ class Method:
     artefacts: ClassVar[tuple[str, ...]] = ()
     task_cpus: ClassVar[float] = 1.0
     """Processors that one task keeps busy, threads inside it included; a compute device is counted separately."""
+    reads_again: ClassVar[bool] = False
+    """Whether most frames and artefacts are read by several tasks, so that it pays to keep them in memory."""
     regions_artefact: ClassVar[str] = ""
     clusters_step: ClassVar[str] = ""
     examples: ClassVar[tuple[Example, ...]] = ()

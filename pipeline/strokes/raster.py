@@ -104,7 +104,8 @@ def paint(
         return canvas
     height, width = canvas.shape[:2]
     ranks = painting_order(strokes.ids, seed) if order is None else order
-    scratch, rows = np.zeros((3, height, width), np.float32), np.empty((height, 2), np.int32)
+    scratch, rows = np.empty((3, height, width), np.float32), np.empty((height, 2), np.int32)
+    scratch[0] = 0  # coverage; the other two planes are read only where a stroke has written them
     _paint(
         canvas, strokes.arrays, ranks, bristle_args(tile(seed), strokes.ids, seed),
         guide_args(len(strokes), guide, tolerance, slopes), profiles(profile, len(strokes)), scratch, rows,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
+from pipeline.halves import to_single
 from pipeline.jit import kernel
 from pipeline.warp.homography import Homography
 
@@ -38,7 +39,7 @@ class Placement:
     def positions(self) -> NDArray[np.float32]:
         """Panorama positions G of the rectangle's pixels: float32 (h, w, 2), working px."""
         out = np.empty((*self.residual.shape[:2], 2), np.float32)
-        _place(np.array(self.matrix), self.rect[:2], self.residual.astype(np.float32), out)
+        _place(np.array(self.matrix), self.rect[:2], to_single(self.residual), out)
         return out
 
     def at(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -49,7 +50,7 @@ class Placement:
         x = np.ascontiguousarray(points[..., 0] - np.float32(self.rect[0]))
         y = np.ascontiguousarray(points[..., 1] - np.float32(self.rect[1]))
         residual: AnyArray = cv2.remap(
-            self.residual.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            to_single(self.residual), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
         out = np.empty(points.shape, np.float32)
         _map(np.array(self.matrix), points, residual, out)
@@ -114,7 +115,7 @@ def full_map(placement: Placement, ratio: tuple[float, float], size: tuple[int, 
     shape = rect[3] - rect[1], rect[2] - rect[0]
     x, y = np.empty(shape, np.float32), np.empty(shape, np.float32)
     grid = _FullSizeGrid((left, top), (rect[0], rect[1]), ratio, origin)
-    _full_map(placement.residual.astype(np.float32), np.array(placement.matrix), grid, x, y)
+    _full_map(to_single(placement.residual), np.array(placement.matrix), grid, x, y)
     return rect, x, y
 
 

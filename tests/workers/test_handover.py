@@ -20,6 +20,18 @@ def test_arrays_are_taken_once_and_belong_to_the_taker() -> None:
     assert handover.take("jobs/a.npz") is None and handover.take("jobs/b.npz") is None
 
 
+def test_arrays_that_are_read_again_stay() -> None:
+    handover = Handover(most_bytes=250)
+    for name in ("a", "b"):
+        handover.give(name, {"": np.zeros(100, np.uint8)})
+    for _ in range(2):
+        copied = handover.copy("a")
+        assert copied is not None and not copied[""].any()
+        copied[""][:] = 1
+    handover.give("c", {"": np.zeros(100, np.uint8)})
+    assert handover.copy("b") is None and handover.copy("a") is not None, "the one that was read last stays"
+
+
 def test_the_oldest_arrays_are_dropped() -> None:
     handover = Handover(most_bytes=250)
     for name in ("a", "b", "c"):

@@ -28,6 +28,7 @@ from workers.execution.arrays import read_arrays
 from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmitError
+from workers.execution.frame_cache import FrameCache
 from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.pair_recorder import keep_pairs
@@ -100,6 +101,10 @@ class AttemptContext:
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
         """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
+        self.reads_again = False
+        """Whether artefacts stay in the handover for further tasks that read them."""
+        self.frame_cache: FrameCache | None = None
+        """Keeps decoded frames for later tasks in this process; None: tasks read them from decoders only."""
         self.shown = True
         """Whether somebody may look at previews."""
 
@@ -107,14 +112,15 @@ class AttemptContext:
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         def read(reader: GuardedReader, first: int, last: int | None) -> Iterator[Frame]:
-            frames = reader.read(first, last)
+            frames = reader.read(first, last) if cache is None else cache.read(key, reader, first, last)
             return keep_pairs(frames, set(self.report_pairs), self.save) if pairs else frames
 
-        pairs = self._is_first_pass(name, start, stop)
+        key, cache, pairs = self._input(name), self.frame_cache, self._is_first_pass(name, start, stop)
         return self._read(name, start, stop, read)
 
     def thumbnails(self, name: str = "video") -> Iterator[Plane]:
-        if self._is_first_pass(name, 0, None) and self.report_pairs:  # the frames themselves are needed
+        pairs = self._is_first_pass(name, 0, None) and self.report_pairs
+        if pairs or self.frame_cache is not None:  # the frames themselves are kept
             return map(thumbnail, self.frames(name))
         return self._read(name, 0, None, GuardedReader.read_thumbnails)
 
@@ -124,7 +130,9 @@ class AttemptContext:
     ) -> Iterator[Picture]:  # fmt: skip
         """What `read` makes of frames [start, stop) of an input, one for each frame; records the input's damage."""
         first, last = self._source_span(name, start, stop)
-        with self._decoders.reader(self._input(name), first) as reader:
+        key, cache = self._input(name), self.frame_cache
+        to_decode = first if cache is None else cache.first_missing(key, first)
+        with self._decoders.reader(key, to_decode) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
             self.damage.record(name, expected, ())
@@ -221,8 +229,13 @@ class AttemptContext:
         self.reads.record(f"artefact {step}/{name}")
         key = self._order.artefacts[f"{step}/{name}"]
         with self.stages.waiting("store"):
-            handed = None if self.handover is None else self.handover.take(key)
+            handed = self._handed_over(key)
             return read_arrays(self._blobs.get(key)) if handed is None else handed
+
+    def _handed_over(self, key: str) -> dict[str, AnyArray] | None:
+        if self.handover is None:
+            return None
+        return self.handover.copy(key) if self.reads_again else self.handover.take(key)
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         """Keep a file for the user. If its name is `<artefact>-...` with an artefact that the job requested, it is a

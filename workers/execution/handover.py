@@ -3,6 +3,9 @@
 A chain of tasks passes its state on, and in a pool of threads the next task runs in the same process. Reading a blob
 costs a copy, a checksum and the parsing of hundreds of entries. Blobs remain authoritative: what is not here, after a
 restart or because there was too much, is read from them. The hand-over affects speed only.
+
+Artefacts of most methods are read once, and leave with their first reader. Those of a method that reads them again stay
+until there is no room.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ import numpy as np
 from pipeline.arrays import Arrays, State
 
 MOST_BYTES = 128 << 20
-"""Maximum size of all arrays that wait, bytes; the oldest are dropped."""
+"""Maximum size of all arrays that wait, bytes; those that were read least recently are dropped."""
 
 
 class Handover:
@@ -50,3 +53,12 @@ class Handover:
             arrays, size = self._waiting.pop(key, (None, 0))
             self._bytes -= size
         return arrays
+
+    def copy(self, key: str) -> State | None:
+        """Copies of the arrays, which stay here; None if they are not here."""
+        with self._lock:
+            arrays, _ = self._waiting.get(key, (None, 0))
+            if arrays is None:
+                return None
+            self._waiting.move_to_end(key)
+        return {name: array.copy() for name, array in arrays.items()}

@@ -8,7 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -24,6 +24,7 @@ from workers.errors import NotFound
 from workers.execution.assembly import Assembly
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
+from workers.execution.frame_cache import FrameCache
 from workers.execution.handover import Handover
 from workers.execution.result_quality import report_pairs
 from workers.execution.reuse import reused
@@ -58,11 +59,12 @@ def prepare_process() -> None:
 
 @dataclass(frozen=True)
 class Shared:
-    """Decoders, and arrays on their way between tasks, that all renderers of a process use. The pool closes the
-    decoders."""
+    """Decoders, arrays on their way between tasks, and decoded frames that all renderers of a process use. The pool
+    closes the decoders."""
 
     decoders: Decoders
     handover: Handover
+    frames: FrameCache = field(default_factory=FrameCache)
 
 
 class Renderer:
@@ -95,7 +97,7 @@ class Renderer:
         self._warms_up, self._overview = warms_up, overview
         self._owns_decoders = shared is None
         self._decoders = Decoders(blobs) if shared is None else shared.decoders
-        self._handover = None if shared is None else shared.handover
+        self._shared = shared
 
     def __enter__(self) -> Self:
         return self
@@ -150,7 +152,11 @@ class Renderer:
             aligned = {spec.name for spec in specs if spec.kind == "video"}
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
             context.report_pairs = report_pairs(order, chosen)
-            context.handover, context.shown = self._handover, self._overview
+            context.shown = self._overview
+            if self._shared is not None:
+                context.handover = self._shared.handover
+                context.reads_again = chosen.reads_again
+                context.frame_cache = self._shared.frames if chosen.reads_again else None
             try:
                 context.progress(0.0)
                 if order.earlier and (found := reused(context.reads, order.earlier, self._blobs)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import socket
 import threading
@@ -23,6 +24,9 @@ _STOP_CHECK_S = 0.2
 _REPORT_S = 30.0
 """Interval of reports of an attempt that waits for memory, seconds: without them it would count as lost."""
 
+LEAST_TASK_CPUS = 0.6
+"""Least number of processors that a task is taken to keep busy; it bounds the number of threads."""
+
 Listen = Callable[[Report], None]
 
 
@@ -41,8 +45,11 @@ class TaskRunner(Protocol):
 class LocalPool:
     """A pool of threads. Each makes its runner at its first order.
 
+    Tasks that wait for decoders or disks keep less than a processor busy each, so the machine may admit more of them
+    than it has processors. Threads for these are started when they are needed.
+
     Args:
-        workers: maximum number of attempts that run at once.
+        workers: number of threads that are always there; without a machine, of attempts that run at once.
         machine: admits attempts by the resources that they need; None: always `workers` at once.
         task_memory_bytes: memory of a process with a task that declares no memory.
         close: releases what the runners share, after the last one has ended.
@@ -58,7 +65,8 @@ class LocalPool:
         task_memory_bytes: int = 1 << 30,
         close: Callable[[], None] = lambda: None,
     ) -> None:
-        self.capacity = workers
+        self._workers = workers
+        self.capacity = workers if machine is None else max(workers, math.ceil(workers / LEAST_TASK_CPUS))
         self._make_runner, self._close = make_runner, close
         self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
@@ -90,13 +98,16 @@ class LocalPool:
 
     def start(self, listen: Listen) -> None:
         self._listen = listen
-        for _ in range(self.capacity):
+        for _ in range(self._workers):
             self._add_worker()
         self._warming.start()
 
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
             self._stops[order.attempt_id] = threading.Event()
+            busy = len(self._stops) - len(self._abandoned)
+        if busy > self._usable_threads():
+            self._add_worker()
         if self._machine is not None:
             share = self._machine.share_of(order.resources, task_cpus(order), self._task_memory_bytes)
             self._machine.admit(order.attempt_id, share)
@@ -119,7 +130,7 @@ class LocalPool:
 
     def describe(self) -> dict[str, object]:
         with self._lock:
-            return {"kind": "local", "workers": self.capacity, "busy": dict(self._busy)}
+            return {"kind": "local", "workers": self._workers, "busy": dict(self._busy)}
 
     def stop(self, grace_s: float = 5.0) -> None:
         self._stopping.set()
@@ -137,6 +148,11 @@ class LocalPool:
         runner = self._make_runner()
         runner.warm_up(self._stopping.is_set)
         runner.close()
+
+    def _usable_threads(self) -> int:
+        """Number of threads that take orders, now or after their present one."""
+        with self._lock:
+            return sum(thread.is_alive() for thread in self._threads) - len(self._abandoned)
 
     def _add_worker(self) -> None:
         name = f"impasto-worker-{len(self._threads)}"

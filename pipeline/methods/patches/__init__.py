@@ -38,6 +38,7 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
 from pipeline.methods.patches.registration import plan_register, run_register
 from pipeline.methods.patches.scan import plan_scan, run_scan
+from pipeline.methods.patches.window_flow import load_kernels
 
 __all__ = ["Patches", "PatchesParams"]
 
@@ -86,6 +87,7 @@ class Patches(Method):
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
     clusters_step: ClassVar[str] = "cluster"
     task_cpus: ClassVar[float] = 0.9  # a tenth of the time it waits for decoders and the disk
+    reads_again: ClassVar[bool] = True
     cpu_s_per_megapixel: ClassVar[float] = 1.2
     cpu_growth: ClassVar[float] = 0.5
     examples: ClassVar[tuple[Example, ...]] = (
@@ -94,6 +96,10 @@ class Patches(Method):
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
+
+    def load(self) -> None:
+        """Load the kernels of the first tasks."""
+        load_kernels()
 
     def single_frame_params(self, params: PatchesParams) -> PatchesParams:
         """Parameters of a single frame: without temporal coherence."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
+from pipeline.halves import to_half, to_single
 from pipeline.jit import kernel
 from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.clustering import LabelMaps
@@ -99,7 +100,7 @@ class ColourSum:
             return cls((0, 0), np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.float16))
         top, left = int(rows[0]), int(columns[0])
         part = total[top : rows[-1] + 1, left : columns[-1] + 1]
-        weight = np.minimum(part[..., 3], np.float32(6e4)).astype(np.float16)
+        weight = to_half(np.minimum(part[..., 3], np.float32(6e4)))
         return cls((left, top), np.rint(np.minimum(_colours(part), 255)).astype(np.uint8), weight)
 
     @classmethod
@@ -120,12 +121,12 @@ class ColourSum:
     def total(self) -> Total:
         """The sum as float32 (h, w, 4), cropped to `box`."""
         out = np.zeros((*self.weight.shape, 4), np.float32)
-        _add_sum(self.colour, self.weight.astype(np.float32), (0, 0), out)
+        _add_sum(self.colour, to_single(self.weight), (0, 0), out)
         return out
 
     def add_to(self, total: Total) -> None:
         """Add the sum to one of the whole panorama, in place."""
-        _add_sum(self.colour, self.weight.astype(np.float32), (self.at[1], self.at[0]), total)
+        _add_sum(self.colour, to_single(self.weight), (self.at[1], self.at[0]), total)
 
 
 @kernel

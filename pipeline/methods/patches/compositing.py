@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import cv2
@@ -21,55 +20,86 @@ from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted, blende
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
-from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, ResidualLayer
+from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, FirstPainting, ResidualLayer
 from pipeline.methods.patches.scan import RUN, WorkingGrid, run_key, runs
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.segmentation.mattes import LabelMattes
 from pipeline.warp.panorama import Placement, full_map
 
+CUBIC_REACH = 2
+"""Pixels on either side of a position that bicubic interpolation reads."""
 PERIOD_FADE_FRAMES = 3.0
 """Half length of the cross-fade between two periods of a patch, frames."""
 
 
 def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
-    """One task per run of frames; with advected strokes each depends on the run before."""
+    """Tasks of a run of frames; with advected strokes each depends on the run before.
+
+    run-<run>     paints the run's frames
+    first-<run>   paints its first frame before, since the run before it is cross-faded to that painting
+    """
     every = patch_tracks(context) if context.params.temporal == "on" else []
-    chained = context.params.temporal == "strokes"
+    fades, chained = cross_fades(context.params), context.params.temporal == "strokes"
     tasks: list[Task] = []
-    previous = ""
     for start, stop, begin, end in runs(
         context, RUN // context.params.frames_per_painting * context.params.frames_per_painting
     ):
-        tracks = [
-            track.args() for track in every if track.begin == begin and track.start < stop and track.stop > start
-        ]  # fmt: skip
-        results = [context.results["patch"][track["key"]] for track in tracks]
-        args = {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks, "results": results}
-        after = (previous,) if chained and start > begin else ()
-        tasks.append(Task(run_key(start), args, after, (start, stop), weight=stop - start))
-        previous = run_key(start)
+        after = list[str]()
+        if chained and start > begin:
+            after.append(tasks[-1].key)
+        if fades and start > begin:
+            after.append(first_key(start))
+        if fades and stop < end:
+            tasks.append(Task(first_key(stop), _task_args(every, (stop, stop + 1, begin, end), context), weight=1))
+            after.append(first_key(stop))
+        args = _task_args(every, (start, stop, begin, end), context)
+        tasks.append(Task(run_key(start), args, tuple(after), (start, stop), weight=stop - start))
     return tasks
 
 
+def _task_args(
+    every: Sequence[PatchTrack], run: tuple[int, int, int, int], context: PlanContext[PatchesParams]
+) -> TaskResult:
+    """Arguments of a task that paints frames [start, stop) of the shot [begin, end)."""
+    start, stop, begin, end = run
+    tracks = [
+        track.args() for track in every if track.begin == begin and track.start < stop and track.stop > start
+    ]  # fmt: skip
+    results = [context.results["patch"][track["key"]] for track in tracks]
+    return {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks, "results": results}
+
+
+def cross_fades(params: PatchesParams) -> bool:
+    """Whether runs are cross-faded: the fade has room in a run."""
+    return params.temporal == "on" and RUN // params.frames_per_painting >= FADE_PAINTINGS
+
+
+def first_key(start: int) -> str:
+    """Key of the task that paints the first frame of the run that starts at frame `start`."""
+    return f"first-{start:07d}"
+
+
 def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
-    """Paint and emit frames [start, stop), and save the artefacts of label maps."""
-    params = context.params
+    """Paint and emit frames [start, stop), and save the artefacts of label maps; or paint a run's first frame."""
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
-    paint = _frame_painter(task, context)
-    painting: Frame | None = None
-    for index, frame in _delayed(
-        frames_to_paint(context, task, params.frames_per_painting), task, paint, params.frames_per_painting
-    ):
-        if frame is not None:
-            with context.clock("composite"):
+    if task.key == first_key(start):
+        _paint_first(task, context)
+        return {}
+    paint, painting = _frame_painter(task, context), np.empty((0, 0, 3), np.uint8)
+    for index, frame in frames_to_paint(context, task):
+        with context.clock("composite"):
+            if index == start and first_key(start) in task.after:
+                painting = _first_painting(paint, start, context)
+            elif frame is not None:
                 painting = paint(index, frame)
-        assert painting is not None
+            if index == _fade_from(task, context.params):
+                _prepare_cross_fade(paint, stop, context)
         context.emit(index, painting)
         context.progress((index + 1 - start) / (stop - start))
     if isinstance(paint, AdvectedFrames):
         paint.save(task.key)
     pictures = LabelPictures(context)
-    if params.temporal == "on" and pictures.requested:
+    if context.params.temporal == "on" and pictures.requested:
         maps = LabelMaps(context, begin)
         for index, frame in enumerate(context.frames("video", start, stop), start=start):
             pictures.add(index, LabelMattes(maps.require(index), frame), maps.uncertainty(index))
@@ -77,29 +107,37 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     return {}
 
 
-def frames_to_paint(
-    context: TaskContext[PatchesParams], task: Task, frames_per_painting: int
-) -> Iterator[tuple[int, Frame | None]]:
-    """Frames of a run and the next frame of the shot; None where the previous painting is repeated."""
-    start, stop, end = (task.args[name] for name in ("start", "stop", "end"))
-    for index, frame in enumerate(context.frames("video", start, min(stop + 1, end)), start=start):
-        yield index, frame if (index - start) % frames_per_painting == 0 else None
+def frames_to_paint(context: TaskContext[PatchesParams], task: Task) -> Iterator[tuple[int, Frame | None]]:
+    """Frames of a run; None where the previous painting is repeated."""
+    start, stop = task.args["start"], task.args["stop"]
+    for index, frame in enumerate(context.frames("video", start, stop), start=start):
+        yield index, frame if (index - start) % context.params.frames_per_painting == 0 else None
 
 
-def _delayed(
-    source: Iterator[tuple[int, Frame | None]], task: Task, paint: FramePainter, frames_per_painting: int
-) -> Iterator[tuple[int, Frame | None]]:
-    """Yield the run's frames with a delay, so that the next run's first frame is known before the cross-fade begins."""
-    waiting = deque[tuple[int, Frame | None]]()
-    delay = FADE_PAINTINGS * frames_per_painting if isinstance(paint, PatchCompositor) else 1
-    for index, frame in source:
-        if index < task.args["stop"]:
-            waiting.append((index, frame))
-        elif isinstance(paint, PatchCompositor) and frame is not None:
-            paint.prepare_cross_fade(index, frame)
-        if len(waiting) >= delay:
-            yield waiting.popleft()
-    yield from waiting
+def _paint_first(task: Task, context: TaskContext[PatchesParams]) -> None:
+    """Paint the first frame of a run, and save it and the state after it."""
+    start, paint = task.args["start"], PatchCompositor(task, context)
+    for frame in context.frames("video", start, start + 1):
+        with context.clock("composite"):
+            context.save(task.key, paint.first(start, frame).state())
+
+
+def _first_painting(paint: FramePainter, start: int, context: TaskContext[PatchesParams]) -> Frame:
+    """The painting of a run's first frame that its own task has made; `paint` continues after it."""
+    assert isinstance(paint, PatchCompositor)
+    return paint.continue_after(FirstPainting.of(start, context.load("paint", first_key(start))))
+
+
+def _fade_from(task: Task, params: PatchesParams) -> int | None:
+    """The last frame of a run before the cross-fade to the next run; None = there is no next run."""
+    stop = task.args["stop"]
+    return stop - FADE_PAINTINGS * params.frames_per_painting if first_key(stop) in task.after else None
+
+
+def _prepare_cross_fade(paint: FramePainter, stop: int, context: TaskContext[PatchesParams]) -> None:
+    assert isinstance(paint, PatchCompositor)
+    if paint.uses_residual_layer:
+        paint.prepare_cross_fade(FirstPainting.of(stop, context.load("paint", first_key(stop))))
 
 
 def _frame_painter(task: Task, context: TaskContext[PatchesParams]) -> FramePainter:
@@ -130,14 +168,14 @@ class PaintedPatch:
     def load(
         cls, track: PatchTrack, result: TaskResult, start: int, stop: int, context: TaskContext[PatchesParams]
     ) -> PaintedPatch:
-        """Load the parts of a patch that are needed for frames start..stop, both included.
+        """Load the parts of a patch that are needed for frames [start, stop).
 
         Args:
             result: result of the patch's task in the step "patch".
         """
         placements, renderings = load_placements(context, track, start, stop), {}
         for number, (first, last) in enumerate(result["periods"]):
-            if first - PERIOD_FADE_FRAMES <= stop and last + PERIOD_FADE_FRAMES > start:
+            if first - PERIOD_FADE_FRAMES < stop and last + PERIOD_FADE_FRAMES > start:
                 arrays = context.load("patch", period_artefact(track, number))
                 renderings[number] = arrays["panorama"], arrays["painting"]
         x, y = result["origin"]
@@ -150,14 +188,26 @@ class PaintedPatch:
             x, y: float32 (h, w), positions in the panorama, px.
         """
         out = np.empty((2, *x.shape, 3), np.uint8)
-        (number, weight), *before_or_after = self._period_weights(index)
-        for which, interpolation in enumerate((cv2.INTER_LINEAR, cv2.INTER_CUBIC)):
-            own = self.renderings[number][which]
-            cv2.remap(own, x, y, interpolation, dst=out[which], borderMode=cv2.BORDER_REPLICATE)
-            for other, rest in before_or_after:
-                sampled = cv2.remap(self.renderings[other][which], x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
-                cv2.addWeighted(out[which], weight, sampled, rest, 0, dst=out[which])
+        (picture, painting), (x, y) = self._shown(index, x, y)
+        cv2.remap(picture, x, y, cv2.INTER_LINEAR, dst=out[0], borderMode=cv2.BORDER_REPLICATE)
+        cv2.remap(painting, x, y, cv2.INTER_CUBIC, dst=out[1], borderMode=cv2.BORDER_REPLICATE)
         return out
+
+    def _shown(self, index: int, x: Plane, y: Plane) -> tuple[tuple[Frame, Frame], tuple[Plane, Plane]]:
+        """Panorama and painting that frame `index` shows, and the positions in them.
+
+        Of two periods, the part around the positions is blended: to sample it once takes less than to sample both.
+        """
+        (number, weight), *before_or_after = self._period_weights(index)
+        if not before_or_after or not x.size:
+            return self.renderings[number], (x, y)
+        (other, rest), (height, width) = before_or_after[0], self.renderings[number][0].shape[:2]
+        rows, columns = _around(y, height), _around(x, width)
+        picture, painting = (
+            np.asarray(cv2.addWeighted(own[rows, columns], weight, its[rows, columns], rest, 0), np.uint8)
+            for own, its in zip(self.renderings[number], self.renderings[other], strict=True)
+        )
+        return (picture, painting), (x - np.float32(columns.start), y - np.float32(rows.start))
 
     def _period_weights(self, index: int) -> list[tuple[int, float]]:
         """Numbers of the periods shown at frame `index`, and their cross-fade weights."""
@@ -171,6 +221,13 @@ class PaintedPatch:
             weight = 0.5 + until / (2 * PERIOD_FADE_FRAMES)
             return [(number, weight), (number + 1, 1 - weight)]
         return [(number, 1.0)]
+
+
+def _around(positions: Plane, length: int) -> slice:
+    """Pixels on an axis of that length that are read to interpolate at the positions, px; at least one."""
+    low, high = int(np.floor(positions.min())) - CUBIC_REACH, int(np.ceil(positions.max())) + CUBIC_REACH + 1
+    start = min(max(low, 0), length - 1)
+    return slice(start, max(min(high, length), start + 1))
 
 
 class PatchCompositor:
@@ -190,18 +247,30 @@ class PatchCompositor:
         self._faces = ShotFaces(context, begin)
         self._residual = ResidualLayer(painter, WindowFlow(context, begin), self._grid)
 
+    @property
+    def uses_residual_layer(self) -> bool:
+        """Whether a frame had a visible residual layer."""
+        return self._residual.used
+
     def __call__(self, index: int, frame: Frame) -> Frame:
         """Paint frame `index`: uint8 (h, w, 3)."""
-        return self._composite(index, frame, self._residual)[1]
+        return self._composite(index, frame)[1]
 
-    def prepare_cross_fade(self, index: int, frame: Frame) -> None:
-        """Prepare the residual layer's cross-fade to frame `index`, the first frame of the next run."""
-        if self._residual.used:
-            fresh = replace(self._residual, last=None, opacity=None, paintings={})
-            picture, painting = self._composite(index, frame, fresh)
-            self._residual.prepare_cross_fade(index, picture, painting, self._params.frames_per_painting)
+    def first(self, index: int, frame: Frame) -> FirstPainting:
+        """Paint frame `index`, the first of its run."""
+        picture, painting = self._composite(index, frame)
+        return FirstPainting(index, picture, painting, self._residual.known_opacity, self._residual.used)
 
-    def _composite(self, index: int, frame: Frame, residual: ResidualLayer) -> tuple[Frame, Frame]:
+    def continue_after(self, first: FirstPainting) -> Frame:
+        """Continue after a first frame that was painted before; returns its painting."""
+        self._residual.restore(first)
+        return first.painting
+
+    def prepare_cross_fade(self, following: FirstPainting) -> None:
+        """Prepare the residual layer's cross-fade to the first frame of the next run."""
+        self._residual.prepare_cross_fade(following, self._params.frames_per_painting)
+
+    def _composite(self, index: int, frame: Frame) -> tuple[Frame, Frame]:
         """Source picture and painting, uint8 (h, w, 3) each: weighted means of patches and residual layer."""
         limit = np.float32(self._params.misfit) * error_tolerance(frame, self._grid.unit)
         if (at_features := self._faces.tolerance(index)) is not None:
@@ -212,6 +281,7 @@ class PatchCompositor:
         for patch in self._patches:
             if (placement := patch.placements.get(index)) is not None:
                 self._add_patch(total, covered, patch, placement, mattes, index, limit)
+        residual = self._residual
         opacity = residual.limited_opacity(index, 1 - covered)
         if (opacity > VISIBLE_OPACITY).any():
             layer = residual.paint(index, frame, opacity, limit, self._faces(index))

@@ -78,15 +78,20 @@ class FacePlanes:
         inside = (self.weight > LEAST_WEIGHT) & mask
         return self._cropped(inside, np.where(mask, self.weight, np.float32(0)), self.width_px)
 
-    def groups(self) -> Iterator[tuple[float, FacePlanes]]:
+    def groups(self, least_px: float) -> Iterator[tuple[float, FacePlanes]]:
         """Faces whose widths are within a factor of sqrt 2 of a power of two, and that power, px; large ones first.
 
         Elsewhere the width is the smallest of the group, so that the grid of seeds depends on the group alone.
+
+        Args:
+            least_px: width up to which strokes on all faces have the same width, see `narrow_px`. These faces are one
+                group.
         """
         inside = (self.weight > LEAST_WEIGHT) & (self.width_px > 0)
         if not inside.any():
             return
-        octave = np.searchsorted(_OCTAVES, self.width_px)
+        narrow = max(int(np.searchsorted(_OCTAVES, least_px, side="right")) - 1, 0)
+        octave = np.maximum(np.searchsorted(_OCTAVES, self.width_px), narrow)
         for value in np.unique(octave[inside])[::-1].tolist():
             own = inside & (octave == value)
             width = np.where(own, self.width_px, smallest_width(2.0**value))
@@ -120,6 +125,15 @@ class FacePlanes:
 def smallest_width(power_px: float) -> np.float32:
     """Smallest width of the group of faces around that power of two, see `FacePlanes.groups`, px."""
     return np.float32(power_px * 2.0**-0.5)
+
+
+def narrow_px(finest_px: float) -> float:
+    """Largest width of a face on which the strokes of all layers have their least width, px.
+
+    Args:
+        finest_px: width of the finest strokes outside faces, px.
+    """
+    return min(max(layer.finest * finest_px, LEAST_SIZE_PX) / layer.share for layer in LAYERS)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from pipeline.methods.patches.face_strokes import (
     LEAST_WEIGHT,
     FaceBrush,
     FacePlanes,
+    narrow_px,
     smallest_width,
 )
 from pipeline.methods.patches.layer_picture import LEAST_PAD_PX, Box, LayerPicture, areas_around
@@ -110,6 +111,11 @@ class HertzmannPainter:
         """Number, brush ratio and stroke density of the layers."""
         return LayerScheme(most=self.layers, ratio=0.5, overlap=self.style.overlap, blur=0.5, edge=90.0)
 
+    @property
+    def finest_px(self) -> float:
+        """Width of the finest strokes outside faces, px."""
+        return float(self.brush.size_px) * self.scheme.ratio ** (self.layers - 1)
+
     def reference(self, picture: Frame, brush: Brush) -> Frame:
         """The picture of a layer, blurred in proportion to its strokes, with steep edges: uint8 (h, w, 3).
 
@@ -167,7 +173,7 @@ class HertzmannPainter:
                 seeds = seeds[wanted(seeds, layer.reference, canvas, brush.size_px, limit)]
             self.paint_layer(canvas, seeds, layer, brush, index)
         if faces is not None:
-            for width, group in faces.where(where[0]).groups():
+            for width, group in faces.where(where[0]).groups(narrow_px(self.finest_px)):
                 self._paint_faces(canvas, picture, width, group, box, shape)
         return emboss(canvas)
 
@@ -194,14 +200,13 @@ class HertzmannPainter:
             box: the crop of the frame that `canvas` and `picture` are.
             shape: (height, width) of the frame, px.
         """
-        finest = float(self.brush.size_px) * self.scheme.ratio ** (self.layers - 1)
         pad = int(max(float(self.brush.size_px), width_px * LAYERS[0].share * FACE_LENGTH))
         outer, inner = _around(faces, pad, box, shape)
         part, own = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(canvas[inner])
         near = faces.enlarged(outer, float(smallest_width(width_px)))
         where = near.weight > LEAST_WEIGHT
         for index, layer in enumerate(LAYERS, start=self.layers):
-            face = FaceBrush(layer, finest)
+            face = FaceBrush(layer, self.finest_px)
             brush = face.brush(self.brush, near)
             sigma = FACE_BLUR * float(face.size_px(width_px)) / 2
             reference = np.asarray(cv2.GaussianBlur(part, (0, 0), sigma), np.uint8)

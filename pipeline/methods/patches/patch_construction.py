@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.frames import Frame, Mask
+from pipeline.halves import to_half, to_single
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.appearance import (
     AppearancePeriods,
@@ -279,7 +280,7 @@ def _concatenated(warp: FrameWarp, target: Placement, size: tuple[int, int]) -> 
     if not _is_regular(matrix, size):
         matrix = target.matrix
     plane = Placement(warp.rect, matrix, np.zeros_like(warp.displacement)).positions()
-    return Placement(warp.rect, matrix, (positions - plane).astype(np.float16))
+    return Placement(warp.rect, matrix, to_half(positions - plane))
 
 
 def _is_regular(matrix: Homography, size: tuple[int, int]) -> bool:
@@ -302,8 +303,8 @@ def relax_placements(
     moved = {}
     for index, placement in placements.items():
         positions = placement.positions()
-        residual = placement.residual + (relaxed.moved(positions) - positions)
-        moved[index] = Placement(placement.rect, placement.matrix, residual.astype(np.float16))
+        residual = to_single(placement.residual) + (relaxed.moved(positions) - positions)
+        moved[index] = Placement(placement.rect, placement.matrix, to_half(residual))
     return moved, relaxed
 
 
@@ -330,13 +331,13 @@ def evenly_spaced(items: list[int], most: int) -> list[int]:
 def save_placements(
     context: TaskContext[PatchesParams], track: PatchTrack, placements: Mapping[int, Placement]
 ) -> None:  # fmt: skip
-    """Save the placements by run as artefacts "<patch>-<run>", each with the run's frames and the frame after them."""
+    """Save the placements by run as artefacts "<patch>-<run>"."""
     by_run: dict[int, dict[int, FrameWarp]] = {
         run_start(index, track.begin): {} for index in range(track.start, track.stop)
     }  # fmt: skip
     for index, placement in placements.items():
-        for run in {run_start(at, track.begin) for at in (index, max(index - 1, track.begin))} & set(by_run):
-            by_run[run][index] = FrameWarp(placement.rect, 0, placement.matrix, placement.residual)
+        warp = FrameWarp(placement.rect, 0, placement.matrix, placement.residual)
+        by_run[run_start(index, track.begin)][index] = warp
     for start, warps in by_run.items():
         save_warps(context, f"{track.key}-{run_key(start)}", warps)
 
@@ -344,14 +345,11 @@ def save_placements(
 def load_placements(
     context: TaskContext[PatchesParams], track: PatchTrack, start: int, stop: int
 ) -> dict[int, Placement]:  # fmt: skip
-    """Load the placements of frames start..stop, both included, that contain the patch.
-
-    Frame `stop` is included only if a run that begins before it contains the patch.
-    """
+    """Load the placements of the frames [start, stop) that contain the patch."""
     placements = {}
     frames = range(max(start, track.start), min(stop, track.stop))
     for run in sorted({run_start(index, track.begin) for index in frames}):
         for index, warp in load_warps(context, f"{track.key}-{run_key(run)}", "patch").items():
-            if start <= index <= stop:
+            if start <= index < stop:
                 placements[index] = Placement(warp.rect, warp.matrix, warp.displacement)
     return placements

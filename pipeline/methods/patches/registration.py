@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Labels, Mask, Plane
+from pipeline.halves import to_half
 from pipeline.jit import kernel
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.clustering import LabelMaps
@@ -145,7 +146,7 @@ class Registration:
             return FrameWarp(region.rect, 0, IDENTITY, np.zeros((*region.mask.shape, 2), np.float16))
         gap, matrix, sheet = self.spring_system(region, index)
         relaxed = relax([sheet], most=max_iterations)
-        displacement = (relaxed.moved(sheet.targets) - lattice(region.mask.shape, region.rect[:2])).astype(np.float16)
+        displacement = to_half(relaxed.moved(sheet.targets) - lattice(region.mask.shape, region.rect[:2]))
         return FrameWarp(region.rect, gap, matrix, displacement, relaxed.before, relaxed.after, relaxed.iterations)
 
     def region(self, track: PatchTrack, index: int) -> PatchRegion | None:

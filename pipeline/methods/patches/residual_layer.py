@@ -30,6 +30,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Arrays, State
 from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.gaussian import enlarge_cells
@@ -127,6 +128,36 @@ class PaintSource:
         return out
 
 
+@dataclass(frozen=True)
+class FirstPainting:
+    """Painting of a run's first frame, and the state of the residual layer after it.
+
+    Attributes:
+        index: number of the frame.
+        picture, painting: uint8 (h, w, 3), source colours and paint, patches included.
+        opacity: float32, 0..1, opacity of the residual layer, at the working size.
+        used: whether the residual layer was visible.
+    """
+
+    index: int
+    picture: Frame
+    painting: Frame
+    opacity: Plane
+    used: bool
+
+    @classmethod
+    def of(cls, index: int, arrays: Arrays) -> FirstPainting:
+        """From the arrays that `state` returned."""
+        picture, painting = (np.asarray(arrays[name], np.uint8) for name in ("picture", "painting"))
+        return cls(index, picture, painting, np.asarray(arrays["opacity"], np.float32), bool(arrays["used"]))
+
+    def state(self) -> State:
+        """The arrays by name."""
+        return {
+            "picture": self.picture, "painting": self.painting, "opacity": self.opacity, "used": np.array(self.used),
+        }  # fmt: skip
+
+
 @dataclass
 class ResidualLayer:
     """Paints the residual layer of the frames of a run, in order.
@@ -201,9 +232,22 @@ class ResidualLayer:
         paintings = self.paintings | {index: (picture, painting)}
         self.paintings = {key: both for key, both in paintings.items() if key in used}
 
-    def prepare_cross_fade(self, index: int, picture: Frame, painting: Frame, frames_per_painting: int) -> None:
-        """Prepare the cross-fade to the next run, which begins at frame `index` with this painting."""
-        source, self.next_painting = PaintSource.identity(index, painting.shape), {index: (picture, painting)}
+    @property
+    def known_opacity(self) -> Plane:
+        """Opacity of the layer in the last frame."""
+        assert self.opacity is not None, "a frame was painted"
+        return self.opacity
+
+    def restore(self, first: FirstPainting) -> None:
+        """Continue after the first frame of the run."""
+        self.source, self.last = PaintSource.identity(first.index, first.painting.shape), first.index
+        self.paintings = {first.index: (first.picture, first.painting)}
+        self.opacity, self.used = first.opacity, first.used
+
+    def prepare_cross_fade(self, following: FirstPainting, frames_per_painting: int) -> None:
+        """Prepare the cross-fade to the next run, which begins with this painting."""
+        index, painting = following.index, following.painting
+        source, self.next_painting = PaintSource.identity(index, painting.shape), {index: (following.picture, painting)}
         every = np.ones(painting.shape[:2], np.bool_)
         frames = FADE_PAINTINGS * frames_per_painting
         for step in range(index - 1, index - frames, -1):

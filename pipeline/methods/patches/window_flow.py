@@ -19,6 +19,7 @@ from pipeline.flow.dis import Preset, dis
 from pipeline.flow.gray import Gray, to_gray
 from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.halves import to_half, to_single
 from pipeline.jit import kernel
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.methods.patches.params import PatchesParams
@@ -35,6 +36,12 @@ MAX_CACHED_FLOWS = 10
 def flow_key(start: int) -> str:
     """Key of the task that computes the flow of the run that starts at frame `start`."""
     return f"flow-{start:07d}"
+
+
+def load_kernels() -> None:
+    """Load the kernels that the first tasks of a job call; otherwise these tasks wait while one of them loads them."""
+    frame, still = np.zeros((16, 16, 3), np.float32), np.zeros((16, 16, 2), np.float32)
+    reliability(frame, frame, still, still, 1.0)
 
 
 def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
@@ -217,7 +224,7 @@ def _stored_arrays(pair: FlowPair, index: int, gap: int) -> State:
         stored[_FORWARD] = (pair.forward, pair.forward_reliability)
     arrays: State = {}
     for direction, (flow, reliable) in stored.items():
-        arrays[f"{direction}-flow-{index}-{gap}"] = np.clip(flow, -6e4, 6e4).astype(np.float16)
+        arrays[f"{direction}-flow-{index}-{gap}"] = to_half(np.clip(flow, -6e4, 6e4))
         arrays[f"{direction}-reliability-{index}-{gap}"] = np.rint(reliable * 255).astype(np.uint8)
     return arrays
 
@@ -279,7 +286,7 @@ class WindowFlow:
         reliable = self._array(f"{direction}-reliability-{index}-{gap}", index, stored_gap)
         if flow is None or reliable is None:
             return None
-        pair = flow.astype(np.float32), reliable.astype(np.float32) / np.float32(255)
+        pair = to_single(flow), reliable.astype(np.float32) / np.float32(255)
         for array in pair:
             array.setflags(write=False)
         return pair

@@ -12,7 +12,7 @@ import pytest
 from pipeline.frames import Frame
 from pipeline.methods.patches import face_tracking, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
-from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes, smallest_width
+from pipeline.methods.patches.face_strokes import LAYERS, FaceBrush, FacePlanes, narrow_px, smallest_width
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes, stroke_widths
 from pipeline.methods.patches.painter import HertzmannPainter, reach_px
 from pipeline.methods.patches.panorama_faces import as_planes
@@ -128,14 +128,27 @@ def test_paint_at_the_eyes_is_replaced_sooner_than_elsewhere(monkeypatch: pytest
 def test_faces_of_different_width_are_painted_in_groups_whose_grids_of_seeds_do_not_depend_on_each_other() -> None:
     one, other = flat_face(30.0), flat_face(150.0)
     both = FacePlanes(np.hstack([one.weight, other.weight]), np.hstack([one.width_px, other.width_px]))
-    (coarse, first), (fine, second) = both.groups()
+    (coarse, first), (fine, second) = both.groups(0.0)
     assert (coarse, fine) == (128.0, 32.0)
     assert (first.corner, first.weight.shape) == ((0, 40), (40, 40))
     assert (second.corner, second.weight.shape) == ((0, 0), (40, 40))
-    alone = next(iter(one.groups()))[1]
+    alone = next(iter(one.groups(0.0)))[1]
     np.testing.assert_array_equal(second.width_px, alone.width_px)
     whole = second.enlarged((slice(0, 40), slice(0, 80)), float(smallest_width(fine)))
     assert not whole.weight[:, 40:].any() and whole.width_px.min() >= 32 / 2**0.51
+
+
+def test_faces_with_strokes_of_one_width_are_one_group() -> None:
+    widths = np.array([[1.0, 9.0, 20.0, 44.0, 46.0, 200.0]], np.float32)
+    least = narrow_px(2.8)
+    assert 45.26 < least < 64
+    assert (
+        len({float(FaceBrush(layer, 2.8).size_px(np.float32(w))) for layer in LAYERS[:1] for w in widths[0, :4]}) == 1
+    )
+    found = [
+        (power, group.weight.shape[1]) for power, group in FacePlanes(np.ones((1, 6), np.float32), widths).groups(least)
+    ]
+    assert found == [(256.0, 1), (64.0, 1), (32.0, 4)]
 
 
 def test_width_of_a_face_in_the_panorama_is_that_in_the_frames(monkeypatch: pytest.MonkeyPatch) -> None:
