@@ -13,7 +13,6 @@ import pytest
 
 from pipeline.methods.abstraction import Abstraction
 from pipeline.methods.base import Resources
-from pipeline.methods.patches import Patches
 from tests.conftest import ROOT
 from tests.workers.conftest import request_on
 from tests.workers.toy import ToyRunner
@@ -30,7 +29,7 @@ GIB, MIB = 1 << 30, 1 << 20
 PAGE = (ROOT / "docs" / "operations.md").read_text()
 DECLARED = {"abstraction": 908, "multistyle": 776, "patches": 951, "analogy": 1054}
 """MiB that docs/measurements/farm.md lists for these sizes."""
-CPUS = {"abstraction": Abstraction.task_cpus, "patches": Patches.task_cpus}
+CPUS = {"abstraction": Abstraction.task_cpus}
 
 
 def machine(cpus: int, memory_gib: float) -> Machine:
@@ -125,26 +124,23 @@ class Counts:
             self.now -= 1
 
 
-def order(number: int, memory_mib: int, method: str = "toy") -> TaskOrder:
+def order(number: int, memory_mib: int) -> TaskOrder:
     resources = Resources(gpus=0.0, memory_bytes=memory_mib * MIB)
     return TaskOrder(
-        f"att_{number}", "job_1", f"tsk_{number}", "draw", method, f"run-{number}", {}, None, {}, 0, {}, {},
+        f"att_{number}", "job_1", f"tsk_{number}", "draw", "toy", f"run-{number}", {}, None, {}, 0, {}, {},
         OutputSpec(), {}, {}, resources=resources,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("cpus", "memory_gib", "method", "at_once"),
-    [(2, 8, "toy", 2), (4, 16, "toy", 4), (16, 64, "toy", 16), (16, 4, "toy", 5), (2, 8, "patches", 3)],
-)
-def test_a_pool_keeps_the_machine_busy_and_no_more(cpus: int, memory_gib: int, method: str, at_once: int) -> None:
+@pytest.mark.parametrize(("cpus", "memory_gib", "at_once"), [(2, 8, 2), (4, 16, 4), (16, 64, 16), (16, 4, 5)])
+def test_a_pool_keeps_the_machine_busy_and_no_more(cpus: int, memory_gib: int, at_once: int) -> None:
     counts, ended, tasks = Counts(), threading.Semaphore(0), 3 * at_once
     pool = LocalPool(lambda: Sleeper(counts), cpus, machine(cpus, memory_gib))
     pool.start(lambda report: ended.release() if report.outcome is not None else None)
     number = 0
     while number < tasks:
         if pool.free:
-            pool.submit(order(number, 951, method))
+            pool.submit(order(number, 951))
             number += 1
         time.sleep(0.001)
     assert all(ended.acquire(timeout=10) for _ in range(tasks))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import queue
 import socket
 import threading
@@ -24,9 +23,6 @@ _STOP_CHECK_S = 0.2
 _REPORT_S = 30.0
 """Interval of reports of an attempt that waits for memory, seconds: without them it would count as lost."""
 
-LEAST_TASK_CPUS = 0.6
-"""Least number of processors that a task is taken to keep busy; it bounds the number of threads."""
-
 Listen = Callable[[Report], None]
 
 
@@ -45,11 +41,8 @@ class TaskRunner(Protocol):
 class LocalPool:
     """A pool of threads. Each makes its runner at its first order.
 
-    Tasks that wait for decoders or disks keep less than a processor busy each, so the machine may admit more of them
-    than it has processors. Threads for these are started when they are needed.
-
     Args:
-        workers: number of threads that are always there; without a machine, of attempts that run at once.
+        workers: maximum number of attempts that run at once.
         machine: admits attempts by the resources that they need; None: always `workers` at once.
         task_memory_bytes: memory of a process with a task that declares no memory.
         close: releases what the runners share, after the last one has ended.
@@ -65,8 +58,7 @@ class LocalPool:
         task_memory_bytes: int = 1 << 30,
         close: Callable[[], None] = lambda: None,
     ) -> None:
-        self._workers = workers
-        self.capacity = workers if machine is None else max(workers, math.ceil(workers / LEAST_TASK_CPUS))
+        self.capacity = workers
         self._make_runner, self._close = make_runner, close
         self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._orders: queue.SimpleQueue[TaskOrder | None] = queue.SimpleQueue()
@@ -98,16 +90,13 @@ class LocalPool:
 
     def start(self, listen: Listen) -> None:
         self._listen = listen
-        for _ in range(self._workers):
+        for _ in range(self.capacity):
             self._add_worker()
         self._warming.start()
 
     def submit(self, order: TaskOrder) -> None:
         with self._lock:
             self._stops[order.attempt_id] = threading.Event()
-            busy = len(self._stops) - len(self._abandoned)
-        if busy > self._usable_threads():
-            self._add_worker()
         if self._machine is not None:
             share = self._machine.share_of(order.resources, task_cpus(order), self._task_memory_bytes)
             self._machine.admit(order.attempt_id, share)
@@ -130,7 +119,7 @@ class LocalPool:
 
     def describe(self) -> dict[str, object]:
         with self._lock:
-            return {"kind": "local", "workers": self._workers, "busy": dict(self._busy)}
+            return {"kind": "local", "workers": self.capacity, "busy": dict(self._busy)}
 
     def stop(self, grace_s: float = 5.0) -> None:
         self._stopping.set()
@@ -148,11 +137,6 @@ class LocalPool:
         runner = self._make_runner()
         runner.warm_up(self._stopping.is_set)
         runner.close()
-
-    def _usable_threads(self) -> int:
-        """Number of threads that take orders, now or after their present one."""
-        with self._lock:
-            return sum(thread.is_alive() for thread in self._threads) - len(self._abandoned)
 
     def _add_worker(self) -> None:
         name = f"impasto-worker-{len(self._threads)}"

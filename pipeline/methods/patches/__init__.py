@@ -86,7 +86,6 @@ class Patches(Method):
     )
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
     clusters_step: ClassVar[str] = "cluster"
-    task_cpus: ClassVar[float] = 0.9  # a tenth of the time it waits for decoders and the disk
     reads_again: ClassVar[bool] = True
     cpu_s_per_megapixel: ClassVar[float] = 1.2
     cpu_growth: ClassVar[float] = 0.5
