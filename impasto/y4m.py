@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
-from pipeline.video.geometry import customary_matrix, geometry_of, to_frame, to_yuv
+from pipeline.video.geometry import YuvConverter, customary_matrix, geometry_of, to_frame
 from pipeline.video.media import Limits, check_size
 
 MAGIC = b"YUV4MPEG2"
@@ -87,14 +87,15 @@ class Y4mWriter:
     """Writes frames as YUV4MPEG2, 8 bit, limited range, and flushes after each."""
 
     def __init__(self, stream: BinaryIO, form: StreamFormat) -> None:
-        self._stream, self._form = stream, form
+        self._stream = stream
+        self._to_yuv = YuvConverter(customary_matrix(form.size[1]), form.pixel_format)
         width, height = form.size
         rate = f"{form.fps.numerator}:{form.fps.denominator}"
         tag = WRITTEN[form.pixel_format]
         stream.write(MAGIC + f" W{width} H{height} F{rate} Ip A1:1 C{tag} XCOLORRANGE=LIMITED\n".encode())
 
     def write(self, frame: Frame) -> None:
-        picture = to_yuv(np.ascontiguousarray(frame), customary_matrix(self._form.size[1]), self._form.pixel_format)
+        picture = self._to_yuv(np.ascontiguousarray(frame))
         self._stream.write(b"FRAME\n")
         for number, plane in enumerate(picture.planes):
             rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)

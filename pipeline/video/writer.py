@@ -31,7 +31,7 @@ from av.video.stream import VideoStream
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame, same_size
-from pipeline.video.geometry import customary_matrix, to_yuv
+from pipeline.video.geometry import YuvConverter, customary_matrix
 from pipeline.video.stills import encode_png
 
 Format = Literal["mp4", "webm", "png", "gif"]
@@ -136,7 +136,7 @@ class VideoSegment(SegmentWriter):
         stream = self._file.add_stream(codec, rate=max(rate, Fraction(1, 1001)), options=options)
         assert isinstance(stream, VideoStream)
         _describe(stream.codec_context, spec)
-        self._stream = stream
+        self._stream, self._to_yuv = stream, YuvConverter(customary_matrix(spec.size[1]))
         self._durations: deque[int] = deque()
         self._origin: int | None = None
 
@@ -148,7 +148,7 @@ class VideoSegment(SegmentWriter):
         self._encode(picture)
 
     def _picture(self, frame: Frame) -> av.VideoFrame:
-        return to_yuv(_even(frame, self.spec.coded_size), customary_matrix(self.spec.size[1]))
+        return self._to_yuv(_even(frame, self.spec.coded_size))
 
     def _encode(self, picture: av.VideoFrame | None) -> None:
         for packet in self._stream.encode(picture):

@@ -21,7 +21,7 @@ from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTr
 
 from pipeline.errors import BadFrame, ImpastoError
 from pipeline.frames import Frame
-from pipeline.video.geometry import Geometry, customary_matrix, to_frame, to_yuv
+from pipeline.video.geometry import Geometry, YuvConverter, customary_matrix, to_frame
 from pipeline.video.headers import image_header, sniff
 from workers.live.model import Size, WireFormat
 
@@ -160,19 +160,20 @@ class _VideoDecoder:
 class _VideoEncoder:
     def __init__(self, wire: WireFormat, size: Size) -> None:
         self._size = (size[0] + size[0] % 2, size[1] + size[1] % 2)
-        self._matrix = customary_matrix(size[1]) if wire.receive == "h264" else Colorspace.ITU601  # VP8 has no other
+        matrix = customary_matrix(size[1]) if wire.receive == "h264" else Colorspace.ITU601  # VP8 has no other
+        self._to_yuv = YuvConverter(matrix)
         name, options = _h264(wire) if wire.receive == "h264" else _vp8(wire)
         context = Codec(name, "w").create()
         assert isinstance(context, VideoCodecContext)
         context.options = options | {"g": str(max(1, round(KEY_EVERY_S * wire.fps)))}
-        _describe(context, self._size, wire.fps, self._matrix)
+        _describe(context, self._size, wire.fps, matrix)
         self._context, self._next = context, 0
 
     def encode(self, frame: Frame, key: bool) -> tuple[bytes, Size, bool]:
         right, bottom = self._size[0] - frame.shape[1], self._size[1] - frame.shape[0]
         if right or bottom:
             frame = np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
-        picture = to_yuv(frame, self._matrix)
+        picture = self._to_yuv(frame)
         picture.pts, picture.time_base = self._next, self._context.time_base
         picture.pict_type = PictureType.I if key else PictureType.NONE
         self._next += 1
