@@ -128,7 +128,7 @@ class AttemptContext:
         self, name: str, start: int, stop: int | None,
         read: Callable[[GuardedReader, int, int | None], Iterator[Picture]],
     ) -> Iterator[Picture]:  # fmt: skip
-        """What `read` makes of frames [start, stop) of an input, one for each frame; records the input's damage."""
+        """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage."""
         first, last = self._source_span(name, start, stop)
         key, cache = self._input(name), self.frame_cache
         to_decode = first if cache is None else cache.first_missing(key, first)

@@ -6,7 +6,6 @@ import math
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,6 +14,7 @@ from pipeline.compute import device
 from pipeline.flow import estimate
 from pipeline.flow.gray import Gray, to_gray
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.analogy.boil import Boil
 from pipeline.methods.analogy.inputs import InputFrame, StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import Clock
@@ -38,10 +38,6 @@ _THREADS = max(2, min(8, _PROCESSORS))
 _AHEAD = max(1, min(4, _PROCESSORS - 1))
 """Number of pairs of frames whose motion is estimated in advance, each on a thread. A GPU paints a frame in a tenth of
 the time that one processor needs to estimate the motion."""
-_BOIL_BLOCK_PX = 32
-"""Side of the blocks that boil, px at full size."""
-_MAX_BOIL_BLOCKS = 256
-"""Number of blocks along a side; suffices for frames of up to 8192 px."""
 
 
 def levels_of(params: AnalogyParams, size: tuple[int, int], style_px: int) -> int:
@@ -195,32 +191,6 @@ def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:
     """(V+ of the first frame, V- of the second), px."""
     plus = suppress_small_motion(estimate(first, second, flow), first, second)
     return plus, suppress_small_motion(-estimate(second, first, flow), second, first)
-
-
-@dataclass(frozen=True)
-class Boil:
-    """Deliberate flicker: in each frame, some blocks of the picture lose their temporal coherence.
-
-    Attributes:
-        fraction: fraction of the blocks, 0..1.
-        seed: random seed.
-        level: 0 = full size.
-    """
-
-    fraction: float
-    seed: int
-    level: int
-
-    def coherent(self, first: int, size: tuple[int, ...]) -> Bytes:
-        """1 where frames `first` and `first` + 1 stay coherent, uint8 (h, w). The same blocks at every level."""
-        block = max(1, _BOIL_BLOCK_PX >> self.level)
-        height, width = size[:2]
-        shape = (-(-height // block), -(-width // block))
-        draws = np.random.Generator(np.random.Philox(key=[self.seed, first])).random(
-            (_MAX_BOIL_BLOCKS, _MAX_BOIL_BLOCKS)
-        )
-        coherent = (draws >= self.fraction).astype(np.uint8)[: shape[0], : shape[1]]
-        return np.ascontiguousarray(coherent.repeat(block, 0).repeat(block, 1)[:height, :width])
 
 
 class LevelAnimation:

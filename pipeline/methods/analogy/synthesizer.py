@@ -10,8 +10,9 @@ import numpy as np
 from pipeline.arrays import AnyArray, Arrays
 from pipeline.compute import device
 from pipeline.frames import Frame
+from pipeline.methods.analogy.boil import Boil
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
-from pipeline.methods.analogy.level_animation import Boil, LevelFrames, levels_of
+from pipeline.methods.analogy.level_animation import LevelFrames, levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of

@@ -103,13 +103,13 @@ def _video(connection: ChildConnection) -> None:
 
 
 class _Faults:
-    """What a reader has found, of which each answer reports what is new."""
+    """Errors and unreadable frames of a reader; each answer reports those found since the answer before."""
 
     def __init__(self, reader: VideoReader) -> None:
         self._reader, self._reported, self._noted = reader, 0, 0
 
     def new(self, position: int | None, errors: int, unreadable: int) -> Message:
-        """The reader's position, and what it has found since the last call, up to these numbers of findings."""
+        """The reader's position, and its findings from those of the last call up to these numbers of them."""
         found: Message = {"position": position, "errors": self._reader.errors[self._reported : errors]}
         found["unreadable"] = self._reader.unreadable[self._noted : unreadable]
         self._reported, self._noted = errors, unreadable

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.patches.compositing import PaintedPatch
+from pipeline.methods.patches.paint_source import NO_SOURCE, PaintSource
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack
 from pipeline.methods.patches.residual_layer import (
     FADE_PAINTINGS,
     MAX_OPACITY_DECREASE,
-    NO_SOURCE,
     FirstPainting,
-    PaintSource,
     ResidualLayer,
 )
 from pipeline.methods.patches.scan import WorkingGrid
