@@ -13,11 +13,9 @@ import os
 import threading
 from functools import cache
 
+from pipeline.allocator import keep_freed_memory, limit_arenas
+
 EVERY_S = 60.0
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
-"""Numbers of parameters in glibc's malloc.h."""
-_LARGEST_KEPT_BYTES = 32 << 20
-"""Largest block that is kept, bytes; glibc allows no more."""
 _MOST_KEPT_BYTES = 256 << 20
 """Free memory at the end of an arena that is kept, bytes."""
 
@@ -26,20 +24,13 @@ def limit_free_memory(every_s: float = EVERY_S) -> None:
     """Limit the number of arenas to that of processors (at least two), and return the free pages of all arenas every
     `every_s` seconds. Call it early in a process, before threads start. Does nothing if the C library is not glibc.
     """
-    if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
-        mallopt(_M_ARENA_MAX, max(2, os.cpu_count() or 1))
+    limit_arenas(max(2, os.cpu_count() or 1))
     _return_free_memory_regularly(every_s)
 
 
 def keep_free_memory() -> None:
-    """Keep freed memory in the process, for a process that lives for one job. Call it before threads start.
-
-    By default, the C library returns large arrays to the operating system when they are freed. New ones then cost a
-    page fault for every 4 KiB, during which the process's other threads may have to wait. Does nothing without glibc.
-    """
-    if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
-        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT_BYTES)
-        mallopt(_M_TRIM_THRESHOLD, _MOST_KEPT_BYTES)
+    """Keep freed memory, for a process that lives for one job. Call it before threads start."""
+    keep_freed_memory(_MOST_KEPT_BYTES)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Where the paint of each pixel of the residual layer comes from: a frame, and a position in it.
+"""Source of the paint of each pixel of the residual layer: the number of a frame, and a position in that frame.
 
 Sources are advected by the flow instead of paint: paint that was warped again and again would blur.
 """

@@ -70,7 +70,7 @@ class FirstPainting:
 
     @classmethod
     def of(cls, index: int, arrays: Arrays) -> FirstPainting:
-        """From the arrays that `state` returned."""
+        """The painting whose method `state` returned these arrays."""
         picture, painting = (np.asarray(arrays[name], np.uint8) for name in ("picture", "painting"))
         return cls(index, picture, painting, np.asarray(arrays["opacity"], np.float32), bool(arrays["used"]))
 

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 import psutil
 
+from pipeline.allocator import keep_freed_memory, limit_arenas
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
 from pipeline.frames import Frame
@@ -35,11 +36,8 @@ from pipeline.video.reader import VideoReader
 from pipeline.video.stills import decode_raw
 
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
-"""Numbers of parameters in glibc's malloc.h."""
-_KEPT_BYTES = 32 << 20
-"""Largest freed block that a child keeps for its next frames, bytes; it keeps twice as much in all. New memory costs a
-page fault for every 4 KiB."""
+_KEPT_BYTES = 64 << 20
+"""Freed memory that a child keeps for its next frames, bytes."""
 _OPEN_FILES = 64
 
 
@@ -227,10 +225,8 @@ def _set_limits(first: Message) -> None:
 def serve(control: socket.socket) -> None:
     """Fork a child for every request, until the process that started the server has ended."""
     libc = ctypes.CDLL(None)
-    with contextlib.suppress(AttributeError):
-        libc.mallopt(_M_ARENA_MAX, 2)
-        libc.mallopt(_M_MMAP_THRESHOLD, _KEPT_BYTES)
-        libc.mallopt(_M_TRIM_THRESHOLD, 2 * _KEPT_BYTES)
+    limit_arenas(2)
+    keep_freed_memory(_KEPT_BYTES)
     cv2.setNumThreads(1)
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # children are not waited for
     mine = os.getpid()
