@@ -70,6 +70,20 @@ class FaceDetector:
         boxes, counts = _group(self._hits(gray, piece, COARSE_STEP), 0)
         return boxes[np.argsort(-counts, kind="stable")]
 
+    def candidates_in(self, gray: Gray, where: tuple[int, int, int, int], least: int, most: int) -> Boxes:
+        """`candidates` of frontal faces of `least` to `most` px in a part of the picture.
+
+        Args:
+            where: left, top, right (exclusive), bottom (exclusive), px.
+        """
+        left, top, right, bottom = where
+        window = np.ascontiguousarray(gray[top:bottom, left:right])
+        if min(window.shape) < least:
+            return np.empty((0, 4))
+        boxes = self.candidates(window, Piece("frontal", least, most, 0, len(window)))
+        boxes[:, :2] += left, top
+        return boxes
+
     def confirm(self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal") -> NDArray[np.float64] | None:
         """The face at about the place and of about the size of `box`, (4,), in px; None = there is none."""
         cx, cy, side = float(box[0]), float(box[1]), float(max(box[2:]))

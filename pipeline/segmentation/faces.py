@@ -20,6 +20,7 @@ from pipeline.flow.gray import Gray
 from pipeline.frames import Flow, Plane
 from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.segmentation.motion import median_motion
+from pipeline.segmentation.new_places import LARGEST, MOST_RECTANGLES, NewPlaces
 
 FACE = np.dtype([
     ("box", np.float64, (4,)), ("detected", np.float64, (4,)), ("strength", np.float64),
@@ -39,6 +40,10 @@ _SMALLEST_SHARE = 1 / 48
 """Smallest face, as a fraction of the frame's longer side; at least the detector's window."""
 _RECHECK_FRAMES = 8
 """Frames between two searches around a known face, if no other face has waited for longer."""
+_FIRST_RECHECK_FRAMES = 4
+"""The same after the first detection, which may be false."""
+_RECHECK_WIDTHS = 72.0
+"""Sum of the widths, px, of the faces whose surroundings are searched in a frame."""
 _MIRRORED_PX = 36.0
 """Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
 clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
@@ -75,6 +80,8 @@ class FaceTracker:
         # All window sizes and poses together test about 1.6 times as many windows as the unscaled picture has pixels.
         self._pieces = pieces(size, least, max(_CYCLE_FRAMES, round(1.6 * windows / _PIECE_WINDOWS)))
         self._first = pose_pieces(size, "frontal", least)
+        self._least, self._new = least, NewPlaces(size, least)
+        self._new_due = False
         self.faces: Faces = NO_FACES
 
     def step(self, gray: Gray, flow: Flow | None, age: int) -> None:
@@ -92,6 +99,8 @@ class FaceTracker:
             shifts = self._shifts(self.faces["box"], flow)
             self.faces["box"][:, :2] += shifts
             self.faces["detected"][:, :2] += shifts
+            self._new.move(flow)
+        self._new_due = age > 0
         self.faces["unchecked"] += 1
         self._smooth()
 
@@ -103,6 +112,7 @@ class FaceTracker:
         """
         for piece in self._first:
             self._add(gray, self._finder.candidates(gray, piece), piece.pose, strength)
+        self._new.clear()
 
     def search(self, gray: Gray, age: int) -> None:
         """Search the next piece of the frame, and the surroundings of a known face, for later frames.
@@ -113,8 +123,33 @@ class FaceTracker:
         if self._pieces:
             piece = self._pieces[age % len(self._pieces)]
             self._add(gray, self._finder.candidates(gray, piece)[:_MOST_CANDIDATES], piece.pose, strength=0.0)
-        if age % 2 and len(self.faces) and self.faces["unchecked"].max() >= _RECHECK_FRAMES:
-            self._recheck(gray, int(self.faces["unchecked"].argmax()))
+        if self._new_due:
+            self._new_due = False
+            self._search_new(gray)
+        self._recheck_due(gray, age)
+
+    def _recheck_due(self, gray: Gray, age: int) -> None:
+        """Search around the known faces that have waited for longest: several small ones, or in every second frame one
+        large one."""
+        budget = _RECHECK_WIDTHS
+        for index in np.argsort(-self.faces["unchecked"], kind="stable"):
+            face = self.faces[index]
+            wait = _RECHECK_FRAMES if face["detections"] > 1 else _FIRST_RECHECK_FRAMES
+            width = float(face["detected"][2])
+            if face["unchecked"] < wait or (width > budget and (not age % 2 or budget < _RECHECK_WIDTHS)):
+                continue
+            self._recheck(gray, int(index))
+            budget -= width
+
+    def _search_new(self, gray: Gray) -> None:
+        """Search places that have come into view. Their faces are as strong as the place is new."""
+        for _ in range(MOST_RECTANGLES):
+            where = self._new.next_rectangle()
+            if where is None:
+                return
+            for candidate in self._finder.candidates_in(gray, where, self._least, round(LARGEST * self._least)):
+                self._add(gray, candidate[None], "frontal", self._new.newness(candidate))
+            self._new.searched(where)
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""

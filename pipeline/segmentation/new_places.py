@@ -1,0 +1,123 @@
+"""Places of the scene in which no face has been searched yet: what a camera motion brings into view, and what moves.
+
+A search of a whole frame is spread over many frames, in which faces of a crowd that the camera pans over have left the
+frame again. A map of what has not been searched moves with the flow, so that a rectangle there is searched first.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.flow.warp import positions
+from pipeline.frames import Flow, Plane
+from pipeline.segmentation.motion import median_motion
+
+MAP_SIDE = 96
+"""Cells of the map on its longer side."""
+SHORT, LONG = 4.0, 10.0
+"""Sides of a searched rectangle, in widths of the smallest face."""
+LARGEST = 2.5
+"""Width of the largest face that is searched there, relative to the smallest: larger ones are soon found without."""
+MARGIN = 1.5
+"""Faces of which a part may be outside the rectangle are this near its border, in widths of the smallest face."""
+LEAST_SHARE = 0.35
+"""Share of new cells from which on a rectangle is searched: a strip that is wider than the smallest face."""
+MOST_RECTANGLES = 1
+"""Rectangles of a frame that are searched at most."""
+MOVING_SHARE, MOVING = 1 / 40, 0.004
+"""Share by which a cell becomes new again in a frame if it moves relative to the camera at `MOVING` frame diagonals a
+frame or more: a person who turns around."""
+
+
+class Rectangle(NamedTuple):
+    """Pixels [left, right) x [top, bottom) of a frame."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+
+class NewPlaces:
+    """Where faces have not been searched. Not thread-safe.
+
+    Args:
+        size: (width, height) of the frames, px.
+        least_px: smallest face.
+
+    Attributes:
+        plane: float32 (h, w), a grid over the frame: 1 = never searched, 0 = searched.
+    """
+
+    def __init__(self, size: tuple[int, int], least_px: int) -> None:
+        self._size, self._least_px = size, least_px
+        scale = min(1.0, MAP_SIDE / max(size))
+        self._cells = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+        self.plane: Plane = np.zeros(self._cells[::-1], np.float32)
+
+    def clear(self) -> None:
+        """The whole frame has been searched."""
+        self.plane = np.zeros_like(self.plane)
+
+    def move(self, flow: Flow) -> None:
+        """Move the map to the next frame.
+
+        Args:
+            flow: from the previous frame to this one, px of the frame, on a grid of any size.
+        """
+        coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_AREA), np.float32)
+        apart = np.hypot(*np.moveaxis(coarse - median_motion(coarse), -1, 0))
+        turned = MOVING_SHARE * np.clip(apart / (MOVING * math.hypot(*self._size)), 0, 1)
+        x, y = positions(-coarse * np.divide(self._cells, self._size).astype(np.float32))
+        come = cv2.remap(self.plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
+        self.plane = np.asarray(np.minimum(come + turned, 1), np.float32)
+
+    def next_rectangle(self) -> Rectangle | None:
+        """The rectangle with the largest share of new cells; None if it is less than `LEAST_SHARE`."""
+        sums = cv2.integral(self.plane, sdepth=cv2.CV_64F)
+        best, found = LEAST_SHARE, None
+        for shape in ((SHORT, LONG), (LONG, SHORT)):
+            w, h = (min(max(1, math.ceil(side)), most) for side, most in zip(self._in_cells(shape), self._cells, strict=True))
+            total = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
+            share = np.round(total / (w * h), 6)
+            if share.max() > best:
+                best = float(share.max())
+                row, column = np.unravel_index(int(share.argmax()), share.shape)
+                found = self._in_px(int(column), int(row), w, h)
+        return found
+
+    def searched(self, where: Rectangle) -> None:
+        """A rectangle has been searched. Near its border, faces may have been cut."""
+        (across, down), (width, height) = np.divide(self._cells, self._size), self._cells
+        left, right = round(where.left * across), round(where.right * across)
+        top, bottom = round(where.top * down), round(where.bottom * down)
+        near_x, near_y = (round(side) for side in self._in_cells((MARGIN, MARGIN)))
+        self.plane[top:bottom, left:right] *= np.float32(0.5)
+        inner_x = slice(left + near_x if left else 0, right - near_x if right < width else width)
+        inner_y = slice(top + near_y if top else 0, bottom - near_y if bottom < height else height)
+        self.plane[inner_y, inner_x] = 0
+
+    def newness(self, box: NDArray[np.float64]) -> float:
+        """Largest value of the map in a box (centre x, centre y, width, height), px: 0..1."""
+        scale = np.divide(self._cells, self._size)
+        (x0, y0), (x1, y1) = ((box[:2] + sign * box[2:] / 2) * scale for sign in (-1, 1))
+        inside = self.plane[max(0, int(y0)) : max(0, math.ceil(y1)), max(0, int(x0)) : max(0, math.ceil(x1))]
+        return float(inside.max(initial=0))
+
+    def _in_cells(self, sides: tuple[float, float]) -> tuple[float, float]:
+        """Sides in widths of the smallest face, in cells."""
+        return (
+            sides[0] * self._least_px * self._cells[0] / self._size[0],
+            sides[1] * self._least_px * self._cells[1] / self._size[1],
+        )
+
+    def _in_px(self, column: int, row: int, w: int, h: int) -> Rectangle:
+        across, down = np.divide(self._size, self._cells)
+        return Rectangle(
+            round(column * across), round(row * down), round((column + w) * across), round((row + h) * down)
+        )
