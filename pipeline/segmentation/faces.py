@@ -12,6 +12,9 @@ longer the face is kept without a detection. A pattern that looks like a face in
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,6 +59,8 @@ _HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
 """Semi-axes of the head's ellipse and its upward shift, in sides of the detected box, which ends at brows and chin."""
 _LEAST_CELLS = 1.5
 """Smallest semi-axis, in cells of the mask's grid: the mask of a small face would otherwise fall between them."""
+SMALL_FACE_PX, LARGE_FACE_PX = 48.0, 96.0
+"""Widths of a face, px of the frame, between which the weight of `small_faces` falls from 1 to 0."""
 _FADE = 1.5
 """The mask falls from 1 at the head's ellipse to 0 at an ellipse this many times larger."""
 
@@ -219,6 +224,50 @@ class FaceTracker:
         faces["strength"] += self._gain * (current - faces["strength"])
         inside = ((centres >= 0) & (centres < self._size)).all(axis=1)
         self.faces = faces[(current | (faces["strength"] > 0.02)) & inside]
+
+
+class FaceCrop(NamedTuple):
+    """A small face in a picture.
+
+    Attributes:
+        box: rows and columns of the picture.
+        weight: float32, 0..1, of the shape of `box`: by how much the pixels belong to the face, times its smallness.
+        width_px: width of the face, px of the picture.
+    """
+
+    box: tuple[slice, slice]
+    weight: Plane
+    width_px: float
+
+    def blend(self, plane: NDArray[np.uint8], other: NDArray[np.uint8]) -> None:
+        """Replace that part of a plane, uint8 (h, w), by `other`, of the shape of `box`, in proportion to the weight."""
+        own = plane[self.box]
+        own[...] = np.rint(own + self.weight * (other.astype(np.float32) - own)).astype(np.uint8)
+
+
+def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -> list[FaceCrop]:
+    """The small faces: those up to `SMALL_FACE` of the frame's height; in between, the weight falls.
+
+    Args:
+        size, picture: (width, height) of the frame, in whose px the faces are, and of the picture.
+    """
+    out = []
+    across, down = np.divide(picture, size)
+    for face in faces:
+        small = float(np.clip((LARGE_FACE_PX - face["box"][2]) / (LARGE_FACE_PX - SMALL_FACE_PX), 0, 1))
+        weight = np.float32(face["strength"] * small)
+        cx, cy, w, h = face["box"] * (across, down, across, down)
+        half_x, half_y, cy = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
+        x0, x1 = max(0, math.floor(cx - _FADE * half_x)), min(picture[0], math.ceil(cx + _FADE * half_x))
+        y0, y1 = max(0, math.floor(cy - _FADE * half_y)), min(picture[1], math.ceil(cy + _FADE * half_y))
+        if weight < 0.02 or x0 >= x1 or y0 >= y1:
+            continue
+        xs = (np.arange(x0, x1, dtype=np.float32) + np.float32(0.5 - cx)) / np.float32(half_x)
+        ys = (np.arange(y0, y1, dtype=np.float32) + np.float32(0.5 - cy)) / np.float32(half_y)
+        distance = np.sqrt((xs * xs)[None, :] + (ys * ys)[:, None])
+        ramp = np.clip((np.float32(_FADE) - distance) / np.float32(_FADE - 1), 0, 1)
+        out.append(FaceCrop((slice(y0, y1), slice(x0, x1)), weight * ramp * ramp * (3 - 2 * ramp), float(w)))
+    return out
 
 
 def faces_of_state(state: Arrays) -> Faces:

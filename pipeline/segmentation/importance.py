@@ -23,7 +23,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import FaceTracker, head_mask
+from pipeline.segmentation.faces import FaceCrop, FaceTracker, head_mask, small_faces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.skin import skin_beside_faces
@@ -79,6 +79,7 @@ class ImportanceTracker:
         )
         self._faces = FaceTracker(size, params.half_life_frames)
         self._gray: NDArray[np.uint8] | None = None  # of the frame whose faces are still to be searched
+        self._tracked = False  # whether the faces of the coming step are known
         self._age = 0
         self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._hands: Plane = np.zeros(self.map_size[::-1], np.float32)
@@ -126,17 +127,36 @@ class ImportanceTracker:
         RGB frame in which hands are searched; None: they are not. With `faces_in`, `image` and `colours` may be
         smaller than the frame.
         """
-        _check_shape(image if faces_in is None else faces_in, self._size, "image")
-        if cut:
-            self._age = 0
+        if not self._tracked:
+            self.track_faces(image if faces_in is None else faces_in, flow, cut)
+        self._tracked = False
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
-        importance = self._combine(image, moving, faces_in, colours)
+        importance = self._combine(image, moving, colours)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
         return np.clip(importance, 0, 1)
+
+    def track_faces(self, image: Frame | NDArray[np.uint8], flow: Flow | None, cut: bool) -> None:
+        """Move the faces to the next frame. `step_coarse` does it unless this has been called for the frame.
+
+        Args: `image` of the frame's size, `flow` and `cut` as for `step`.
+        """
+        _check_shape(image, self._size, "image")
+        if cut:
+            self._age = 0
+        self._tracked = True
+        if self._params.face <= 0:
+            return
+        self._gray = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
+        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
+        self._faces.step(self._gray, moving, self._age)
+
+    def small_faces(self, picture: tuple[int, int]) -> list[FaceCrop]:
+        """The small faces of the latest frame in a picture of (width, height) `picture`, see `faces.small_faces`."""
+        return small_faces(self._faces.faces, self._size, picture)
 
     def continue_search(self) -> None:
         """Search a part of the latest frame for faces, for later frames. Call it once after each step."""
@@ -181,7 +201,6 @@ class ImportanceTracker:
         self,
         image: NDArray[np.uint8],
         flow: Flow | None,
-        faces_in: NDArray[np.uint8] | None,
         colours: Frame | None,
     ) -> Plane:
         if self._age % CUES_EVERY_FRAMES == 0:
@@ -190,10 +209,6 @@ class ImportanceTracker:
             self._cues = self._cues + gain * (self._saliency_and_motion(small, flow) - self._cues)
         if self._params.face <= 0:
             return self._cues
-        if faces_in is None:
-            faces_in = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
-        self._gray = faces_in
-        self._faces.step(self._gray, flow, self._age)
         self._find_hands(colours, flow)
         if not len(self._faces.faces):
             return self._cues

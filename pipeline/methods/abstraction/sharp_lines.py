@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -13,9 +14,10 @@ from pipeline.frames import Plane
 from pipeline.lines.coherent import Ink, keep_strokes
 from pipeline.lines.coverage import PastMotion, blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import soft_threshold
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Past, _more
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes
+from pipeline.segmentation.faces import FaceCrop
 from pipeline.segmentation.motion import past_weights
 
 NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
@@ -44,7 +46,9 @@ class SharpLineExtractor(LineExtractor):
         self.opacity: Ink | None = None
         self.response: Plane | None = None
 
-    def step(self, gray: NDArray[np.uint8], importance: Plane, past: Past | None) -> Ink:
+    def step(
+        self, gray: NDArray[np.uint8], importance: Plane, past: Past | None, faces: Sequence[FaceCrop] = ()
+    ) -> Ink:  # fmt: skip
         """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
 
         See `LineExtractor.step`.
@@ -53,13 +57,13 @@ class SharpLineExtractor(LineExtractor):
         small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
         past = self._shrunk(past)
-        response = self._respond(small, weight, past)
+        response = self._finer(self._respond(small, weight, past), small, faces)
         motion = self._motion(past)
         if motion is not None and self.response is not None:
             response = blend_response(response, self.response, motion)
         self.response = response
         ink = soft_threshold(response, weight, params.line_threshold, params.line_sharpness)
-        keep = keep_strokes(ink, self._previous_ink(past), weight, self.limits)
+        keep = keep_strokes(ink, self._previous_ink(past), _more(weight, faces), self.limits)
         self.last = np.asarray(cv2.bitwise_and(ink, keep), np.uint8)
         self.opacity = self._opacity(self.last, motion)
         field = line_field(response, weight, params.line_threshold, self.margin, max(1, round(2 * self.sigma_px)))
