@@ -82,7 +82,10 @@ class NewPlaces:
         sums = cv2.integral(self.plane, sdepth=cv2.CV_64F)
         best, found = LEAST_SHARE, None
         for shape in ((SHORT, LONG), (LONG, SHORT)):
-            w, h = (min(max(1, math.ceil(side)), most) for side, most in zip(self._in_cells(shape), self._cells, strict=True))
+            w, h = (
+                min(max(1, math.ceil(side)), most)
+                for side, most in zip(self._in_cells(shape), self._cells, strict=True)
+            )
             total = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
             share = np.round(total / (w * h), 6)
             if share.max() > best:

@@ -36,6 +36,8 @@ FACE_BLUR, LEAST_FACE_BLUR_PX = 0.018, 0.4
 """Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
 FACE_PRESENT = 0.6
 """Weight of the present in small faces after denoising: the flow is not exact enough for an eye of 4 px."""
+FACE_REGIONS = 0.1
+"""Importance above 1 in small faces: regions of half the tolerance, and eyes that are larger than a few pixels."""
 DENOISE_TOLERANCE = 6.0
 """Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
 
@@ -88,14 +90,11 @@ class FrameAnalyzer:
         flow = self._flow(gray, fresh)
         faces = self._track_faces(frame, flow, fresh)
         importance = self.background(self._importance, small, gray, flow, fresh, mask)
-        if faces:
-            gray = gray.copy()
-            fine = self._sharpen(small, planes, faces)
+        gray = gray.copy() if faces else gray  # motion is estimated from equally blurred frames
+        fine = self._sharpen(small, planes, faces)
         back, planes, residual = self._denoise(planes, flow)
-        if faces and residual is not None:
-            for face, part in zip(faces, fine):
-                for plane, own in zip(planes, part):
-                    face._replace(weight=face.weight * FACE_PRESENT).blend(plane, own)
+        if residual is not None:
+            _restore_present(planes, faces, fine)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         edge_map = self.background(self._edges, lightness, importance)
         past = None if flow is None or residual is None else Past(flow, residual)
@@ -129,8 +128,8 @@ class FrameAnalyzer:
         self._search_due = True
         return self.importance.small_faces(self.sizes.work)
 
-    def _sharpen(self, small: Frame, planes: LabPlanes, faces: list[FaceCrop]) -> list[LabPlanes]:
-        """Replace small faces by less blurred ones, in place."""
+    def _sharpen(self, small: Frame, planes: LabPlanes, faces: Sequence[FaceCrop]) -> list[LabPlanes]:
+        """Replace small faces by less blurred ones, in place; returns them, uint8 (3, h, w) each."""
         out = []
         for face in faces:
             sigma = min(max(FACE_BLUR * face.width_px, LEAST_FACE_BLUR_PX), self.smooth_px)
@@ -146,7 +145,10 @@ class FrameAnalyzer:
     ) -> Plane:  # fmt: skip
         with self.clock("importance"):
             coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
-            return self.importance.step_coarse(gray, coarse, fresh, mask, colours=small)
+            found = self.importance.step_coarse(gray, coarse, fresh, mask, colours=small)
+            for face in self.importance.small_faces(self.importance.map_size):
+                found[face.box] += np.float32(FACE_REGIONS) * face.weight
+            return found
 
     def finish_frame(self) -> None:
         """Work that only later frames need (a part of the face search): runs when the frame has been delivered."""
@@ -229,6 +231,14 @@ class FrameAnalyzer:
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
+
+
+def _restore_present(planes: LabPlanes, faces: Sequence[FaceCrop], fine: Sequence[LabPlanes]) -> None:
+    """Give the present more weight in the denoised small faces, in place."""
+    for face, part in zip(faces, fine, strict=True):
+        mostly = face._replace(weight=face.weight * np.float32(FACE_PRESENT))
+        for plane, own in zip(planes, part, strict=True):
+            mostly.blend(plane, own)
 
 
 def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:
