@@ -158,10 +158,12 @@ class FaceTracker:
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""
-        return {"faces": self.faces.view(np.float64).reshape(-1, _COLUMNS).copy()}
+        return {"faces": self.faces.view(np.float64).reshape(-1, _COLUMNS).copy(), "unsearched": self._new.plane.copy()}
 
     def restore(self, state: Arrays) -> None:
+        """Restore a state; one without `unsearched` has no new places, and one of another size is resampled."""
         self.faces = faces_of_state(state)
+        self._new.restore(state.get("unsearched"))
 
     def head_mask(self, shape: tuple[int, int]) -> Plane:
         """Soft mask of the heads, see the function `head_mask`."""
@@ -240,13 +242,13 @@ class FaceCrop(NamedTuple):
     width_px: float
 
     def blend(self, plane: NDArray[np.uint8], other: NDArray[np.uint8]) -> None:
-        """Replace that part of a plane, uint8 (h, w), by `other`, of the shape of `box`, in proportion to the weight."""
+        """Move that part of a plane, uint8 (h, w), towards `other`, of the shape of `box`, by the weight."""
         own = plane[self.box]
         own[...] = np.rint(own + self.weight * (other.astype(np.float32) - own)).astype(np.uint8)
 
 
 def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -> list[FaceCrop]:
-    """The small faces: those up to `SMALL_FACE` of the frame's height; in between, the weight falls.
+    """The small faces: weight 1 up to a width of `SMALL_FACE_PX`, falling to 0 at `LARGE_FACE_PX`.
 
     Args:
         size, picture: (width, height) of the frame, in whose px the faces are, and of the picture.

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Plane
 from pipeline.segmentation.motion import median_motion
@@ -63,6 +64,14 @@ class NewPlaces:
     def clear(self) -> None:
         """The whole frame has been searched."""
         self.plane = np.zeros_like(self.plane)
+
+    def restore(self, plane: AnyArray | None) -> None:
+        """Continue with the map of another one, of any size; None = everything has been searched."""
+        self.clear()
+        if plane is not None:
+            same = plane.shape == self.plane.shape
+            now = plane if same else cv2.resize(plane, self._cells, interpolation=cv2.INTER_LINEAR)
+            self.plane = np.array(now, np.float32)
 
     def move(self, flow: Flow) -> None:
         """Move the map to the next frame.

@@ -235,10 +235,10 @@ class FrameAnalyzer:
 
 def _restore_present(planes: LabPlanes, faces: Sequence[FaceCrop], fine: Sequence[LabPlanes]) -> None:
     """Give the present more weight in the denoised small faces, in place."""
-    for face, part in zip(faces, fine, strict=True):
+    for face, own in zip(faces, fine, strict=True):
         mostly = face._replace(weight=face.weight * np.float32(FACE_PRESENT))
-        for plane, own in zip(planes, part, strict=True):
-            mostly.blend(plane, own)
+        for plane, present in zip(planes, own, strict=True):
+            mostly.blend(plane, present)
 
 
 def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:
