@@ -59,6 +59,7 @@ class NewPlaces:
         self._size, self._least_px = size, least_px
         scale = min(1.0, MAP_SIDE / max(size))
         self._cells = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+        self._shapes = self._rectangles()
         self.plane: Plane = np.zeros(self._cells[::-1], np.float32)
 
     def clear(self) -> None:
@@ -90,11 +91,7 @@ class NewPlaces:
         """The rectangle with the largest share of new cells; None if it is less than `LEAST_SHARE`."""
         sums = cv2.integral(self.plane, sdepth=cv2.CV_64F)
         best, found = LEAST_SHARE, None
-        for shape in ((SHORT, LONG), (LONG, SHORT)):
-            w, h = (
-                min(max(1, math.ceil(side)), most)
-                for side, most in zip(self._in_cells(shape), self._cells, strict=True)
-            )
+        for w, h in self._shapes:
             total = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
             share = np.round(total / (w * h), 6)
             if share.max() > best:
@@ -120,6 +117,17 @@ class NewPlaces:
         (x0, y0), (x1, y1) = ((box[:2] + sign * box[2:] / 2) * scale for sign in (-1, 1))
         inside = self.plane[max(0, int(y0)) : max(0, math.ceil(y1)), max(0, int(x0)) : max(0, math.ceil(x1))]
         return float(inside.max(initial=0))
+
+    def _rectangles(self) -> list[tuple[int, int]]:
+        """(width, height) in cells of an upright rectangle and of a lying one. Equal parts of the frame's side, with
+        the margin, so that no remainder of a strip is too small to be searched."""
+        (wide, high), (thin, low), near = self._cells, self._in_cells((SHORT, SHORT)), self._in_cells((MARGIN, MARGIN))
+        most = self._in_cells((LONG, LONG))
+        across, down = (
+            min(side, math.ceil(side / max(1, math.ceil((side - edge) / (part - edge))) + edge))
+            for side, edge, part in zip(self._cells, near, most, strict=True)
+        )
+        return [(min(math.ceil(thin), wide), down), (across, min(math.ceil(low), high))]
 
     def _in_cells(self, sides: tuple[float, float]) -> tuple[float, float]:
         """Sides in widths of the smallest face, in cells."""
