@@ -49,15 +49,17 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
         return labels
     widest_px = min(widest_px, (_UNDIVIDED - 1) // _LONGEST_CHAIN)
     shortest = min(round(_SHORTEST_PIECE * widest_px), _UNDIVIDED)
-    out, lengths = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
-    _divide_rows(labels, means, widest_px, out, lengths)
-    _undo_short_pieces(lengths, shortest)
+    across, widths = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
+    _divide_rows(labels, means, widest_px, across, widths)
+    _undo_short_pieces(widths, shortest)
     down, heights = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
     _divide_columns(labels, means, widest_px, down, heights)
     turned = np.asarray(cv2.transpose(heights), np.uint8)
     _undo_short_pieces(turned, shortest)
-    _merge(labels, down, np.asarray(cv2.transpose(turned), np.uint8), out, lengths)
-    _remove_ticks(out, lengths)
+    heights = np.asarray(cv2.transpose(turned), np.uint8)
+    out = labels.copy()
+    _take_shorter(across, widths, down, heights, out)
+    _remove_ticks(out, np.minimum(widths, heights))
     return out
 
 
@@ -69,68 +71,62 @@ def _undo_short_pieces(lengths: Lengths, shortest: int) -> None:
     """
     height, width = lengths.shape
     above = np.zeros((height, width), np.uint8)  # adjacent divided rows down to this one
-    below = np.zeros((3, width), np.uint8)  # the same from the other side: rows y, y + 1 and y + 2 by y % 3
+    below = np.zeros((height, width), np.uint8)  # the same from the other side
     divided, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
+    runs, ends = np.empty((height * (width // 2 + 1), 2), np.int32), np.empty(height + 1, np.int32)
+    count = 0
     for y in range(height):
-        count = _divided_positions(lengths[y], divided, places)
-        _count_rows(places[:count], above[max(y - 1, 0)], above[max(y - 2, 0)], above[y])
+        ends[y] = count
+        for x in range(width):  # this vectorises
+            divided[x] = lengths[y, x] != _UNDIVIDED
+        used = nonzero_positions(divided, places)
+        for k in range(used):
+            if k == 0 or places[k] != places[k - 1] + 1:
+                runs[count, 0] = places[k]
+                count += 1
+            runs[count - 1, 1] = places[k] + 1
+        _count_rows(runs[ends[y] : count], above[max(y - 1, 0)], above[max(y - 2, 0)], above[y])
+    ends[height] = count
     for y in range(height - 1, -1, -1):
-        row = below[y % 3]
-        row[:] = 0
-        count = _divided_positions(lengths[y], divided, places)
-        _count_rows(places[:count], below[(y + 1) % 3], below[(y + 2) % 3], row)
-        for x in places[:count]:
-            if np.int32(above[y, x]) + np.int32(row[x]) - 1 < shortest:
-                lengths[y, x] = _UNDIVIDED
-
-
-@kernel
-def _divided_positions(lengths: Lengths, divided: NDArray[np.uint8], places: NDArray[np.int32]) -> int:
-    for x in range(lengths.size):  # this vectorises
-        divided[x] = lengths[x] != _UNDIVIDED
-    return int(nonzero_positions(divided, places))
+        row = runs[ends[y] : ends[y + 1]]
+        _count_rows(row, below[min(y + 1, height - 1)], below[min(y + 2, height - 1)], below[y])
+        for k in range(len(row)):
+            start, stop = row[k]
+            if np.int32(above[y, start]) + np.int32(below[y, start]) - 1 < shortest:
+                lengths[y, start:stop] = _UNDIVIDED
 
 
 @kernel
 def _count_rows(
-    places: NDArray[np.int32], near: NDArray[np.uint8], far: NDArray[np.uint8], out: NDArray[np.uint8]
+    runs: NDArray[np.int32], near: NDArray[np.uint8], far: NDArray[np.uint8], out: NDArray[np.uint8]
 ) -> None:
-    """For each run of adjacent `places` of a row, write the number of adjacent rows up to this one to `out`.
+    """For each run [start, stop) of divided pixels of a row, write the number of adjacent rows up to it to `out`.
 
     `near` and `far`: those numbers for the row before and for the row before that; 0 where nothing is divided.
     """
-    k = 0
-    while k < places.size:
-        first = k
-        while k + 1 < places.size and places[k + 1] == places[k] + 1:
-            k += 1
-        left, right = max(places[first] - 1, 0), min(places[k] + 1, out.size - 1)
-        most = np.uint8(0)
-        for x in range(left, right + 1):
-            most = max(most, near[x])
+    for k in range(len(runs)):
+        start, stop = runs[k]
+        left, right = max(start - 1, 0), min(stop + 1, out.size)
+        most = 0
+        for x in range(left, right):
+            most = max(most, int(near[x]))
         if most == 0:
-            for x in range(left, right + 1):
-                most = max(most, far[x])
-        out[places[first] : places[k] + 1] = np.uint8(min(np.int32(most) + 1, 254))
-        k += 1
+            for x in range(left, right):
+                most = max(most, int(far[x]))
+        out[start:stop] = np.uint8(min(most + 1, 254))
 
 
 @kernel
-def _merge(labels: Labels, down: Labels, heights: Lengths, out: Labels, lengths: Lengths) -> None:
-    """Take the shorter one of a pixel's row and column; a pixel that neither divides keeps its label.
-
-    Args:
-        down, heights: the divided columns and their lengths.
-        out, lengths: the divided rows; overwritten with the result.
-    """
-    height, width = labels.shape
+def _take_shorter(across: Labels, widths: Lengths, down: Labels, heights: Lengths, out: Labels) -> None:
+    """Write the divided rows, `across`, and columns, `down`, to `out`; where both divide a pixel, the shorter one."""
+    height, width = out.shape
+    divided, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
     for y in range(height):
-        own, column, row = labels[y], down[y], out[y]
-        length, other = lengths[y], heights[y]
+        row, column = widths[y], heights[y]
         for x in range(width):  # this vectorises
-            divided = row[x] if length[x] != _UNDIVIDED else own[x]
-            row[x] = column[x] if other[x] < length[x] else divided
-            length[x] = min(length[x], other[x])
+            divided[x] = min(row[x], column[x]) != _UNDIVIDED
+        for x in places[: nonzero_positions(divided, places)]:
+            out[y, x] = down[y, x] if column[x] < row[x] else across[y, x]
 
 
 @kernel
