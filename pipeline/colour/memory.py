@@ -13,6 +13,8 @@ from pipeline.nonzero import nonzero_positions
 
 MOVING_SHARE = 115
 """Weight of the past at moving borders relative to that elsewhere, in 1/128."""
+SPEED_STEPS = 8
+"""Steps of a border's speed per px a frame."""
 REACH_PX = 2
 """Radius of the neighbourhood whose colours count as nearby."""
 NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
@@ -62,20 +64,27 @@ def blend_colours(
 
 
 def moving_borders(labels: Labels, flow: Flow) -> NDArray[np.uint8]:
-    """Mask of moving region borders: uint8 (h, w), non-zero on and next to borders where the flow is not 0."""
-    mask = border_mask(labels)
-    _keep_moving(mask, flow)
-    return mask
+    """Speed of region borders, uint8 (h, w), px a frame times `SPEED_STEPS`: 1..255 on and next to borders where the
+    flow, float32 (h, w, 2), px, is not 0; 0 elsewhere."""
+    speeds = border_mask(labels)
+    _measure_speeds(flow, speeds)
+    return speeds
 
 
 @kernel
-def _keep_moving(mask: NDArray[np.uint8], flow: Flow) -> None:
-    height, width = mask.shape
+def _measure_speeds(flow: Flow, speeds: NDArray[np.uint8]) -> None:
+    """Replace all values that are not 0."""
+    height, width = speeds.shape
     places = np.empty(width, np.int32)
     for y in range(height):
-        for x in places[: nonzero_positions(mask[y], places)]:
-            if flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
-                mask[y, x] = 0
+        for x in places[: nonzero_positions(speeds[y], places)]:
+            dx, dy = flow[y, x, 0], flow[y, x, 1]
+            square = dx * dx + dy * dy
+            if square > 0:
+                speed = np.float32(SPEED_STEPS) * np.sqrt(square)
+                speeds[y, x] = np.uint8(min(max(speed, np.float32(1)), np.float32(255)))
+            else:
+                speeds[y, x] = 0
 
 
 @kernel

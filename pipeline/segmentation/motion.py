@@ -114,8 +114,17 @@ def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
     """Rows and columns of blocks next to each other in which something moves; the whole frame if most of it moves."""
     height, width = flow.shape[:2]
     blocks = _moving_blocks(flow)
-    if blocks.mean() > MOST:
-        return [_everything(flow)]
+    return [_everything(flow)] if blocks.mean() > MOST else block_spans(blocks, (width, height))
+
+
+def block_spans(blocks: NDArray[np.int8], size: tuple[int, int]) -> list[tuple[slice, slice]]:
+    """Rows and columns, px, of marked blocks of `BLOCK_PX` next to each other, one row of blocks after the other.
+
+    Args:
+        blocks: int8 (rows, columns), 1 for a marked block, else 0.
+        size: (width, height) of the frame, px; the last blocks are cut off there.
+    """
+    width, height = size
     bordered = np.pad(blocks, ((0, 0), (1, 1)))
     rows, columns = np.nonzero(bordered[:, 1:] != bordered[:, :-1])  # of each row, where its spans begin and end
     return [
@@ -131,7 +140,8 @@ def _everything(flow: Flow) -> tuple[slice, slice]:
     return slice(0, flow.shape[0]), slice(0, flow.shape[1])
 
 
-def _scaled(span: slice, scale: float) -> slice:
+def scaled_span(span: slice, scale: float) -> slice:
+    """A span on a grid of `scale` times as many pixels."""
     return slice(round(scale * span.start), round(scale * span.stop))
 
 
@@ -183,7 +193,7 @@ def warp_enlarged(image: NDArray[np.uint8], flow: Flow) -> NDArray[np.uint8]:
     out = np.empty_like(image) if spans == [_everything(flow)] else image.copy()
     memory = np.empty((WARPED_ROWS * width, 2), np.float32)
     for rows, columns in spans:
-        rows, columns = _scaled(rows, down), _scaled(columns, across)
+        rows, columns = scaled_span(rows, down), scaled_span(columns, across)
         at_once = WARPED_ROWS * width // (columns.stop - columns.start)
         for top in range(rows.start, rows.stop, at_once):
             band = out[top : min(top + at_once, rows.stop), columns]

@@ -4,12 +4,15 @@ An edge in a video is several pixels wide, and its pixels are mixtures of the co
 thin regions of them, so that an edge is drawn as a staircase of two or three small steps. Here each row and each column
 of such a region is divided between its two neighbours, in proportion to the mixture: the border then lies where a sharp
 edge of the same mean colour would lie. Thin regions of a colour that is no mixture, such as a lip or a wire, are kept.
+So are rows or columns that are divided along a short piece of an edge only: with undivided ones above and below, they
+would be teeth, which change from frame to frame.
 
 Departure: this is not part of zhang2011online, whose frames have 352 x 288 px.
 """
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +27,13 @@ _LEAST_SHARE = np.float32(0.06)
 """A mixture has at least this share of either colour; otherwise the region is one of the two itself."""
 _LARGEST_DEVIATION = np.float32(0.3)
 """Largest distance of a mixture from the straight line between the two colours, relative to their distance."""
+_SHORTEST_PIECE = 4.5
+"""Smallest number of adjacent rows or columns that are divided, relative to the largest extent of a thin region."""
+_UNDIVIDED = 255
+"""Length of a pixel that is not divided."""
+
+Lengths = NDArray[np.uint8]
+"""uint8 (h, w): extent of the adjacent thin regions that were divided at a pixel, px, or `_UNDIVIDED`."""
 
 
 def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
@@ -37,16 +47,90 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
     """
     if widest_px <= 0:
         return labels
-    out, lengths = labels.copy(), np.full(labels.shape, 255, np.uint8)
-    widest_px = min(widest_px, 254 // _LONGEST_CHAIN)
-    _divide_rows(labels, means, widest_px, out, lengths)
-    _divide_columns(labels, means, widest_px, out, lengths)
-    _remove_ticks(out, lengths)
+    widest_px = min(widest_px, (_UNDIVIDED - 1) // _LONGEST_CHAIN)
+    shortest = min(round(_SHORTEST_PIECE * widest_px), _UNDIVIDED)
+    across, widths = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
+    _divide_rows(labels, means, widest_px, across, widths)
+    _undo_short_pieces(widths, shortest)
+    down, heights = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
+    _divide_columns(labels, means, widest_px, down, heights)
+    turned = np.asarray(cv2.transpose(heights), np.uint8)
+    _undo_short_pieces(turned, shortest)
+    heights = np.asarray(cv2.transpose(turned), np.uint8)
+    out = labels.copy()
+    _take_shorter(across, widths, down, heights, out)
+    _remove_ticks(out, np.minimum(widths, heights))
     return out
 
 
 @kernel
-def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
+def _undo_short_pieces(lengths: Lengths, shortest: int) -> None:
+    """Mark divided pixels as undivided where fewer than `shortest` adjacent rows are divided, in place.
+
+    Rows are adjacent where their divided pixels touch, also diagonally, or where a single row lies between them.
+    """
+    height, width = lengths.shape
+    above = np.zeros((height, width), np.uint8)  # adjacent divided rows down to this one
+    below = np.zeros((height, width), np.uint8)  # the same from the other side
+    divided, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
+    runs, ends = np.empty((height * (width // 2 + 1), 2), np.int32), np.empty(height + 1, np.int32)
+    count = 0
+    for y in range(height):
+        ends[y] = count
+        for x in range(width):  # this vectorises
+            divided[x] = lengths[y, x] != _UNDIVIDED
+        used = nonzero_positions(divided, places)
+        for k in range(used):
+            if k == 0 or places[k] != places[k - 1] + 1:
+                runs[count, 0] = places[k]
+                count += 1
+            runs[count - 1, 1] = places[k] + 1
+        _count_rows(runs[ends[y] : count], above[max(y - 1, 0)], above[max(y - 2, 0)], above[y])
+    ends[height] = count
+    for y in range(height - 1, -1, -1):
+        row = runs[ends[y] : ends[y + 1]]
+        _count_rows(row, below[min(y + 1, height - 1)], below[min(y + 2, height - 1)], below[y])
+        for k in range(len(row)):
+            start, stop = row[k]
+            if np.int32(above[y, start]) + np.int32(below[y, start]) - 1 < shortest:
+                lengths[y, start:stop] = _UNDIVIDED
+
+
+@kernel
+def _count_rows(
+    runs: NDArray[np.int32], near: NDArray[np.uint8], far: NDArray[np.uint8], out: NDArray[np.uint8]
+) -> None:
+    """For each run [start, stop) of divided pixels of a row, write the number of adjacent rows up to it to `out`.
+
+    `near` and `far`: those numbers for the row before and for the row before that; 0 where nothing is divided.
+    """
+    for k in range(len(runs)):
+        start, stop = runs[k]
+        left, right = max(start - 1, 0), min(stop + 1, out.size)
+        most = 0
+        for x in range(left, right):
+            most = max(most, int(near[x]))
+        if most == 0:
+            for x in range(left, right):
+                most = max(most, int(far[x]))
+        out[start:stop] = np.uint8(min(most + 1, 254))
+
+
+@kernel
+def _take_shorter(across: Labels, widths: Lengths, down: Labels, heights: Lengths, out: Labels) -> None:
+    """Write the divided rows, `across`, and columns, `down`, to `out`; where both divide a pixel, the shorter one."""
+    height, width = out.shape
+    divided, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
+    for y in range(height):
+        row, column = widths[y], heights[y]
+        for x in range(width):  # this vectorises
+            divided[x] = min(row[x], column[x]) != _UNDIVIDED
+        for x in places[: nonzero_positions(divided, places)]:
+            out[y, x] = down[y, x] if column[x] < row[x] else across[y, x]
+
+
+@kernel
+def _remove_ticks(out: Labels, lengths: Lengths) -> None:
     """Undivided pixels between two divided ones of the same label take that label. Otherwise a row or column whose
     colour is not quite a mixture would protrude from the border."""
     height, width = out.shape
@@ -55,11 +139,11 @@ def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
         row, above, below = out[y], out[y - 1], out[y + 1]
         here, over, under = lengths[y], lengths[y - 1], lengths[y + 1]
         for x in range(1, width - 1):  # this vectorises
-            inside = (max(here[x - 1], here[x + 1]) < 255) | (max(over[x], under[x]) < 255)
-            between[x] = np.uint8((here[x] == 255) & inside)
+            inside = (max(here[x - 1], here[x + 1]) < _UNDIVIDED) | (max(over[x], under[x]) < _UNDIVIDED)
+            between[x] = np.uint8((here[x] == _UNDIVIDED) & inside)
         for x in places[: nonzero_positions(between, places)]:
-            across = max(lengths[y, x - 1], lengths[y, x + 1]) < 255 and row[x - 1] == row[x + 1]
-            along = max(lengths[y - 1, x], lengths[y + 1, x]) < 255 and above[x] == below[x]
+            across = max(lengths[y, x - 1], lengths[y, x + 1]) < _UNDIVIDED and row[x - 1] == row[x + 1]
+            along = max(lengths[y - 1, x], lengths[y + 1, x]) < _UNDIVIDED and above[x] == below[x]
             if across:
                 row[x] = row[x - 1]
             elif along:
@@ -67,7 +151,7 @@ def _remove_ticks(out: Labels, lengths: NDArray[np.uint8]) -> None:
 
 
 @kernel
-def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths: NDArray[np.uint8]) -> None:
+def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths: Lengths) -> None:
     """Divide the thin regions of each row; `lengths` receives the total extent of adjacent divided regions."""
     height, width = labels.shape
     changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
@@ -89,7 +173,7 @@ def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths
 
 
 @kernel
-def _divide_columns(labels: Labels, means: Means, widest: int, out: Labels, lengths: NDArray[np.uint8]) -> None:
+def _divide_columns(labels: Labels, means: Means, widest: int, out: Labels, lengths: Lengths) -> None:
     """Divide the columns, like `_divide_rows`. All columns are processed together, from top to bottom."""
     height, width = labels.shape
     changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
@@ -112,7 +196,7 @@ def _divide_columns(labels: Labels, means: Means, widest: int, out: Labels, leng
 @kernel
 def _divide_chain(
     line: NDArray[np.int32], begin: int, end: int, means: Means, widest: int, out: NDArray[np.int32],
-    lengths: NDArray[np.uint8],
+    lengths: Lengths,
 ) -> None:  # fmt: skip
     """Divide the thin regions of pixels [begin, end) of a line, unless their total extent is too large."""
     if end - begin <= _LONGEST_CHAIN * widest:
@@ -121,7 +205,7 @@ def _divide_chain(
 
 @kernel
 def _divide(
-    line: NDArray[np.int32], begin: int, end: int, means: Means, out: NDArray[np.int32], lengths: NDArray[np.uint8]
+    line: NDArray[np.int32], begin: int, end: int, means: Means, out: NDArray[np.int32], lengths: Lengths
 ) -> None:
     """Divide pixels [begin, end) of a line between the regions beside them, unless one is no mixture of these.
 

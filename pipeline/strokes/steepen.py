@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.jit import kernel
+from pipeline.nonzero import nonzero_positions
 
 Light = NDArray[np.uint8]
 
@@ -52,16 +53,19 @@ def _range(light: Light) -> tuple[Light, Light]:
 def _toggle(picture: Frame, light: Light, most: Light, least: Light, out: Frame, out_light: Light) -> None:
     """One step. `out` and `out_light` are copies of `picture` and `light`: only pixels that change are written."""
     height, width = light.shape
+    changes, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
     for y in range(height):
-        for x in range(width):
-            if np.int32(most[y, x]) - least[y, x] < LEAST_STEP:
-                continue
-            up, down = np.int32(most[y, x]) - light[y, x], np.int32(light[y, x]) - least[y, x]
-            if up > 0 and down > 0 and up != down:
-                row, column = _neighbour(light, y, x, most[y, x] if up < down else least[y, x])
-                out_light[y, x] = light[row, column]
-                for c in range(3):
-                    out[y, x, c] = picture[row, column, c]
+        here, high, low = light[y], most[y], least[y]
+        for x in range(width):  # this vectorises
+            up, down = np.uint8(high[x] - here[x]), np.uint8(here[x] - low[x])
+            between = (up > 0) & (down > 0) & (up != down)
+            changes[x] = np.uint8(between & (np.uint8(high[x] - low[x]) >= LEAST_STEP))
+        for x in places[: nonzero_positions(changes, places)]:
+            nearer = high[x] if high[x] - here[x] < here[x] - low[x] else low[x]
+            row, column = _neighbour(light, y, x, nearer)
+            out_light[y, x] = light[row, column]
+            for c in range(3):
+                out[y, x, c] = picture[row, column, c]
 
 
 @kernel
@@ -71,10 +75,12 @@ def _anti_alias(sharp: Frame, light: Light, most: Light, least: Light, smooth: L
     written."""
     height, width = light.shape
     half = np.float32(0.5)
+    steps, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
     for y in range(height):
-        for x in range(width):
-            if np.int32(most[y, x]) - least[y, x] < LEAST_STEP:
-                continue
+        high_row, low_row = most[y], least[y]
+        for x in range(width):  # this vectorises
+            steps[x] = np.uint8(np.uint8(high_row[x] - low_row[x]) >= LEAST_STEP)
+        for x in places[: nonzero_positions(steps, places)]:
             low, span = np.float32(least[y, x]), np.float32(most[y, x]) - np.float32(least[y, x])
             right, left = np.float32(smooth[y, min(x + 1, width - 1)]), np.float32(smooth[y, max(x - 1, 0)])
             below, above = np.float32(smooth[min(y + 1, height - 1), x]), np.float32(smooth[max(y - 1, 0), x])

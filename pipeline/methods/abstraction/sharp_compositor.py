@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from pipeline.background import Background
+from pipeline.colour.fast_borders import steepen_fast_borders
 from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
 from pipeline.frames import Flow, Frame, Labels
@@ -108,4 +109,5 @@ class SharpCompositor(Compositor):
         past = self._past.result()
         moving = moving_borders(labels, analysis.flow)
         blend_colours(picture, past, analysis.residual, weights, moving, self.background)
+        steepen_fast_borders(past, moving)
         return past

@@ -16,7 +16,7 @@ def means_of(*colours: tuple[int, int, int]) -> NDArray[np.float32]:
     return np.array([(0, 0, 0), *colours], np.float32)
 
 
-def stripes(*widths: int, height: int = 20) -> Labels:
+def stripes(*widths: int, height: int = 40) -> Labels:
     """Vertical stripes of these widths, labelled from 1."""
     row = np.repeat(np.arange(1, len(widths) + 1), widths)
     return np.tile(row, (height, 1)).astype(np.int32)
@@ -30,7 +30,7 @@ def test_a_mixture_is_divided_in_proportion(share: float, border: int, transpose
     labels = stripes(10, 4, 16)
     out = divide_ramps(labels.T.copy() if transposed else labels, means_of(DARK, mixture, LIGHT), 5)
     expected = np.where(np.arange(30) < border, 1, 3)
-    np.testing.assert_array_equal(out.T if transposed else out, np.tile(expected, (20, 1)))
+    np.testing.assert_array_equal(out.T if transposed else out, np.tile(expected, (40, 1)))
 
 
 def test_an_edge_of_two_mixtures_becomes_one_border() -> None:
@@ -82,3 +82,15 @@ def test_a_row_that_is_no_mixture_leaves_no_tick() -> None:
     out = divide_ramps(labels, means_of(DARK, (130, 128, 128), LIGHT, RED), 5)
     assert set(np.unique(out)) == {1, 3}
     np.testing.assert_array_equal(out[9], out[8])
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_a_short_piece_of_an_edge_is_not_divided(transposed: bool) -> None:
+    """Rows 5 to 26 have a mixture of the colours beside it, the others another colour: 22 rows make a border, 21 a
+    tooth."""
+    means = means_of(DARK, (130, 128, 128), LIGHT, RED)
+    for rows, wanted in ((22, {1, 3}), (21, {1, 2, 3})):
+        labels = stripes(10, 4, 16)
+        labels[:5, 10:14] = labels[5 + rows :, 10:14] = 4
+        out = divide_ramps(labels.T.copy() if transposed else labels, means, 5)
+        assert set(np.unique((out.T if transposed else out)[5 : 5 + rows])) == wanted
