@@ -23,7 +23,7 @@ from pipeline.flow.gray import Gray
 from pipeline.frames import Flow, Plane
 from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.segmentation.motion import median_motion
-from pipeline.segmentation.new_places import LARGEST, MOST_RECTANGLES, NewPlaces
+from pipeline.segmentation.new_places import LARGEST, NewPlaces
 
 FACE = np.dtype([
     ("box", np.float64, (4,)), ("detected", np.float64, (4,)), ("strength", np.float64),
@@ -86,7 +86,6 @@ class FaceTracker:
         self._pieces = pieces(size, least, max(_CYCLE_FRAMES, round(1.6 * windows / _PIECE_WINDOWS)))
         self._first = pose_pieces(size, "frontal", least)
         self._least, self._new = least, NewPlaces(size, least)
-        self._new_due = False
         self.faces: Faces = NO_FACES
 
     def step(self, gray: Gray, flow: Flow | None, age: int) -> None:
@@ -105,7 +104,6 @@ class FaceTracker:
             self.faces["box"][:, :2] += shifts
             self.faces["detected"][:, :2] += shifts
             self._new.move(flow)
-        self._new_due = age > 0
         self.faces["unchecked"] += 1
         self._smooth()
 
@@ -120,7 +118,8 @@ class FaceTracker:
         self._new.clear()
 
     def search(self, gray: Gray, age: int) -> None:
-        """Search the next piece of the frame, and the surroundings of a known face, for later frames.
+        """Search the next piece of the frame, a place that is new in it, and the surroundings of known faces, for later
+        frames.
 
         Args:
             gray, age: as in the latest `step`. Call it once after each `step`.
@@ -128,9 +127,7 @@ class FaceTracker:
         if self._pieces:
             piece = self._pieces[age % len(self._pieces)]
             self._add(gray, self._finder.candidates(gray, piece)[:_MOST_CANDIDATES], piece.pose, strength=0.0)
-        if self._new_due:
-            self._new_due = False
-            self._search_new(gray)
+        self._search_new(gray)
         self._recheck_due(gray, age)
 
     def _recheck_due(self, gray: Gray, age: int) -> None:
@@ -147,14 +144,13 @@ class FaceTracker:
             budget -= width
 
     def _search_new(self, gray: Gray) -> None:
-        """Search places that have come into view. Their faces are as strong as the place is new."""
-        for _ in range(MOST_RECTANGLES):
-            where = self._new.next_rectangle()
-            if where is None:
-                return
-            for candidate in self._finder.candidates_in(gray, where, self._least, round(LARGEST * self._least)):
-                self._add(gray, candidate[None], "frontal", self._new.newness(candidate))
-            self._new.searched(where)
+        """Search a place that has come into view. Its faces are as strong as the place is new."""
+        where = self._new.next_rectangle()
+        if where is None:
+            return
+        for candidate in self._finder.candidates_in(gray, where, self._least, round(LARGEST * self._least)):
+            self._add(gray, candidate[None], "frontal", self._new.newness(candidate))
+        self._new.searched(where)
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""

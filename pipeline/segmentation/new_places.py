@@ -28,8 +28,6 @@ MARGIN = 1.5
 """Faces of which a part may be outside the rectangle are this near its border, in widths of the smallest face."""
 LEAST_SHARE = 0.35
 """Share of new cells from which on a rectangle is searched: a strip that is wider than the smallest face."""
-MOST_RECTANGLES = 1
-"""Rectangles of a frame that are searched at most."""
 MOVING_SHARE, MOVING = 1 / 40, 0.004
 """Share by which a cell becomes new again in a frame if it moves relative to the camera at `MOVING` frame diagonals a
 frame or more: a person who turns around."""

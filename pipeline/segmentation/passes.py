@@ -33,9 +33,6 @@ FIRST_GROWTH = 0.5
 """Fraction of the growing limit that applies until all details have been found."""
 SPECK_PX = 4
 """Regions with fewer pixels are merged at any frame size."""
-SMALL_FACE_LIMIT, SMALL_FACE_SPECK = 0.19, 0.05
-"""Mean growing limit, as a share of the one at importance 0.2, below which a region belongs to a small face (importance
-above 1), and its least area relative to that at importance 0: an eye of a face 25 px wide has 15 px."""
 
 
 @kernel
@@ -125,7 +122,7 @@ def finalize_regions(
     specks = np.empty(count, np.int32)
     for label in range(count):
         strict = sums[label, LIMIT] / max(sums[label, AREA], 1) / growing_limit  # 1.2 - importance
-        specks[label] = max(float(SPECK_PX), smallest * min(max(strict - 0.2, 0.2 if strict > 0.19 else 0.05), 1.0))
+        specks[label] = max(float(SPECK_PX), smallest * min(max(strict - 0.2, 0.2), 1.0))
     table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, first_new, np.float32(similar))
     sums, names, old = merge(sums, table)
     arrived = relabel(labels, names[table], propagated, names, sums.shape[0] - 1)

@@ -36,8 +36,6 @@ FACE_BLUR, LEAST_FACE_BLUR_PX = 0.018, 0.4
 """Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
 FACE_PRESENT = 0.6
 """Weight of the present in small faces after denoising: the flow is not exact enough for an eye of 4 px."""
-FACE_REGIONS = 0.1
-"""Importance above 1 in small faces: regions of half the tolerance, and eyes that are larger than a few pixels."""
 DENOISE_TOLERANCE = 6.0
 """Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
 
@@ -145,10 +143,7 @@ class FrameAnalyzer:
     ) -> Plane:  # fmt: skip
         with self.clock("importance"):
             coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
-            found = self.importance.step_coarse(gray, coarse, fresh, mask, colours=small)
-            for face in self.importance.small_faces(self.importance.map_size):
-                found[face.box] += np.float32(FACE_REGIONS) * face.weight
-            return found
+            return self.importance.step_coarse(gray, coarse, fresh, mask, colours=small)
 
     def finish_frame(self) -> None:
         """Work that only later frames need (a part of the face search): runs when the frame has been delivered."""

@@ -32,16 +32,6 @@ FACE_LENGTH = 0.2
 RIM = np.ones((3, 3), np.uint8)
 
 
-def _more(importance: Plane, faces: Sequence[FaceCrop]) -> Plane:
-    """The importance for the selection of strokes."""
-    if not faces:
-        return importance
-    out = importance.copy()
-    for face in faces:
-        out[face.box] += np.float32(FACE_LENGTH) * face.weight
-    return out
-
-
 class Past(NamedTuple):
     """Relation of a frame to the previous one.
 
@@ -85,7 +75,7 @@ class LineExtractor:
         past = self._shrunk(past)
         response = self._finer(self._respond(small, weight, past), small, faces)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
-        keep = keep_strokes(ink, self._previous_ink(past), _more(weight, faces), self.limits)
+        keep = keep_strokes(ink, self._previous_ink(past), self._for_strokes(weight, faces), self.limits)
         # One pixel more on each side keeps the soft rim of a stroke.
         drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
         self.last = drawn
@@ -121,6 +111,16 @@ class LineExtractor:
             own = response[face.box]
             own += face.weight * (np.float32(FACE_LINE_GAIN) * fine - own)
         return response
+
+    @staticmethod
+    def _for_strokes(importance: Plane, faces: Sequence[FaceCrop]) -> Plane:
+        """The importance by which strokes are selected: small faces keep short strokes."""
+        if not faces:
+            return importance
+        out = importance.copy()
+        for face in faces:
+            out[face.box] += np.float32(FACE_LENGTH) * face.weight
+        return out
 
     def state(self) -> State:
         own = {} if self.last is None else {"ink": self.last}

@@ -14,7 +14,7 @@ from pipeline.frames import Plane
 from pipeline.lines.coherent import Ink, keep_strokes
 from pipeline.lines.coverage import PastMotion, blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import soft_threshold
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Past, _more
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes
 from pipeline.segmentation.faces import FaceCrop
@@ -63,7 +63,7 @@ class SharpLineExtractor(LineExtractor):
             response = blend_response(response, self.response, motion)
         self.response = response
         ink = soft_threshold(response, weight, params.line_threshold, params.line_sharpness)
-        keep = keep_strokes(ink, self._previous_ink(past), _more(weight, faces), self.limits)
+        keep = keep_strokes(ink, self._previous_ink(past), self._for_strokes(weight, faces), self.limits)
         self.last = np.asarray(cv2.bitwise_and(ink, keep), np.uint8)
         self.opacity = self._opacity(self.last, motion)
         field = line_field(response, weight, params.line_threshold, self.margin, max(1, round(2 * self.sigma_px)))
