@@ -1,4 +1,4 @@
-"""Places of the scene in which no face has been searched yet: what a camera motion brings into view, and what moves.
+"""Places of the scene in which no face has been searched yet: what a camera motion brings into view.
 
 A search of a whole frame is spread over many frames, in which faces of a crowd that the camera pans over have left the
 frame again. A map of what has not been searched moves with the flow, so that a rectangle there is searched first.
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Plane
-from pipeline.segmentation.motion import median_motion
 
-MAP_SIDE = 96
+MAP_SIDE = 64
 """Cells of the map on its longer side."""
 SHORT, LONG = 4.0, 10.0
 """Sides of a searched rectangle, in widths of the smallest face."""
@@ -26,11 +25,8 @@ LARGEST = 2.5
 """Width of the largest face that is searched there, relative to the smallest: larger ones are soon found without."""
 MARGIN = 1.5
 """Faces of which a part may be outside the rectangle are this near its border, in widths of the smallest face."""
-LEAST_SHARE = 0.35
+LEAST_SHARE = 0.5
 """Share of new cells from which on a rectangle is searched: a strip that is wider than the smallest face."""
-MOVING_SHARE, MOVING = 1 / 40, 0.004
-"""Share by which a cell becomes new again in a frame if it moves relative to the camera at `MOVING` frame diagonals a
-frame or more: a person who turns around."""
 
 
 class Rectangle(NamedTuple):
@@ -78,12 +74,10 @@ class NewPlaces:
         Args:
             flow: from the previous frame to this one, px of the frame, on a grid of any size.
         """
-        coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_AREA), np.float32)
-        apart = np.hypot(*np.moveaxis(coarse - median_motion(coarse), -1, 0))
-        turned = MOVING_SHARE * np.clip(apart / (MOVING * math.hypot(*self._size)), 0, 1)
+        coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_LINEAR), np.float32)
         x, y = positions(-coarse * np.divide(self._cells, self._size).astype(np.float32))
-        come = cv2.remap(self.plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
-        self.plane = np.asarray(np.minimum(come + turned, 1), np.float32)
+        moved = cv2.remap(self.plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
+        self.plane = np.asarray(moved, np.float32)
 
     def next_rectangle(self) -> Rectangle | None:
         """The rectangle with the largest share of new cells; None if it is less than `LEAST_SHARE`."""

@@ -86,8 +86,9 @@ class FrameAnalyzer:
         planes = self._smooth(small)
         gray = planes[0]
         flow = self._flow(gray, fresh)
-        faces = self._track_faces(frame, flow, fresh)
-        importance = self.background(self._importance, small, gray, flow, fresh, mask)
+        coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
+        faces = self._track_faces(frame, coarse, fresh)
+        importance = self.background(self._importance, small, gray, coarse, fresh, mask)
         gray = gray.copy() if faces else gray  # motion is estimated from equally blurred frames
         fine = self._sharpen(small, planes, faces)
         back, planes, residual = self._denoise(planes, flow)
@@ -115,14 +116,14 @@ class FrameAnalyzer:
             return planes
 
     def _track_faces(self, frame: Frame, flow: Flow | None, fresh: bool) -> list[FaceCrop]:
-        """Move the faces to this frame; the small ones in the analysed frame."""
+        """Move the faces to this frame, along a flow at the size of the importance map; the small ones in the analysed
+        frame."""
         self._deferred.result()
         self._search_faces()  # still due from the previous frame
         with self.clock("importance"):
             # Small faces need the frame's own size, without the blur.
             sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-            coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
-            self.importance.track_faces(sharp, coarse, fresh)
+            self.importance.track_faces(sharp, flow, fresh)
         self._search_due = True
         return self.importance.small_faces(self.sizes.work)
 
@@ -142,8 +143,7 @@ class FrameAnalyzer:
         self, small: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
     ) -> Plane:  # fmt: skip
         with self.clock("importance"):
-            coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
-            return self.importance.step_coarse(gray, coarse, fresh, mask, colours=small)
+            return self.importance.step_coarse(gray, flow, fresh, mask, colours=small)
 
     def finish_frame(self) -> None:
         """Work that only later frames need (a part of the face search): runs when the frame has been delivered."""

@@ -35,16 +35,6 @@ def test_the_strip_that_a_pan_brings_into_view_is_searched_once() -> None:
     assert rows.mean() > 0.8
 
 
-def test_what_moves_against_the_camera_becomes_new_again() -> None:
-    places = NewPlaces(SIZE, 24)
-    flow = np.zeros((90, 160, 2), np.float32)
-    flow[20:70, 60:100] = (6, 0)
-    for _ in range(60):
-        places.move(flow)
-    where = places.next_rectangle()
-    assert where is not None and where.left < 80 * 4 < where.right
-
-
 def test_a_restored_map_is_the_same_and_another_size_is_resampled() -> None:
     places, same, other = NewPlaces(SIZE, 24), NewPlaces(SIZE, 24), NewPlaces((160, 90), 24)
     panned(places, 4, (-10, 3))

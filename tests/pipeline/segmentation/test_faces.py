@@ -1,0 +1,89 @@
+"""Tracked faces: those that a pan brings into view, their state, and the crops of small ones."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.scenes import scene
+from pipeline.segmentation.faces import FACE, FaceTracker, small_faces
+
+SIZE = (640, 240)
+SPEED_PX = 12
+
+
+@pytest.fixture(scope="module")
+def wide() -> NDArray[np.uint8]:
+    """A panorama, gray, whose only face is about 40 px wide and 200 px to the right of the first frame's border."""
+    made = scene("portrait", (320, 240), frames=1).image(0)
+    head = cv2.resize(cv2.cvtColor(made, cv2.COLOR_RGB2GRAY), (160, 120), interpolation=cv2.INTER_AREA)
+    out = np.full((SIZE[1], 1400), 110, np.uint8)
+    out[60:180, 800:960] = head
+    return out
+
+
+def view(wide: NDArray[np.uint8], index: int) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(wide[:, SPEED_PX * index : SPEED_PX * index + SIZE[0]])
+
+
+def panned(tracker: FaceTracker, wide: NDArray[np.uint8], start: int, stop: int) -> None:
+    flow = np.zeros((60, 160, 2), np.float32)
+    flow[..., 0] = -SPEED_PX
+    for index in range(start, stop):
+        tracker.step(view(wide, index), flow if index else None, index)
+        tracker.search(view(wide, index), index)
+
+
+def test_a_face_that_a_pan_brings_into_view_is_found_soon(wide: NDArray[np.uint8]) -> None:
+    tracker = FaceTracker(SIZE, 6.0)
+    panned(tracker, wide, 0, 14)
+    assert not len(tracker.faces), "the face is outside the frame"
+    entered = next(i for i in range(14, 60) if 960 - SPEED_PX * i <= SIZE[0])
+    panned(tracker, wide, 14, entered + 8)
+    assert len(tracker.faces) == 1
+    assert tracker.faces["strength"][0] > 0.8, "it counts at once: it was not in view before"
+
+
+def test_a_restored_tracker_continues_in_a_pan(wide: NDArray[np.uint8]) -> None:
+    whole, resumed = FaceTracker(SIZE, 6.0), FaceTracker(SIZE, 6.0)
+    panned(whole, wide, 0, 24)
+    state = whole.state()
+    assert state["unsearched"].any()
+    resumed.restore(state)
+    for tracker in (whole, resumed):
+        panned(tracker, wide, 24, 45)
+    assert len(whole.faces)
+    for name, array in whole.state().items():
+        np.testing.assert_array_equal(resumed.state()[name], array)
+
+
+def face(width_px: float) -> NDArray[np.void]:
+    box = (100.0, 60.0, width_px, width_px)
+    return np.array([(box, box, 1.0, 3.0, 0.0, 0.0, 0.0)], FACE)
+
+
+def test_small_faces_count_in_full_and_large_ones_not_at_all() -> None:
+    size = (200, 120)
+    weights = [max((crop.weight.max() for crop in small_faces(face(w), size, size)), default=0) for w in (30, 72, 120)]
+    assert weights[0] == 1
+    assert 0.3 < weights[1] < 0.7
+    assert weights[2] == 0
+
+
+def test_a_small_face_has_the_same_place_in_a_smaller_picture() -> None:
+    (whole,), (half,) = small_faces(face(30), (200, 120), (200, 120)), small_faces(face(30), (200, 120), (100, 60))
+    assert half.width_px == whole.width_px / 2
+    for side, other in zip(whole.box, half.box, strict=True):
+        assert abs(side.start - 2 * other.start) <= 2 and abs(side.stop - 2 * other.stop) <= 2
+
+
+def test_blending_changes_only_the_face() -> None:
+    (crop,) = small_faces(face(30), (200, 120), (200, 120))
+    plane = np.full((120, 200), 100, np.uint8)
+    crop.blend(plane, np.full(crop.weight.shape, 200, np.uint8))
+    assert plane[60, 100] == 200
+    outside = plane.copy()
+    outside[crop.box] = 100
+    assert (outside == 100).all()
