@@ -21,7 +21,13 @@ Light = NDArray[np.uint8]
 
 LEAST_STEP = 24
 """Range of lightness in 3x3 px below which a pixel keeps its colour, gray levels: noise and shading stay."""
-_SQUARE = np.ones((3, 3), np.uint8)
+WIDE_SHARE = 0.9
+"""Largest share of the steepened colours at the wide edges of a painting."""
+WIDE_RANGES = 0.6, 0.7
+"""Range of lightness in 3x3 px over that in 7x7 px up to which an edge is wide, and from which on it is not."""
+WIDE_CONTRAST = 64, 112
+"""Ranges of lightness in 7x7 px up to which no edge is steepened as a wide one, and from which on it is in full."""
+_SQUARE, _WIDE_SQUARE = np.ones((3, 3), np.uint8), np.ones((7, 7), np.uint8)
 
 
 def steepen(picture: Frame, steps: int) -> Frame:
@@ -44,9 +50,49 @@ def steepen(picture: Frame, steps: int) -> Frame:
     return out
 
 
-def _range(light: Light) -> tuple[Light, Light]:
-    """Largest and smallest lightness in 3x3 px: uint8 (h, w) each."""
-    return np.asarray(cv2.dilate(light, _SQUARE), np.uint8), np.asarray(cv2.erode(light, _SQUARE), np.uint8)
+def steepen_wide(colours: NDArray[np.float32], steps: int) -> None:
+    """Make the wide edges of a painting steeper, in place; narrow edges and texture keep their colours.
+
+    Args:
+        colours: float32 (h, w, 3 or more): red, green, blue, 0..255, and other channels, which are not read.
+        steps: as for `steepen`.
+    """
+    picture = np.empty((*colours.shape[:2], 3), np.uint8)
+    _rounded(colours, picture)
+    light = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
+    most, least = _range(light)
+    wide_most, wide_least = _range(light, _WIDE_SQUARE)
+    _mix_wide(colours, steepen(picture, steps), most - least, wide_most - wide_least)
+
+
+def _range(light: Light, square: NDArray[np.uint8] = _SQUARE) -> tuple[Light, Light]:
+    """Largest and smallest lightness in 3x3 px, or in another square: uint8 (h, w) each."""
+    return np.asarray(cv2.dilate(light, square), np.uint8), np.asarray(cv2.erode(light, square), np.uint8)
+
+
+@kernel
+def _rounded(colours: NDArray[np.float32], out: Frame) -> None:
+    height, width, channels = out.shape
+    for y in range(height):
+        for x in range(width):
+            for c in range(channels):
+                out[y, x, c] = np.uint8(min(max(colours[y, x, c], np.float32(0)), np.float32(255)) + np.float32(0.5))
+
+
+@kernel
+def _mix_wide(colours: NDArray[np.float32], steep: Frame, near: Light, wide: Light) -> None:
+    """Mix in the steepened colours. `near`, `wide`: range of lightness in 3x3 and in 7x7 px."""
+    height, width = near.shape
+    (narrowest, limit), (low, high) = WIDE_RANGES, WIDE_CONTRAST
+    for y in range(height):
+        for x in range(width):
+            ratio, contrast = np.float32(near[y, x]) / max(wide[y, x], 1), np.float32(wide[y, x])
+            if ratio >= limit or contrast <= low:
+                continue
+            share = np.float32(WIDE_SHARE) * min((limit - ratio) / (limit - narrowest), np.float32(1))
+            share *= min((contrast - low) / (high - low), np.float32(1))
+            for c in range(3):
+                colours[y, x, c] += np.float32(share) * (steep[y, x, c] - colours[y, x, c])
 
 
 @kernel

@@ -39,7 +39,7 @@ from pipeline.strokes.layers import (
 )
 from pipeline.strokes.raster import paint
 from pipeline.strokes.seeds import Seeds, place
-from pipeline.strokes.steepen import steepen
+from pipeline.strokes.steepen import steepen, steepen_wide
 from pipeline.strokes.trace import TraceRules, trace
 from pipeline.strokes.tracks import fade
 
@@ -51,6 +51,8 @@ FINEST_THRESHOLD = 1.5
 """Factor on the threshold of the finest layer, which is meant for small, salient details."""
 STEEPENING, MOST_STEPS = 2.0, 8
 """Steps of edge steepening per px of a frame 344 px high, see `steepen`, and the largest number of them."""
+PAINT_STEEPENING = 1.0
+"""Steps of steepening of the wide edges that strokes leave in a painting, per px of a frame 344 px high."""
 MIN_RADIUS = 0.8
 """Smallest stroke radius, px."""
 START_REACH = 0.25
@@ -175,6 +177,7 @@ class HertzmannPainter:
         if faces is not None:
             for width, group in faces.where(where[0]).groups(narrow_px(self.finest_px)):
                 self._paint_faces(canvas, picture, width, group, box, shape)
+        steepen_wide(canvas, min(round(PAINT_STEEPENING * self.unit), MOST_STEPS))
         return emboss(canvas)
 
     def _layer_picture(self, picture: Frame, base: Frame, brush: Brush, index: int, where: Mask) -> LayerPicture:

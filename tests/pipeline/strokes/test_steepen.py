@@ -5,9 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.strokes.steepen import LEAST_STEP, steepen
+from pipeline.strokes.steepen import LEAST_STEP, steepen, steepen_wide
 
 
 def blurred_edge(sigma_px: float) -> Frame:
@@ -44,3 +45,31 @@ def test_noise_and_shading_are_not_steepened() -> None:
 def test_no_steps_return_the_picture_itself() -> None:
     picture = blurred_edge(1.5)
     assert steepen(picture, 0) is picture
+
+
+def painting(sigma_px: float) -> NDArray[np.float32]:
+    """`blurred_edge` as a canvas of four channels, the last of which is paint height."""
+    colours = blurred_edge(sigma_px).astype(np.float32)
+    return np.ascontiguousarray(np.dstack([colours, np.full(colours.shape[:2], 0.3, np.float32)]))
+
+
+def ramp_px(canvas: NDArray[np.float32]) -> int:
+    share = (canvas[6, :, 1] - 10) / 190
+    return int(((share > 0.1) & (share < 0.9)).sum())
+
+
+def test_a_wide_edge_of_a_painting_becomes_narrower() -> None:
+    before, after = painting(2.0), painting(2.0)
+    steepen_wide(after, 2)
+    assert ramp_px(before) >= 5
+    assert ramp_px(after) <= ramp_px(before) - 2
+    assert (after[..., 3] == before[..., 3]).all(), "paint height is not a colour"
+
+
+def test_narrow_and_faint_edges_of_a_painting_keep_their_colours() -> None:
+    faint = painting(2.0)
+    faint[..., :3] = 100 + (faint[..., :3] - 100) * 0.1
+    for canvas in (painting(0.6), faint):
+        before = canvas.copy()
+        steepen_wide(canvas, 2)
+        np.testing.assert_array_equal(canvas, before)
