@@ -22,7 +22,7 @@ def test_nothing_is_new_while_nothing_moves() -> None:
 
 def test_the_strip_that_a_pan_brings_into_view_is_searched_once() -> None:
     places = NewPlaces(SIZE, 24)
-    panned(places, 5, (-12, 0))
+    panned(places, 7, (-12, 0))
     rows = np.zeros(SIZE[1], bool)
     for _ in range(8):
         where = places.next_rectangle()
