@@ -87,9 +87,9 @@ class FrameAnalyzer:
         gray = planes[0]
         flow = self._flow(gray, fresh)
         coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
-        faces = self._track_faces(frame, coarse, fresh)
-        importance = self.background(self._importance, small, gray, coarse, fresh, mask)
+        faces, line_faces = self.background(self._track_faces, frame, coarse, fresh).result()
         gray = gray.copy() if faces else gray  # motion is estimated from equally blurred frames
+        importance = self.background(self._importance, small, gray, coarse, fresh, mask)
         fine = self._sharpen(small, planes, faces)
         back, planes, residual = self._denoise(planes, flow)
         if residual is not None:
@@ -97,7 +97,6 @@ class FrameAnalyzer:
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         edge_map = self.background(self._edges, lightness, importance)
         past = None if flow is None or residual is None else Past(flow, residual)
-        line_faces = self.importance.small_faces(self.lines.small) if self.lines else []
         ink = self.background(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
@@ -115,17 +114,18 @@ class FrameAnalyzer:
             smooth_shading(planes)
             return planes
 
-    def _track_faces(self, frame: Frame, flow: Flow | None, fresh: bool) -> list[FaceCrop]:
+    def _track_faces(self, frame: Frame, flow: Flow | None, fresh: bool) -> tuple[list[FaceCrop], list[FaceCrop]]:
         """Move the faces to this frame, along a flow at the size of the importance map; the small ones in the analysed
-        frame."""
-        self._deferred.result()
+        frame and in the line planes. Runs on the helper's thread, as everything that uses `self.importance`."""
         self._search_faces()  # still due from the previous frame
         with self.clock("importance"):
             # Small faces need the frame's own size, without the blur.
             sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
             self.importance.track_faces(sharp, flow, fresh)
-        self._search_due = True
-        return self.importance.small_faces(self.sizes.work)
+            analysed = self.importance.small_faces(self.sizes.work)
+            drawn = self.importance.small_faces(self.lines.small) if self.lines else []
+        self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
+        return analysed, drawn
 
     def _sharpen(self, small: Frame, planes: LabPlanes, faces: Sequence[FaceCrop]) -> list[LabPlanes]:
         """Replace small faces by less blurred ones, in place; returns them, uint8 (3, h, w) each."""
