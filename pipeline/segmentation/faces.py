@@ -59,8 +59,8 @@ _HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
 """Semi-axes of the head's ellipse and its upward shift, in sides of the detected box, which ends at brows and chin."""
 _LEAST_CELLS = 1.5
 """Smallest semi-axis, in cells of the mask's grid: the mask of a small face would otherwise fall between them."""
-SMALL_FACE_PX, LARGE_FACE_PX = 48.0, 96.0
-"""Widths of a face, px of the frame, between which the weight of `small_faces` falls from 1 to 0."""
+SMALL_FACE, LARGE_FACE = 0.2, 0.4
+"""Widths of a face, in shorter sides of the frame, between which the weight of `small_faces` falls from 1 to 0."""
 _FADE = 1.5
 """The mask falls from 1 at the head's ellipse to 0 at an ellipse this many times larger."""
 
@@ -244,7 +244,7 @@ class FaceCrop(NamedTuple):
 
 
 def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -> list[FaceCrop]:
-    """The small faces: weight 1 up to a width of `SMALL_FACE_PX`, falling to 0 at `LARGE_FACE_PX`.
+    """The small faces: weight 1 up to a width of `SMALL_FACE`, falling to 0 at `LARGE_FACE`.
 
     Args:
         size, picture: (width, height) of the frame, in whose px the faces are, and of the picture.
@@ -252,7 +252,7 @@ def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -
     out = []
     across, down = np.divide(picture, size)
     for face in faces:
-        small = float(np.clip((LARGE_FACE_PX - face["box"][2]) / (LARGE_FACE_PX - SMALL_FACE_PX), 0, 1))
+        small = float(np.clip((LARGE_FACE - face["box"][2] / min(size)) / (LARGE_FACE - SMALL_FACE), 0, 1))
         weight = np.float32(face["strength"] * small)
         cx, cy, w, h = face["box"] * (across, down, across, down)
         half_x, half_y, cy = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE

@@ -23,7 +23,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import FaceCrop, FaceTracker, head_mask, small_faces
+from pipeline.segmentation.faces import FaceCrop, Faces, FaceTracker, head_mask, small_faces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.skin import skin_beside_faces
@@ -153,6 +153,11 @@ class ImportanceTracker:
         self._gray = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
         self._faces.step(self._gray, moving, self._age)
+
+    @property
+    def faces(self) -> Faces:
+        """The faces of the latest frame."""
+        return self._faces.faces
 
     def small_faces(self, picture: tuple[int, int]) -> list[FaceCrop]:
         """The small faces of the latest frame in a picture of (width, height) `picture`, see `faces.small_faces`."""

@@ -24,7 +24,8 @@ from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_f
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
-from pipeline.segmentation.faces import FaceCrop
+from pipeline.segmentation.face_contrast import raise_contrast
+from pipeline.segmentation.faces import FaceCrop, Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8
@@ -87,10 +88,12 @@ class FrameAnalyzer:
         gray = planes[0]
         flow = self._flow(gray, fresh)
         coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
-        faces, line_faces = self.background(self._track_faces, frame, coarse, fresh).result()
-        gray = gray.copy() if faces else gray  # motion is estimated from equally blurred frames
+        tracked, faces, line_faces = self.background(self._track_faces, frame, coarse, fresh).result()
+        gray = gray.copy() if len(tracked) else gray  # motion is estimated from frames without these changes
         importance = self.background(self._importance, small, gray, coarse, fresh, mask)
-        fine = self._sharpen(small, planes, faces)
+        self._sharpen(small, planes, faces)
+        raise_contrast(planes[0][..., None], tracked, self.sizes.frame)
+        fine = [np.stack([plane[face.box] for plane in planes]) for face in faces]
         back, planes, residual = self._denoise(planes, flow)
         if residual is not None:
             _restore_present(planes, faces, fine)
@@ -114,9 +117,12 @@ class FrameAnalyzer:
             smooth_shading(planes)
             return planes
 
-    def _track_faces(self, frame: Frame, flow: Flow | None, fresh: bool) -> tuple[list[FaceCrop], list[FaceCrop]]:
-        """Move the faces to this frame, along a flow at the size of the importance map; the small ones in the analysed
-        frame and in the line planes. Runs on the helper's thread, as everything that uses `self.importance`."""
+    def _track_faces(
+        self, frame: Frame, flow: Flow | None, fresh: bool
+    ) -> tuple[Faces, list[FaceCrop], list[FaceCrop]]:
+        """Move the faces to this frame, along a flow at the size of the importance map; all of them, and the small ones
+        in the analysed frame and in the line planes. Runs on the helper's thread, as everything that uses
+        `self.importance`."""
         self._search_faces()  # still due from the previous frame
         with self.clock("importance"):
             # Small faces need the frame's own size, without the blur.
@@ -124,20 +130,18 @@ class FrameAnalyzer:
             self.importance.track_faces(sharp, flow, fresh)
             analysed = self.importance.small_faces(self.sizes.work)
             drawn = self.importance.small_faces(self.lines.small) if self.lines else []
+            tracked = self.importance.faces.copy()
         self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
-        return analysed, drawn
+        return tracked, analysed, drawn
 
-    def _sharpen(self, small: Frame, planes: LabPlanes, faces: Sequence[FaceCrop]) -> list[LabPlanes]:
-        """Replace small faces by less blurred ones, in place; returns them, uint8 (3, h, w) each."""
-        out = []
+    def _sharpen(self, small: Frame, planes: LabPlanes, faces: Sequence[FaceCrop]) -> None:
+        """Replace small faces by less blurred ones, in place."""
         for face in faces:
             sigma = min(max(FACE_BLUR * face.width_px, LEAST_FACE_BLUR_PX), self.smooth_px)
             part = np.ascontiguousarray(small[face.box])
             fine = rgb_to_lab8(np.asarray(cv2.GaussianBlur(part, (0, 0), sigma), np.uint8))
             for plane, own in zip(planes, fine, strict=True):
                 face.blend(plane, own)
-            out.append(np.stack([plane[face.box] for plane in planes]))
-        return out
 
     def _importance(
         self, small: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
@@ -228,7 +232,7 @@ class FrameAnalyzer:
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
 
 
-def _restore_present(planes: LabPlanes, faces: Sequence[FaceCrop], fine: Sequence[LabPlanes]) -> None:
+def _restore_present(planes: LabPlanes, faces: Sequence[FaceCrop], fine: Sequence[NDArray[np.uint8]]) -> None:
     """Give the present more weight in the denoised small faces, in place."""
     for face, own in zip(faces, fine, strict=True):
         mostly = face._replace(weight=face.weight * np.float32(FACE_PRESENT))

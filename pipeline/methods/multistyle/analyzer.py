@@ -25,6 +25,7 @@ from pipeline.methods.multistyle.stroke_layers import FrameMotion, StrokeLayers,
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS, STYLES, Values, chosen_style, layer_style, uniform
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.segmentation.face_contrast import raise_contrast
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker, moved
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
@@ -100,6 +101,8 @@ class StrokeAnalyzer:
         attention = self.importance.hands_and_heads() if detail is not None else None
         with self.clock("denoise"):
             picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, attention)
+            if self.params.face_detail > 0:
+                raise_contrast(picture, self.importance.faces, self.size)
         changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
         with self.clock("style"):

@@ -66,7 +66,7 @@ def face(width_px: float) -> NDArray[np.void]:
 
 def test_small_faces_count_in_full_and_large_ones_not_at_all() -> None:
     size = (200, 120)
-    weights = [max((crop.weight.max() for crop in small_faces(face(w), size, size)), default=0) for w in (30, 72, 120)]
+    weights = [max((crop.weight.max() for crop in small_faces(face(w), size, size)), default=0) for w in (20, 36, 60)]
     assert weights[0] == 1
     assert 0.3 < weights[1] < 0.7
     assert weights[2] == 0
@@ -80,7 +80,7 @@ def test_a_small_face_has_the_same_place_in_a_smaller_picture() -> None:
 
 
 def test_blending_changes_only_the_face() -> None:
-    (crop,) = small_faces(face(30), (200, 120), (200, 120))
+    (crop,) = small_faces(face(20), (200, 120), (200, 120))
     plane = np.full((120, 200), 100, np.uint8)
     crop.blend(plane, np.full(crop.weight.shape, 200, np.uint8))
     assert plane[60, 100] == 200
