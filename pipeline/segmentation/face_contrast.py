@@ -34,54 +34,53 @@ def raise_contrast(picture: NDArray[np.uint8], faces: Faces, size: tuple[int, in
         faces: of a frame.
         size: (width, height) of that frame, px.
     """
-    height, width = picture.shape[:2]
-    across, down = width / size[0], height / size[1]
-    for face in faces:
-        cx, cy, wide, high = face["box"] * (across, down, across, down)
-        half = wide * HALF_WIDTH, high * HALF_HEIGHT
-        left, right = max(0, math.floor(cx - RIM * half[0])), min(width, math.ceil(cx + RIM * half[0]))
-        top, bottom = max(0, math.floor(cy - RIM * half[1])), min(height, math.ceil(cy + RIM * half[1]))
-        if left < right and top < bottom:
-            _raise(picture[top:bottom, left:right], (cx - left - 0.5, cy - top - 0.5), half, float(face["strength"]))
+    scale = np.divide((picture.shape[1], picture.shape[0]), size)
+    _raise(picture, faces["box"] * np.tile(scale, 2), faces["strength"].copy())
 
 
 @kernel
-def _raise(part: NDArray[np.uint8], centre: tuple[float, float], half: tuple[float, float], strength: float) -> None:
-    """`centre`, `half`: x and y, px of `part`."""
-    height, width, channels = part.shape
-    mean, spread, count = _contrast(part, centre, half)
-    gain = np.float32((min(LEAST_CONTRAST / spread, MOST_GAIN) - 1) * strength)
-    if count < LEAST_SAMPLES or gain <= np.float32(0):
-        return
+def _raise(picture: NDArray[np.uint8], boxes: NDArray[np.float64], strengths: NDArray[np.float64]) -> None:
+    """`boxes`: (n, 4), centre x, centre y, width, height, px of the picture."""
+    height, width, channels = picture.shape
     one, most = np.float32(1), np.float32(255)
-    for y in range(height):
-        dy = (y - centre[1]) / half[1]
-        for x in range(width):
-            dx = (x - centre[0]) / half[0]
-            far = dx * dx + dy * dy
-            if far >= RIM * RIM:
-                continue
-            ramp = np.float32(min((RIM - np.sqrt(far)) / (RIM - CORE), 1.0))
-            share = ramp * ramp * (np.float32(3) - np.float32(2) * ramp)
-            light = _lightness(part, y, x)
-            factor = max(one + share * gain * (light - np.float32(mean)) / light, np.float32(0))
-            for c in range(channels):
-                part[y, x, c] = np.uint8(min(np.float32(part[y, x, c]) * factor, most) + np.float32(0.5))
+    for k in range(len(boxes)):
+        half = boxes[k, 2] * HALF_WIDTH, boxes[k, 3] * HALF_HEIGHT
+        x0, y0 = boxes[k, 0] - 0.5, boxes[k, 1] - 0.5
+        columns = max(0, math.ceil(x0 - RIM * half[0])), min(width, math.floor(x0 + RIM * half[0]) + 1)
+        rows = max(0, math.ceil(y0 - RIM * half[1])), min(height, math.floor(y0 + RIM * half[1]) + 1)
+        mean, spread, count = _contrast(picture, rows, columns, (x0, y0), half)
+        gain = np.float32((min(LEAST_CONTRAST / spread, MOST_GAIN) - 1) * strengths[k])
+        if count < LEAST_SAMPLES or gain <= np.float32(0):
+            continue
+        for y in range(rows[0], rows[1]):
+            dy = (y - y0) / half[1]
+            for x in range(columns[0], columns[1]):
+                dx = (x - x0) / half[0]
+                far = dx * dx + dy * dy
+                if far >= RIM * RIM:
+                    continue
+                ramp = np.float32(min((RIM - np.sqrt(far)) / (RIM - CORE), 1.0))
+                share = ramp * ramp * (np.float32(3) - np.float32(2) * ramp)
+                light = _lightness(picture, y, x)
+                factor = max(one + share * gain * (light - np.float32(mean)) / light, np.float32(0))
+                for c in range(channels):
+                    value = min(np.float32(picture[y, x, c]) * factor, most)
+                    picture[y, x, c] = np.uint8(value + np.float32(0.5))
 
 
 @kernel
 def _contrast(
-    part: NDArray[np.uint8], centre: tuple[float, float], half: tuple[float, float]
-) -> tuple[float, float, int]:
+    picture: NDArray[np.uint8], rows: tuple[int, int], columns: tuple[int, int], centre: tuple[float, float],
+    half: tuple[float, float],
+) -> tuple[float, float, int]:  # fmt: skip
     """Mean and standard deviation (at least 1) of the lightness in the middle of a face, and the number of samples."""
-    height, width = part.shape[:2]
     total, squares, count = 0.0, 0.0, 0
-    for y in range(0, height, max(1, height // SAMPLES)):
+    for y in range(rows[0], rows[1], max(1, (rows[1] - rows[0]) // SAMPLES)):
         dy = (y - centre[1]) / half[1]
-        for x in range(0, width, max(1, width // SAMPLES)):
+        for x in range(columns[0], columns[1], max(1, (columns[1] - columns[0]) // SAMPLES)):
             dx = (x - centre[0]) / half[0]
             if dx * dx + dy * dy < CORE * CORE:
-                light = float(_lightness(part, y, x))
+                light = float(_lightness(picture, y, x))
                 total += light
                 squares += light * light
                 count += 1
@@ -90,9 +89,9 @@ def _contrast(
 
 
 @kernel
-def _lightness(part: NDArray[np.uint8], y: int, x: int) -> np.float32:
+def _lightness(picture: NDArray[np.uint8], y: int, x: int) -> np.float32:
     """Lightness of a pixel, gray levels, at least 1."""
-    if part.shape[2] == 1:
-        return np.float32(max(part[y, x, 0], 1))
-    red, green, blue = np.float32(part[y, x, 0]), np.float32(part[y, x, 1]), np.float32(part[y, x, 2])
+    if picture.shape[2] == 1:
+        return np.float32(max(picture[y, x, 0], 1))
+    red, green, blue = np.float32(picture[y, x, 0]), np.float32(picture[y, x, 1]), np.float32(picture[y, x, 2])
     return max(np.float32(0.299) * red + (np.float32(0.587) * green + np.float32(0.114) * blue), np.float32(1))
