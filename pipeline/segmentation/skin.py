@@ -18,6 +18,8 @@ from pipeline.segmentation.faces import Faces
 
 LEAST_FACE_PX = 12.0
 """Width of a face in the searched picture below which its hands are too small to be found."""
+FINEST_FACE_PX = 64.0
+"""Width of a face in the searched picture from which on half of the resolution shows hands as well."""
 LEAST_CHROMA = 7.0
 """Least chroma of a face (CIELAB) for this search. Below it, as in black-and-white films, many things have its
 colour."""
@@ -48,18 +50,22 @@ mask's blur; both as fractions of the box's side."""
 
 
 def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Plane:
-    """Soft mask of hands and arms, times the strengths of their faces: float32 (h, w), 0..1.
+    """Soft mask of hands and arms, times the strengths of their faces: float32, 0..1, of the picture's size, or of half
+    that size if all these faces are large.
 
     Args:
         picture: uint8 RGB (h, w, 3), the frame or a smaller version of it.
         size: (width, height) of the frame in whose pixels the faces are given.
     """
-    height, width = picture.shape[:2]
-    out = np.zeros((height, width), np.float32)
-    boxes = faces["box"] * np.array([width / size[0], height / size[1]] * 2)
-    chosen = (boxes[:, 2] >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS)
+    widths = faces["box"][:, 2] * (picture.shape[1] / size[0])
+    chosen = (widths >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS)
     if not chosen.any():
-        return out
+        return np.zeros(picture.shape[:2], np.float32)
+    if widths[chosen].min() >= FINEST_FACE_PX:
+        half = picture.shape[1] // 2, picture.shape[0] // 2
+        picture = np.asarray(cv2.resize(picture, half, interpolation=cv2.INTER_AREA), np.uint8)
+    out = np.zeros(picture.shape[:2], np.float32)
+    boxes = faces["box"] * np.tile(np.divide(out.shape[::-1], size), 2)
     lab = cv2.split(cv2.cvtColor(picture.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB))
     for face, box in zip(faces[chosen], boxes[chosen], strict=True):
         found = _skin_of([np.asarray(plane, np.float32) for plane in lab], box)
@@ -69,7 +75,7 @@ def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Pl
 
 
 def _skin_of(lab: Sequence[Plane], box: NDArray[np.float64]) -> Plane | None:
-    """Skin of one person; None if the face has not the colour of skin, or hardly any pixels.
+    """Hands and arms of one person; None without any, or if the face has not the colour of skin or hardly any pixels.
 
     Args:
         lab: the planes of the picture in CIELAB.
@@ -92,9 +98,11 @@ def _skin_of(lab: Sequence[Plane], box: NDArray[np.float64]) -> Plane | None:
     y, x = np.nonzero(skin)
     skin[y, x] = np.exp(-away[y, x]) * _within_reach(x, y, box) > _LEAST_LIKELIHOOD
     kept = _pieces(skin, box)
+    if kept is None:
+        return None
     wide = 2 * round(_WIDER * w) + 1
-    kept = np.asarray(cv2.dilate(kept, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))), np.float32)
-    return np.asarray(cv2.GaussianBlur(kept, (0, 0), max(_SOFT * w, 0.5)), np.float32)
+    kept = np.asarray(cv2.dilate(kept, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))), np.uint8)
+    return np.asarray(cv2.GaussianBlur(kept.astype(np.float32), (0, 0), max(_SOFT * w, 0.5)), np.float32)
 
 
 def _within_reach(x: NDArray[np.intp], y: NDArray[np.intp], box: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -106,8 +114,8 @@ def _within_reach(x: NDArray[np.intp], y: NDArray[np.intp], box: NDArray[np.floa
     return np.asarray(np.clip(3 - 2 * distance, 0, 1), np.float32)
 
 
-def _pieces(skin: NDArray[np.bool_], box: NDArray[np.float64]) -> Plane:
-    """1 in the connected pieces of skin that have the area of hands and arms, and are not the face; float32."""
+def _pieces(skin: NDArray[np.bool_], box: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+    """1 in the connected pieces of skin that have the area of hands and arms, and are not the face; None without any."""
     cx, cy, w, h = box
     _, labels, stats, _ = cv2.connectedComponentsWithStats(skin.astype(np.uint8), connectivity=8)
     area = stats[:, cv2.CC_STAT_AREA] / (w * h)
@@ -115,4 +123,4 @@ def _pieces(skin: NDArray[np.bool_], box: NDArray[np.float64]) -> Plane:
     hands[0] = False
     y, x = (min(max(round(at), 0), side - 1) for at, side in zip((cy, cx), skin.shape, strict=True))
     hands[labels[y, x]] = False
-    return np.asarray(hands[labels], np.float32)
+    return hands[labels].astype(np.uint8) if hands.any() else None
