@@ -115,7 +115,7 @@ def _within_reach(x: NDArray[np.intp], y: NDArray[np.intp], box: NDArray[np.floa
 
 
 def _pieces(skin: NDArray[np.bool_], box: NDArray[np.float64]) -> NDArray[np.uint8] | None:
-    """1 in the connected pieces of skin that have the area of hands and arms, and are not the face; None without any."""
+    """1 in the connected pieces of skin that have the area of hands or arms and are not the face; None without any."""
     cx, cy, w, h = box
     _, labels, stats, _ = cv2.connectedComponentsWithStats(skin.astype(np.uint8), connectivity=8)
     area = stats[:, cv2.CC_STAT_AREA] / (w * h)
