@@ -118,17 +118,15 @@ class ImportanceTracker:
         flow: Flow | None = None,
         cut: bool = False,
         mask: Plane | Mask | None = None,
-        faces_in: NDArray[np.uint8] | None = None,
         colours: Frame | None = None,
     ) -> Plane:
         """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`.
 
-        `faces_in`: the gray frame in which faces are searched, uint8 (height, width); None = `image`. `colours`: the
-        RGB frame in which hands are searched; None: they are not. With `faces_in`, `image` and `colours` may be
-        smaller than the frame.
+        `colours`: the RGB frame in which hands are searched; None: they are not. After `track_faces`, `image` and
+        `colours` may be smaller than the frame.
         """
         if not self._tracked:
-            self.track_faces(image if faces_in is None else faces_in, flow, cut)
+            self.track_faces(image, flow, cut)
         self._tracked = False
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)

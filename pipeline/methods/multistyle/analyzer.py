@@ -101,8 +101,7 @@ class StrokeAnalyzer:
         attention = self.importance.hands_and_heads() if detail is not None else None
         with self.clock("denoise"):
             picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, attention)
-            if self.params.face_detail > 0:
-                raise_contrast(picture, self.importance.faces, self.size)
+            raise_contrast(picture, self.importance.faces, self.size)
         changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
         with self.clock("style"):

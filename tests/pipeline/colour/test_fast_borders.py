@@ -62,7 +62,7 @@ def test_only_pixels_near_the_border_change() -> None:
 
 
 def test_blocks_leave_no_seam() -> None:
-    """Where everything moves, the result is that of steepening the whole picture at once."""
+    """If all borders move, steepening in parts gives the same pixels as steepening the whole picture."""
     rng = np.random.default_rng(3)
     cells = rng.integers(0, 255, (12, 20, 3), np.uint8)
     squares = cv2.resize(cells, (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST)
