@@ -1,10 +1,10 @@
 """Face tracking: detection spread over frames (viola2001rapid) and motion in between, as soft masks of whole heads.
 
 A complete search costs more than the rest of a frame, and a detector's boxes jitter and drop out. The first frame of a
-shot is searched completely for frontal faces. Every later frame searches one piece of the frame for new faces, so that
-all pieces are searched in a cycle; every second frame searches the surroundings of one known face. In
-between, a face moves with the median flow inside its box. Its box follows the latest detection gradually, and its
-strength rises and falls gradually.
+shot is searched completely for frontal faces. Every later frame (in small ones every fourth, with larger pieces)
+searches one piece of the frame for new faces, so that all pieces are searched in a cycle; every second frame searches
+the surroundings of one known face. In between, a face moves with the median flow inside its box. Its box follows the
+latest detection gradually, and its strength rises and falls gradually.
 
 A candidate becomes a face if a fine search of its surroundings confirms it; the more often that happens again, the
 longer the face is kept without a detection. A pattern that looks like a face in one frame is soon removed.
@@ -38,7 +38,9 @@ NO_FACES: Faces = np.empty(0, FACE)
 _COLUMNS = FACE.itemsize // np.dtype(np.float64).itemsize
 """Columns of faces as stored: float64 (n, _COLUMNS), the fields of `FACE` in order."""
 _CYCLE_FRAMES, _PIECE_WINDOWS = 160, 4000.0
-"""Frames of a complete search of all poses, and windows a frame above which it takes longer instead."""
+"""Frames of a complete search of all poses, and windows of a piece above which it takes longer instead."""
+_MOST_APART = 4
+"""Most frames from one piece to the next. In small frames, a piece of fewer windows hardly costs less."""
 _SMALLEST_SHARE = 1 / 48
 """Smallest face, as a fraction of the frame's longer side; at least the detector's window."""
 _RECHECK_FRAMES = 8
@@ -83,7 +85,9 @@ class FaceTracker:
         least = max(WINDOW_PX, round(max(size) * _SMALLEST_SHARE))
         windows = size[0] * size[1] * (WINDOW_PX / least) ** 2
         # All window sizes and poses together test about 1.6 times as many windows as the unscaled picture has pixels.
-        self._pieces = pieces(size, least, max(_CYCLE_FRAMES, round(1.6 * windows / _PIECE_WINDOWS)))
+        least_pieces = 1.6 * windows / _PIECE_WINDOWS
+        self._apart = min(max(1, round(_CYCLE_FRAMES / least_pieces)), _MOST_APART)
+        self._pieces = pieces(size, least, max(_CYCLE_FRAMES // self._apart, round(least_pieces)))
         self._first = pose_pieces(size, "frontal", least)
         self._least, self._new = least, NewPlaces(size, least)
         self.faces: Faces = NO_FACES
@@ -124,9 +128,9 @@ class FaceTracker:
         Args:
             gray, age: as in the latest `step`. Call it once after each `step`.
         """
-        if self._pieces:
-            piece = self._pieces[age % len(self._pieces)]
-            self._add(gray, self._finder.candidates(gray, piece)[:_MOST_CANDIDATES], piece.pose, strength=0.0)
+        if self._pieces and age % self._apart == 0:
+            piece = self._pieces[age // self._apart % len(self._pieces)]
+            self._add_new(gray, self._finder.candidates(gray, piece)[:_MOST_CANDIDATES], piece.pose)
         self._search_new(gray)
         self._recheck_due(gray, age)
 
@@ -144,13 +148,19 @@ class FaceTracker:
             budget -= width
 
     def _search_new(self, gray: Gray) -> None:
-        """Search a place that has come into view. Its faces are as strong as the place is new."""
+        """Search a place that has come into view."""
         where = self._new.next_rectangle()
         if where is None:
             return
-        for candidate in self._finder.candidates_in(gray, where, self._least, round(LARGEST * self._least)):
-            self._add(gray, candidate[None], "frontal", self._new.newness(candidate))
+        self._add_new(
+            gray, self._finder.candidates_in(gray, where, self._least, round(LARGEST * self._least)), "frontal"
+        )
         self._new.searched(where)
+
+    def _add_new(self, gray: Gray, candidates: NDArray[np.float64], pose: Pose) -> None:
+        """`_add` with faces that begin as strong as their places are new."""
+        for candidate in candidates:
+            self._add(gray, candidate[None], pose, self._new.newness(candidate))
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""

@@ -26,6 +26,7 @@ from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.segmentation.faces import FaceCrop, Faces, FaceTracker, head_mask, small_faces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
+from pipeline.segmentation.shrink import shrink, size_within
 from pipeline.segmentation.skin import skin_beside_faces
 
 MAP_SIDE_PX = 96
@@ -72,8 +73,8 @@ class ImportanceTracker:
     def __init__(self, params: ImportanceParams, size: tuple[int, int]) -> None:
         self._params = params
         self._size = size
-        self._small = _fit(size, SALIENCY_SIDE_PX)
-        self.map_size = _fit(size, MAP_SIDE_PX)
+        self._small = size_within(size, SALIENCY_SIDE_PX)
+        self.map_size = size_within(size, MAP_SIDE_PX)
         self._gain = np.float32(
             1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
         )
@@ -226,7 +227,10 @@ class ImportanceTracker:
             return
         if flow is not None and self._hands.any():
             self._hands = moved(self._hands, flow, self._size)
-        found = skin_beside_faces(_shrink(colours, self._small), self._faces.faces, self._size)
+        found = skin_beside_faces(colours, self._faces.faces, self._size)
+        if found is None:
+            self._hands *= np.float32(1 - HANDS_FALL)
+            return
         change = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32) - self._hands
         self._hands += np.where(change > 0, np.float32(HANDS_RISE), np.float32(HANDS_FALL)) * change
 
@@ -253,11 +257,6 @@ def _motion(flow: Flow, full_px: float) -> Plane:
     return squeezed
 
 
-def _fit(size: tuple[int, int], side: int) -> tuple[int, int]:
-    scale = min(1.0, side / max(size))
-    return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
-
-
 def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
     """A plane of the previous frame, moved along the flow: float32 (h, w), as `plane`.
 
@@ -274,17 +273,7 @@ def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
 
 def _shrink_gray(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
     """Gray picture of `size`."""
-    return _shrink(image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8), size)
-
-
-def _shrink(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Picture of `size`: repeatedly halved by area averaging, then bilinear; OpenCV's area averaging by other factors
-    is ten times slower."""
-    while image.shape[1] >= 2 * size[0] and image.shape[0] >= 2 * size[1]:
-        half = (image.shape[1] // 2, image.shape[0] // 2)
-        even = image[: 2 * half[1], : 2 * half[0]]
-        image = np.asarray(cv2.resize(even, half, interpolation=cv2.INTER_AREA), np.uint8)
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    return shrink(image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8), size)
 
 
 def _prepare_flow(flow: Flow, small: tuple[int, int]) -> Flow:

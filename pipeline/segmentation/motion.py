@@ -66,11 +66,12 @@ def zero_still_flow(
 def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) -> None:
     height, width = difference.shape
     for y in range(height):
-        for x in range(width):
-            dx, dy = flow[y, x, 0], flow[y, x, 1]
-            if difference[y, x] <= tolerance or dx * dx + dy * dy < 0.01:
-                flow[y, x, 0] = 0.0
-                flow[y, x, 1] = 0.0
+        pairs, changes = flow[y].reshape(2 * width), difference[y]
+        for x in range(width):  # this vectorises
+            dx, dy = pairs[2 * x], pairs[2 * x + 1]
+            still = (changes[x] <= tolerance) | (dx * dx + dy * dy < 0.01)
+            pairs[2 * x] = np.float32(0) if still else dx
+            pairs[2 * x + 1] = np.float32(0) if still else dy
 
 
 _NO_SECOND_MAP = np.empty(0, np.float32)
@@ -101,13 +102,30 @@ def backward_maps(flow: Flow) -> BackwardMaps:
     Args:
         flow: float32 (h, w, 2), px.
     """
-    grid = _grid(flow.shape[1], flow.shape[0])
     parts = []
     for rows, columns in _moving_spans(flow):
-        where = grid[rows, columns] - flow[rows, columns]
-        whole, fractions = cv2.convertMaps(where, _NO_SECOND_MAP, cv2.CV_16SC2)
-        parts.append(MovingPart(rows, columns, np.asarray(whole, np.int16), np.asarray(fractions, np.uint16)))
+        size = rows.stop - rows.start, columns.stop - columns.start
+        part = MovingPart(rows, columns, np.empty((*size, 2), np.int16), np.empty(size, np.uint16))
+        _fixed_point_maps(flow, (columns.start, rows.start), part.whole, part.fractions)
+        parts.append(part)
     return tuple(parts)
+
+
+@kernel
+def _fixed_point_maps(
+    flow: Flow, corner: tuple[int, int], whole: NDArray[np.int16], fractions: NDArray[np.uint16]
+) -> None:  # fmt: skip
+    """Fill the maps of a part whose first pixel is at `corner` (x, y), as `cv2.convertMaps` does."""
+    height, width = fractions.shape
+    left, top = corner
+    for y in range(height):
+        positions = whole[y].reshape(2 * width)
+        moves = flow[top + y].reshape(2 * flow.shape[1])[2 * left :]
+        for x in range(width):  # this vectorises
+            across = np.int32(np.rint((np.float32(left + x) - moves[2 * x]) * np.float32(32)))
+            down = np.int32(np.rint((np.float32(top + y) - moves[2 * x + 1]) * np.float32(32)))
+            positions[2 * x], positions[2 * x + 1] = np.int16(across >> 5), np.int16(down >> 5)
+            fractions[y, x] = np.uint16(((down & 31) << 5) | (across & 31))
 
 
 def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
@@ -160,11 +178,6 @@ def _moving_blocks(flow: Flow) -> NDArray[np.int8]:
                 moves |= (part[x, 0] != 0.0) | (part[x, 1] != 0.0)
             blocks[y // BLOCK_PX, column] = moves
     return blocks
-
-
-@lru_cache(maxsize=4)
-def _grid(width: int, height: int) -> NDArray[np.float32]:
-    return np.stack(np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)), axis=-1)
 
 
 def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:

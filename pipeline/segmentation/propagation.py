@@ -102,32 +102,27 @@ def _propagate(
 
     This loop has random memory access, so it uses flat unsigned indices and stores both remainders at once.
     """
-    height, width = np.uint64(labels.shape[0]), np.uint64(labels.shape[1])
+    height, width = labels.shape
     there = out.reshape(out.size)
     pairs = moved.reshape(moved.size).view(np.int16)
-    steps = np.empty(2 * labels.shape[1], np.int32)
-    row = labels.shape[1]
-    for y in range(labels.shape[0]):
-        moves = flow[y].reshape(steps.size)
-        for start in range(0, row, SPAN):
-            stop = min(start + SPAN, row)
-            if _is_still(moves[2 * start : 2 * stop]):
-                _keep_labels(labels[y, start:stop], there[y * row + start : y * row + stop])
+    targets, fractions = np.empty(SPAN, np.int32), np.empty(SPAN, np.int32)
+    for y in range(height):
+        moves, left_over = flow[y].reshape(2 * width), remainder[y].reshape(2 * width)
+        for start in range(0, width, SPAN):
+            stop = min(start + SPAN, width)
+            part, count = slice(2 * start, 2 * stop), stop - start
+            if _is_still(moves[part]):
+                _keep_labels(labels[y, start:stop], there[y * width + start : y * width + stop])
                 continue
-            part = slice(2 * start, 2 * stop)
-            _whole_steps(moves[part], remainder[y].reshape(steps.size)[part], decay, steps[part])
-            for x in range(start, stop):
-                across, down = steps[2 * x], steps[2 * x + 1]
-                if moves[2 * x] == 0.0 and moves[2 * x + 1] == 0.0:
-                    across, down = np.int32(0), np.int32(0)
-                tx, ty = np.uint64(np.int64(x) + (across >> 8)), np.uint64(np.int64(y) + (down >> 8))
-                if tx >= width or ty >= height:  # negative values wrap around to large ones
+            _find_targets(moves[part], left_over[part], decay, (start, y), labels.shape, targets, fractions)
+            for k in range(count):
+                if targets[k] < 0:
                     continue
-                target = ty * width + tx
+                target, label = np.uint64(targets[k]), labels[y, start + k]
                 if there[target] == 0:
-                    there[target] = labels[y, x]
-                    pairs[target] = np.int16((across & 255) | ((down & 255) << 8))
-                elif there[target] != labels[y, x]:
+                    there[target] = label
+                    pairs[target] = np.int16(fractions[k])
+                elif there[target] != label:
                     there[target] = CLOSED  # two different labels: the target stays unlabelled
 
 
@@ -148,16 +143,35 @@ def _keep_labels(labels: NDArray[np.int32], out: NDArray[np.int32]) -> None:
 
 
 @kernel
-def _whole_steps(
-    moves: NDArray[np.float32], remainder: NDArray[np.int8], decay: np.float32, steps: NDArray[np.int32]
+def _find_targets(
+    moves: NDArray[np.float32], remainder: NDArray[np.int8], decay: np.float32, corner: tuple[int, int],
+    shape: tuple[int, int], targets: NDArray[np.int32], fractions: NDArray[np.int32],
 ) -> None:  # fmt: skip
-    """Write the rounded motion, px << 8, with the rounding error in the low byte, 1/64 px. This loop vectorises."""
-    for k in range(steps.size):
-        move = moves[k] + np.float32(remainder[k]) * decay * np.float32(1 / REMAINDER_UNIT)
-        nearest = move + np.float32(0.5)
-        whole = np.int32(nearest)
-        whole -= np.int32(np.float32(whole) > nearest)  # towards minus infinity
-        steps[k] = (whole << 8) | (np.int32((move - np.float32(whole)) * np.float32(REMAINDER_UNIT)) & 255)
+    """Write the targets of a few pixels of a row, whose first one is at `corner` (x, y), as flat indices, -1 = outside
+    the frame of that shape; and both rounding errors, 1/64 px, as two bytes. This loop vectorises."""
+    (left, y), (height, width) = corner, shape
+    step = decay * np.float32(1 / REMAINDER_UNIT)
+    for k in range(moves.size // 2):
+        across, down = moves[2 * k], moves[2 * k + 1]
+        still = (across == 0.0) & (down == 0.0)
+        across += np.float32(remainder[2 * k]) * step
+        down += np.float32(remainder[2 * k + 1]) * step
+        whole_x, whole_y = _rounded(across), _rounded(down)
+        rest_x = np.int32((across - np.float32(whole_x)) * np.float32(REMAINDER_UNIT)) & np.int32(255)
+        rest_y = np.int32((down - np.float32(whole_y)) * np.float32(REMAINDER_UNIT)) & np.int32(255)
+        x = np.int32(left + k) + (np.int32(0) if still else whole_x)
+        row = np.int32(y) + (np.int32(0) if still else whole_y)
+        inside = (x >= 0) & (x < width) & (row >= 0) & (row < height)
+        targets[k] = row * np.int32(width) + x if inside else np.int32(-1)
+        fractions[k] = np.int32(0) if still else rest_x | (rest_y << np.int32(8))
+
+
+@kernel
+def _rounded(value: np.float32) -> np.int32:
+    """The nearest integer, halves upwards."""
+    nearest = value + np.float32(0.5)
+    whole = np.int32(nearest)
+    return whole - np.int32(np.float32(whole) > nearest)  # towards minus infinity
 
 
 @kernel
@@ -234,12 +248,17 @@ def release_changed(
         labels: int32 (h, w), propagated labels, 0 = unlabelled.
         limit: uint8 (h, w), growing limit, CIELAB units.
     """
+    there, colours, most = labels.reshape(labels.size), lab.reshape(labels.size, 3), limit.reshape(limit.size)
+    changed = np.float32(limits.changed * RESIDUAL_STEPS)
     height, width = labels.shape
-    least = limits.changed * RESIDUAL_STEPS
+    flags, places = np.empty(width, np.uint8), np.empty(width, np.int32)
     for y in range(height):
-        for x in range(width):
-            if previous.residual[y, x] < least or labels[y, x] == 0:
+        residual = previous.residual[y]
+        for x in range(width):  # this vectorises
+            flags[x] = np.uint8(residual[x] >= changed)
+        for at in places[: nonzero_positions(flags, places, y * width)]:
+            if there[at] == 0:
                 continue
-            error = colour_difference(lab, y, x, previous.means, labels[y, x])
-            if error > CHANGED_SLACK * limit[y, x]:
-                labels[y, x] = 0
+            error = colour_difference(colours, at, previous.means, there[at])
+            if error > CHANGED_SLACK * most[at]:
+                there[at] = 0

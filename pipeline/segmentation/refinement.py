@@ -52,42 +52,40 @@ def _correct(
     slack: np.float32, out: Labels,
 ) -> None:  # fmt: skip
     height, width = labels.shape
-    step_y = (-1, 0, 0, 1)
-    step_x = (0, -1, 1, 0)
+    there, made, colours = labels.reshape(labels.size), out.reshape(out.size), lab.reshape(labels.size, 3)
+    most = limit.reshape(limit.size)
+    lightness, red, yellow = means[:, 0].copy(), means[:, 1].copy(), means[:, 2].copy()
+    light, a, b = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    unlike, places = np.empty(width, np.uint8), np.empty(width, np.int32)
     for y in range(height):
-        before = np.int32(-1)
-        light = a = b = np.float32(0)
+        row, colour, allowed = labels[y], lab[y].reshape(3 * width), limit[y]
+        for x in range(width):  # this and the next loop vectorise
+            own = np.uint32(row[x])
+            light[x], a[x], b[x] = lightness[own], red[own], yellow[own]
         for x in range(width):
-            own = labels[y, x]
-            if own == 0:
-                continue
-            if own != before:
-                before, light, a, b = own, means[own, 0], means[own, 1], means[own, 2]
             # Below the margin, no other region can fit better by more than the margin.
-            misfit = max(limit[y, x] * slack, np.float32(NOISE))
-            least = min(margin, misfit)
-            dl = (lab[y, x, 0] - light) * np.float32(100.0 / 255.0)
-            da, db = lab[y, x, 1] - a, lab[y, x, 2] - b
-            square = dl * dl + da * da + db * db
-            if square <= least * least:
-                continue
-            error = np.sqrt(square)
+            misfit = np.float32(allowed[x]) * slack
+            misfit = misfit if misfit > np.float32(NOISE) else np.float32(NOISE)
+            least = margin if margin < misfit else misfit
+            dl = (np.float32(colour[3 * x]) - light[x]) * np.float32(100.0 / 255.0)
+            da, db = np.float32(colour[3 * x + 1]) - a[x], np.float32(colour[3 * x + 2]) - b[x]
+            unlike[x] = np.uint8((dl * dl + da * da + db * db > least * least) & (row[x] != 0))
+        for at in places[: nonzero_positions(unlike, places, y * width)]:
+            own, x = there[at], at - y * width
+            error = colour_difference(colours, at, means, own)
             best, to = error - margin, own
-            for n in range(4):
-                j, i = y + step_y[n], x + step_x[n]
-                if j < 0 or i < 0 or j >= height or i >= width:
-                    continue
-                other = labels[j, i]
+            for step, inside in ((-width, y > 0), (-1, x > 0), (1, x < width - 1), (width, y < height - 1)):
+                other = there[at + step] if inside else own
                 if other == own or other == 0:
                     continue
-                there = colour_difference(lab, y, x, means, other)
-                if there < best:
-                    best, to = there, other
-            if to == own and error > misfit:
-                to = 0
+                difference = colour_difference(colours, at, means, other)
+                if difference < best:
+                    best, to = difference, other
+            if to == own and error > max(most[at] * slack, np.float32(NOISE)):
+                to = np.int32(0)
             if to != own:
-                out[y, x] = to
-                move(sums, lab, limit, y, x, own, to)
+                made[at] = to
+                move(sums, colours, most, at, own, to)
 
 
 @kernel
@@ -116,11 +114,10 @@ def add_regions(
 def _add_pixels(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], sums: Sums, pixels: NDArray[np.int32], first_new: int
 ) -> None:  # fmt: skip
-    width = labels.shape[1]
-    for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        if labels[y, x] >= first_new:
-            move(sums, lab, limit, y, x, 0, labels[y, x])
+    there, colours, most = labels.reshape(labels.size), lab.reshape(labels.size, 3), limit.reshape(limit.size)
+    for at in pixels:
+        if there[at] >= first_new:
+            move(sums, colours, most, at, 0, there[at])
 
 
 @kernel
@@ -128,23 +125,21 @@ def _use_nearest_colours(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, pixels: NDArray[np.int32], first_new: int,
     slack: np.float32,
 ) -> None:  # fmt: skip
-    width = labels.shape[1]
+    there, colours, most = labels.reshape(labels.size), lab.reshape(labels.size, 3), limit.reshape(limit.size)
     count = means.shape[0]
     least = np.full(count, np.float32(1e9))
     nearest = np.zeros(count, np.int32)
-    for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        label = labels[y, x]
+    for at in pixels:
+        label = there[at]
         if label < first_new:
             continue
-        over = colour_difference(lab, y, x, means, label) - max(limit[y, x] * slack, np.float32(NOISE))
+        over = colour_difference(colours, at, means, label) - max(most[at] * slack, np.float32(NOISE))
         if over < least[label]:
-            least[label], nearest[label] = over, pixels[k]
+            least[label], nearest[label] = over, at
     for label in range(first_new, count):
         if 0 < least[label] < np.float32(1e9):
-            y, x = nearest[label] // width, nearest[label] % width
             for c in range(3):
-                means[label, c] = lab[y, x, c]
+                means[label, c] = colours[nearest[label], c]
 
 
 @kernel
@@ -152,16 +147,15 @@ def _release(
     labels: Labels, lab: Lab8, limit: NDArray[np.uint8], means: Means, sums: Sums, pixels: NDArray[np.int32],
     first_new: int, slack: np.float32,
 ) -> int:  # fmt: skip
-    width = labels.shape[1]
+    there, colours, most = labels.reshape(labels.size), lab.reshape(labels.size, 3), limit.reshape(limit.size)
     freed = 0
-    for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        label = labels[y, x]
+    for at in pixels:
+        label = there[at]
         if label < first_new:
             continue
-        if colour_difference(lab, y, x, means, label) > max(limit[y, x] * slack, np.float32(NOISE)):
-            labels[y, x] = 0
-            move(sums, lab, limit, y, x, label, 0)
+        if colour_difference(colours, at, means, label) > max(most[at] * slack, np.float32(NOISE)):
+            there[at] = 0
+            move(sums, colours, most, at, label, 0)
             freed += 1
     return freed
 
@@ -179,16 +173,24 @@ def merge_table(
     count = means.shape[0]
     best = np.full(count, np.float32(1e9))
     target = np.arange(count).astype(np.int32)
-    mergeable = np.zeros(count, np.bool_)
+    mergeable = np.zeros(count, np.int32)
     for label in range(count):
         mergeable[label] = label >= first_new or areas[label] < smallest[label]
     height, width = labels.shape
     edge = np.empty(width, np.uint8)
     places = np.empty(width, np.int32)
+    may, may_below = np.empty(width, np.int32), np.empty(width, np.int32)
+    for x in range(width):
+        may_below[x] = mergeable[np.uint32(labels[0, x])]
     for y in range(height):
         row, low = labels[y], labels[min(y + 1, height - 1)]
-        for x in range(width - 1):  # this vectorises
-            edge[x] = (row[x] != row[x + 1]) | (row[x] != low[x])
+        may, may_below = may_below, may
+        for x in range(width):  # this and the next loop vectorise
+            may_below[x] = mergeable[np.uint32(low[x])]
+        for x in range(width - 1):
+            beside = (row[x] != row[x + 1]) & ((may[x] | may[x + 1]) != 0)
+            below = (row[x] != low[x]) & ((may[x] | may_below[x]) != 0)
+            edge[x] = np.uint8(beside | below)
         edge[width - 1] = row[width - 1] != low[width - 1]
         for x in places[: nonzero_positions(edge, places)]:
             own = row[x]

@@ -62,23 +62,28 @@ def means_of(sums: Sums) -> Means:
 
 
 @kernel
-def move(sums: Sums, lab: Lab8, limit: NDArray[np.uint8], y: int, x: int, old: int, new: int) -> None:
-    """Move pixel (x, y) from region `old` to region `new`."""
+def move(sums: Sums, colours: Lab8, limit: NDArray[np.uint8], at: int, old: int, new: int) -> None:
+    """Move pixel `at` from region `old` to region `new`.
+
+    Args:
+        colours: uint8 (pixels, 3), CIELAB of the frame's pixels.
+        limit: uint8 (pixels,), growing limit.
+    """
     for c in range(3):
-        sums[old, c] -= lab[y, x, c]
-        sums[new, c] += lab[y, x, c]
+        sums[old, c] -= colours[at, c]
+        sums[new, c] += colours[at, c]
     sums[old, AREA] -= 1
     sums[new, AREA] += 1
-    sums[old, LIMIT] -= limit[y, x]
-    sums[new, LIMIT] += limit[y, x]
+    sums[old, LIMIT] -= limit[at]
+    sums[new, LIMIT] += limit[at]
 
 
 @kernel
-def colour_difference(lab: Lab8, y: int | np.int64, x: int | np.int64, means: Means, label: int) -> np.float32:
-    """CIELAB distance of a pixel to a region's mean."""
-    dl = (lab[y, x, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
-    da = lab[y, x, 1] - means[label, 1]
-    db = lab[y, x, 2] - means[label, 2]
+def colour_difference(colours: Lab8, at: int, means: Means, label: int) -> np.float32:
+    """CIELAB distance of a pixel to a region's mean. `colours`: uint8 (pixels, 3), CIELAB of the frame's pixels."""
+    dl = (colours[at, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
+    da = colours[at, 1] - means[label, 1]
+    db = colours[at, 2] - means[label, 2]
     return np.float32(np.sqrt(dl * dl + da * da + db * db))
 
 

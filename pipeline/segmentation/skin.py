@@ -7,14 +7,20 @@ the same light, so that no table of skin colours is needed, and it is within the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import rgb_to_lab8
 from pipeline.frames import Frame, Plane
 from pipeline.segmentation.faces import Faces
+from pipeline.segmentation.shrink import shrink, size_within
+
+SIDE_PX = 256
+"""Longer side of the picture in which hands are searched, px."""
+MIDDLE = np.float32(128)
+"""Level of a = 0 and b = 0 in 8-bit CIELAB."""
 
 LEAST_FACE_PX = 12.0
 """Width of a face in the searched picture below which its hands are too small to be found."""
@@ -49,48 +55,50 @@ _WIDER, _SOFT = 0.12, 0.12
 mask's blur; both as fractions of the box's side."""
 
 
-def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Plane:
-    """Soft mask of hands and arms, times the strengths of their faces: float32, 0..1, of the picture's size, or of half
-    that size if all these faces are large.
+def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Plane | None:
+    """Soft mask of hands and arms, times the strengths of their faces; None without any.
+
+    Returns: float32, 0..1, at most `SIDE_PX` on the longer side, or half of that if all these faces are large.
 
     Args:
         picture: uint8 RGB (h, w, 3), the frame or a smaller version of it.
         size: (width, height) of the frame in whose pixels the faces are given.
     """
-    widths = faces["box"][:, 2] * (picture.shape[1] / size[0])
+    searched = size_within(size, SIDE_PX)
+    widths = faces["box"][:, 2] * (searched[0] / size[0])
     chosen = (widths >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS)
     if not chosen.any():
-        return np.zeros(picture.shape[:2], np.float32)
+        return None
     if widths[chosen].min() >= FINEST_FACE_PX:
-        half = picture.shape[1] // 2, picture.shape[0] // 2
-        picture = np.asarray(cv2.resize(picture, half, interpolation=cv2.INTER_AREA), np.uint8)
-    out = np.zeros(picture.shape[:2], np.float32)
-    boxes = faces["box"] * np.tile(np.divide(out.shape[::-1], size), 2)
-    lab = cv2.split(cv2.cvtColor(picture.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB))
-    for face, box in zip(faces[chosen], boxes[chosen], strict=True):
-        found = _skin_of([np.asarray(plane, np.float32) for plane in lab], box)
-        if found is not None:
-            np.maximum(out, np.float32(face["strength"]) * found, out=out)
-    return out
+        searched = searched[0] // 2, searched[1] // 2
+    boxes = faces["box"] * np.tile(np.divide(searched, size), 2)
+    lab = rgb_to_lab8(shrink(picture, searched)).astype(np.float32)
+    masks = [
+        np.float32(face["strength"]) * found
+        for face, box in zip(faces[chosen], boxes[chosen], strict=True)
+        if (found := _skin_of(lab, box)) is not None
+    ]
+    return np.maximum.reduce(masks) if masks else None
 
 
-def _skin_of(lab: Sequence[Plane], box: NDArray[np.float64]) -> Plane | None:
+def _skin_of(lab: NDArray[np.float32], box: NDArray[np.float64]) -> Plane | None:
     """Hands and arms of one person; None without any, or if the face has not the colour of skin or hardly any pixels.
 
     Args:
-        lab: the planes of the picture in CIELAB.
+        lab: float32 (3, h, w), 8-bit CIELAB levels.
     """
     cx, cy, w, h = box
     half, top, bottom = _CHEEKS
     rows = slice(max(0, round(cy + top * h)), max(0, round(cy + bottom * h) + 1))
     columns = slice(max(0, round(cx - half * w)), max(0, round(cx + half * w) + 1))
-    cheeks = np.stack([plane[rows, columns].ravel() for plane in lab], axis=1)
-    if len(cheeks) < 4:
+    cheeks = lab[:, rows, columns].reshape(3, -1)
+    if cheeks.shape[1] < 4:
         return None
-    colour = np.median(cheeks, axis=0)
-    if np.hypot(colour[1], colour[2]) < LEAST_CHROMA or colour[1] < _LEAST_RED or colour[2] < _LEAST_YELLOW:
+    colour = _medians(cheeks)
+    red, yellow = colour[1] - MIDDLE, colour[2] - MIDDLE
+    if np.hypot(red, yellow) < LEAST_CHROMA or red < _LEAST_RED or yellow < _LEAST_YELLOW:
         return None
-    spread = _CHROMA_SPREAD * float(np.median(np.abs(cheeks[:, 1:] - colour[1:])))
+    spread = _CHROMA_SPREAD * float(_medians(np.abs(cheeks[1:] - colour[1:, None]).reshape(1, -1))[0])
     spread = min(max(spread, _LEAST_SPREAD), _MOST_SPREAD)
     light, a, b = lab
     away = ((a - colour[1]) ** 2 + (b - colour[2]) ** 2) / np.float32(2 * spread * spread)
@@ -103,6 +111,12 @@ def _skin_of(lab: Sequence[Plane], box: NDArray[np.float64]) -> Plane | None:
     wide = 2 * round(_WIDER * w) + 1
     kept = np.asarray(cv2.dilate(kept, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))), np.uint8)
     return np.asarray(cv2.GaussianBlur(kept.astype(np.float32), (0, 0), max(_SOFT * w, 0.5)), np.float32)
+
+
+def _medians(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Median of each row, float32; the upper median for an even number of values."""
+    middle = rows.shape[1] // 2
+    return np.asarray(np.partition(rows, middle, axis=1)[:, middle], np.float32)
 
 
 def _within_reach(x: NDArray[np.intp], y: NDArray[np.intp], box: NDArray[np.float64]) -> NDArray[np.float32]:

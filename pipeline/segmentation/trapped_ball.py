@@ -67,58 +67,66 @@ def fill_small(
 ) -> int:  # fmt: skip
     """`fill` without a pass over the whole frame: tests the rows of the disc at every free pixel."""
     widths = _half_widths(radius_px)
-    width = labels.shape[1]
     state = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = centre, 3 = centre that belongs to a region
-    for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        state[y, x] = labels[y, x] == 0 and blocked[y, x] == 0
-    reach = _reach(state, pixels)
-    for k in range(pixels.size):
-        y, x = pixels[k] // width, pixels[k] % width
-        if state[y, x] and _fits(reach, y, x, widths):
-            state[y, x] = 2
+    there, closed, states = labels.reshape(labels.size), blocked.reshape(labels.size), state.reshape(labels.size)
+    for at in pixels:
+        states[at] = there[at] == 0 and closed[at] == 0
+    _find_centres(states, _reach(state, pixels), labels.shape[1], pixels, widths)
     members = np.empty(pixels.size, np.int32)
     made = 0
-    for k in range(pixels.size):
-        if state[pixels[k] // width, pixels[k] % width] == 2:
-            count = _connected(state, pixels[k], members)
+    for at in pixels:
+        if states[at] == 2:
+            count = _connected(state, at, members)
             made += _cover(labels, state, members[:count], widths, first_label + made)
     return made
 
 
 @kernel
 def _reach(state: NDArray[np.uint8], pixels: NDArray[np.int32]) -> NDArray[np.uint16]:
-    """Number of free pixels from a free pixel, itself included, to the nearer obstacle in its row.
+    """Number of free pixels from a free pixel, itself included, to the nearer obstacle in its row: uint16 (h * w,).
 
     The frame's border is no obstacle.
     """
     width = state.shape[1]
     flat, reach = state.reshape(state.size), np.zeros(state.size, np.uint16)
     far = 65535
-    for k in range(pixels.size):
-        at = pixels[k]
+    row = 0
+    for at in pixels:
+        while at - row >= width:  # a division for each pixel would take longer
+            row += width
         if flat[at]:
-            before = far if at % width == 0 else int(reach[at - 1])
+            before = far if at == row else int(reach[at - 1])
             reach[at] = min(before + 1, far) if before else 1
     run = far
     for k in range(pixels.size - 1, -1, -1):
         at = pixels[k]
+        while at < row:
+            row -= width
         if flat[at]:
-            last = at % width == width - 1
+            last = at == row + width - 1
             run = far if last else (min(run + 1, far) if flat[at + 1] else 1)
             reach[at] = min(int(reach[at]), run)
-    return reach.reshape(state.shape)
+    return reach
 
 
 @kernel
-def _fits(reach: NDArray[np.uint16], y: int, x: int, widths: NDArray[np.int64]) -> bool:
-    """Whether a disc with its middle at a free pixel contains no obstacle."""
+def _find_centres(
+    states: NDArray[np.uint8], reach: NDArray[np.uint16], width: int, pixels: NDArray[np.int32],
+    widths: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Mark the free pixels whose disc contains no obstacle as 2. Pixels outside the frame are no obstacles."""
     radius = widths.size // 2
-    for n in range(widths.size):
-        row = y + n - radius
-        if 0 <= row < reach.shape[0] and reach[row, x] <= widths[n]:
-            return False
-    return True
+    for at in pixels:
+        if states[at] == 0:
+            continue
+        fits = True
+        for n in range(widths.size):
+            to = at + (n - radius) * width
+            if 0 <= to < states.size and reach[to] <= widths[n]:
+                fits = False
+                break
+        if fits:
+            states[at] = 2
 
 
 @kernel

@@ -87,3 +87,33 @@ def test_blending_changes_only_the_face() -> None:
     outside = plane.copy()
     outside[crop.box] = 100
     assert (outside == 100).all()
+
+
+def test_a_small_frame_is_searched_in_fewer_larger_pieces(wide: NDArray[np.uint8]) -> None:
+    """A face that appears in a still scene is found within one cycle, though most frames search nothing."""
+    tracker, searched = FaceTracker((320, 240), 6.0), 0
+    face = np.ascontiguousarray(wide[:, 720:1040])
+    tracker.step(np.full_like(face, 110), None, 0)
+    for age in range(161):
+        before = tracker.faces["unchecked"].copy()
+        tracker.step(face, np.zeros((24, 32, 2), np.float32), age + 1)
+        tracker.search(face, age + 1)
+        searched += len(tracker.faces) > len(before)
+    assert searched == 1
+    assert len(tracker.faces) == 1
+
+
+def test_a_face_in_a_new_place_is_strong_whichever_search_finds_it(wide: NDArray[np.uint8]) -> None:
+    strengths = []
+    for first_piece in range(0, 48, 4):  # any piece may be the next one when the face comes into view
+        tracker = FaceTracker(SIZE, 6.0)
+        tracker.step(view(wide, 0), None, 0)
+        for index in range(first_piece + 1, first_piece + 60):
+            flow = np.full((60, 160, 2), (-SPEED_PX, 0), np.float32)
+            tracker.step(view(wide, index - first_piece), flow, index)
+            tracker.search(view(wide, index - first_piece), index)
+            if len(tracker.faces):
+                strengths.append(tracker.faces["strength"][0])
+                break
+    assert len(strengths) == 12
+    assert min(strengths) > 0.8

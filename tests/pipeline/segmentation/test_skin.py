@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.segmentation.faces import FACE, Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.skin import skin_beside_faces
@@ -30,22 +30,28 @@ def a_face(width: float = 24.0, strength: float = 1.0) -> Faces:
     return np.array([(box, box, strength, 2.0, 0.0, 0.0, 0.0)], FACE)
 
 
+def hands(picture: Frame, faces: Faces, size: tuple[int, int] = SIZE) -> Plane:
+    found = skin_beside_faces(picture, faces, size)
+    assert found is not None
+    return found
+
+
 def test_both_hands_are_found_and_nothing_else() -> None:
-    found = skin_beside_faces(person(), a_face(), SIZE)
+    found = hands(person(), a_face())
     assert min(found[y, x] for x, y in (HAND, OTHER_HAND)) > 0.9
     assert max(found[50, 130], found[150, 130], found[20, 20]) < 0.05, "face, shirt, wall"
 
 
 def test_strength_of_the_face_is_that_of_its_hands() -> None:
-    whole, half = (skin_beside_faces(person(), a_face(strength=strength), SIZE) for strength in (1.0, 0.5))
+    whole, half = (hands(person(), a_face(strength=strength)) for strength in (1.0, 0.5))
     np.testing.assert_allclose(half, 0.5 * whole, atol=1e-6)
 
 
 def test_faces_are_given_in_pixels_of_a_larger_frame() -> None:
     faces = a_face()
     faces["box"] *= 4
-    large = skin_beside_faces(person(), faces, (4 * SIZE[0], 4 * SIZE[1]))
-    np.testing.assert_allclose(large, skin_beside_faces(person(), a_face(), SIZE))
+    large = hands(person(), faces, (4 * SIZE[0], 4 * SIZE[1]))
+    np.testing.assert_allclose(large, hands(person(), a_face()))
 
 
 def test_no_hands_without_colour_of_skin() -> None:
@@ -53,12 +59,12 @@ def test_no_hands_without_colour_of_skin() -> None:
     for picture, faces in (
         (person((170, 170, 170)), a_face()), (person((90, 150, 60)), a_face()), (person(), a_face(11.0)),
     ):  # fmt: skip
-        assert not skin_beside_faces(picture, faces, SIZE).any()
+        assert skin_beside_faces(picture, faces, SIZE) is None
 
 
 def test_a_wall_of_the_same_colour_is_no_hand() -> None:
     found = skin_beside_faces(person(wall=SKIN), a_face(), SIZE)
-    assert found.max() < 0.05
+    assert found is None or found.max() < 0.05
 
 
 def test_hands_are_important_and_move_with_the_flow() -> None:
