@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
-from typing import Generic, ParamSpec, Protocol, TypeVar
+from typing import Any, Generic, ParamSpec, Protocol, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -41,6 +42,29 @@ class Offered(Generic[T]):
         return self.make() if self.taken.cancel() else self.taken.result()
 
 
+class Deferred(Generic[T]):
+    """A value that is computed by the thread that first asks for it.
+
+    Args:
+        make: computes the value.
+        before: a value that must be computed first, since `make` uses state that it changes.
+    """
+
+    def __init__(self, make: Callable[[], T], before: Deferred[Any] | None = None) -> None:
+        self._lock = threading.Lock()
+        self._make, self._before = make, before
+        self._made: Ready[T] | None = None
+
+    def result(self) -> T:
+        with self._lock:
+            if self._made is None:
+                if self._before is not None:
+                    self._before.result()
+                self._made = Ready(self._make())
+                del self._make, self._before  # and what they refer to
+            return self._made.value
+
+
 class Background:
     """Runs functions immediately in the caller, or in submission order on a helper thread.
 
@@ -60,6 +84,10 @@ class Background:
             return Ready(function(*args, **kwargs))
         return self.helper.submit(function, *args, **kwargs)
 
+    def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        """The same for a function whose value only a later stage needs."""
+        return self(function, *args, **kwargs)
+
     def offer(self, make: Callable[[], T]) -> Pending[T]:
         """Submit a stateless function. It runs on the helper if that is idle in time, otherwise in the caller."""
         return Ready(make()) if self.helper is None else Offered(self.helper.submit(make), make)
@@ -72,6 +100,27 @@ class Background:
         upper = self.offer(lambda: work(0, height // 2))
         work(height // 2, height)
         upper.result()
+
+
+class DeferringBackground(Background):
+    """Without a helper, leaves what is due `later` to the stage that needs it, unless `finish` computes it first.
+
+    The functions run in the order in which they were handed over, whichever thread runs them.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._latest: Deferred[Any] | None = None
+
+    def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        latest = Deferred(lambda: function(*args, **kwargs), self._latest)
+        self._latest = latest
+        return latest
+
+    def finish(self) -> None:
+        """Compute in this thread what has been handed over and not been asked for."""
+        if self._latest is not None:
+            self._latest.result()
 
 
 INLINE = Background()

@@ -222,12 +222,14 @@ class ImportanceTracker:
 
     def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
         """Move the cue of hands with the flow, then towards the hands that are found in this frame."""
-        if colours is None or self._age == 0 or not len(self._faces.faces):
+        if colours is None:
+            return
+        found = skin_beside_faces(colours, self._faces.faces, self._size)
+        if self._age == 0 or not len(self._faces.faces):
             self._hands = np.zeros_like(self._hands)
             return
         if flow is not None and self._hands.any():
             self._hands = moved(self._hands, flow, self._size)
-        found = skin_beside_faces(colours, self._faces.faces, self._size)
         if found is None:
             self._hands *= np.float32(1 - HANDS_FALL)
             return

@@ -7,13 +7,16 @@ the same light, so that no table of skin colours is needed, and it is within the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.colour.lab8 import rgb_to_lab8
+from pipeline.colour.lab8 import LabPlanes, rgb_to_lab8
 from pipeline.frames import Frame, Plane
+from pipeline.jit import kernel
 from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.shrink import shrink, size_within
 
@@ -55,43 +58,48 @@ _WIDER, _SOFT = 0.12, 0.12
 mask's blur; both as fractions of the box's side."""
 
 
+class _Person(NamedTuple):
+    """A face whose hands are searched: its number, the colour of its cheeks, 8-bit CIELAB levels, twice the variance of
+    a and b in them, and its box in px of the searched picture."""
+
+    face: int
+    colour: NDArray[np.float32]
+    spread: float
+    box: NDArray[np.float64]
+
+
 def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Plane | None:
     """Soft mask of hands and arms, times the strengths of their faces; None without any.
-
-    Returns: float32, 0..1, at most `SIDE_PX` on the longer side, or half of that if all these faces are large.
 
     Args:
         picture: uint8 RGB (h, w, 3), the frame or a smaller version of it.
         size: (width, height) of the frame in whose pixels the faces are given.
+
+    Returns: float32, 0..1, at most `SIDE_PX` on the longer side, or half of that if all these faces are large.
     """
     searched = size_within(size, SIDE_PX)
     widths = faces["box"][:, 2] * (searched[0] / size[0])
-    chosen = (widths >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS)
-    if not chosen.any():
-        return None
-    if widths[chosen].min() >= FINEST_FACE_PX:
+    chosen = np.flatnonzero((widths >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS))
+    if chosen.size and widths[chosen].min() >= FINEST_FACE_PX:
         searched = searched[0] // 2, searched[1] // 2
     boxes = faces["box"] * np.tile(np.divide(searched, size), 2)
-    lab = rgb_to_lab8(shrink(picture, searched)).astype(np.float32)
-    masks = [
-        np.float32(face["strength"]) * found
-        for face, box in zip(faces[chosen], boxes[chosen], strict=True)
-        if (found := _skin_of(lab, box)) is not None
-    ]
+    lab = rgb_to_lab8(shrink(picture, searched)) if chosen.size else np.empty((3, 0, 0), np.uint8)
+    people = [person for face in chosen if (person := _person(lab, int(face), boxes[face])) is not None]
+    masks = []
+    for person, skin in zip(people, _marked(lab, people), strict=True):
+        kept = _pieces(skin, person.box)
+        if kept is not None:
+            masks.append(np.float32(faces["strength"][person.face]) * _softened(kept, person.box))
     return np.maximum.reduce(masks) if masks else None
 
 
-def _skin_of(lab: NDArray[np.float32], box: NDArray[np.float64]) -> Plane | None:
-    """Hands and arms of one person; None without any, or if the face has not the colour of skin or hardly any pixels.
-
-    Args:
-        lab: float32 (3, h, w), 8-bit CIELAB levels.
-    """
+def _person(lab: LabPlanes, face: int, box: NDArray[np.float64]) -> _Person | None:
+    """The person with that face; None if it has not the colour of skin or hardly any pixels."""
     cx, cy, w, h = box
     half, top, bottom = _CHEEKS
     rows = slice(max(0, round(cy + top * h)), max(0, round(cy + bottom * h) + 1))
     columns = slice(max(0, round(cx - half * w)), max(0, round(cx + half * w) + 1))
-    cheeks = lab[:, rows, columns].reshape(3, -1)
+    cheeks = lab[:, rows, columns].reshape(3, -1).astype(np.float32)
     if cheeks.shape[1] < 4:
         return None
     colour = _medians(cheeks)
@@ -100,17 +108,7 @@ def _skin_of(lab: NDArray[np.float32], box: NDArray[np.float64]) -> Plane | None
         return None
     spread = _CHROMA_SPREAD * float(_medians(np.abs(cheeks[1:] - colour[1:, None]).reshape(1, -1))[0])
     spread = min(max(spread, _LEAST_SPREAD), _MOST_SPREAD)
-    light, a, b = lab
-    away = ((a - colour[1]) ** 2 + (b - colour[2]) ** 2) / np.float32(2 * spread * spread)
-    skin = (away <= _FARTHEST) & (light >= _DARKEST * colour[0]) & (light <= _LIGHTEST * colour[0])
-    y, x = np.nonzero(skin)
-    skin[y, x] = np.exp(-away[y, x]) * _within_reach(x, y, box) > _LEAST_LIKELIHOOD
-    kept = _pieces(skin, box)
-    if kept is None:
-        return None
-    wide = 2 * round(_WIDER * w) + 1
-    kept = np.asarray(cv2.dilate(kept, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))), np.uint8)
-    return np.asarray(cv2.GaussianBlur(kept.astype(np.float32), (0, 0), max(_SOFT * w, 0.5)), np.float32)
+    return _Person(face, colour, 2 * spread * spread, box)
 
 
 def _medians(rows: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -119,22 +117,65 @@ def _medians(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.partition(rows, middle, axis=1)[:, middle], np.float32)
 
 
-def _within_reach(x: NDArray[np.intp], y: NDArray[np.intp], box: NDArray[np.float64]) -> NDArray[np.float32]:
-    """1 at pixels to which the arms reach, falling to 0 at one and a half times that distance: float32 (n,)."""
-    cx, cy, w, h = box
-    across = ((x + 0.5 - cx) / (_REACH * w)) ** 2
-    down = ((y + 0.5 - cy - _BELOW * h) / (_REACH * h)) ** 2
-    distance = np.sqrt(across + down)
-    return np.asarray(np.clip(3 - 2 * distance, 0, 1), np.float32)
+def _marked(lab: LabPlanes, people: Sequence[_Person]) -> NDArray[np.uint8]:
+    """1 where a pixel has the colour of a person's skin, within reach of the arms: uint8 (people, h, w).
+
+    The kernel runs without people, too, so that it is compiled before the first face.
+    """
+    skin = np.zeros((len(people), *lab.shape[1:]), np.uint8)
+    colours = np.array([(*person.colour, person.spread) for person in people], np.float32).reshape(-1, 4)
+    boxes = np.array([person.box for person in people], np.float32).reshape(-1, 4)
+    _mark_skin(lab, colours, boxes, skin)
+    return skin
 
 
-def _pieces(skin: NDArray[np.bool_], box: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+@kernel
+def _mark_skin(
+    lab: LabPlanes, colours: NDArray[np.float32], boxes: NDArray[np.float32], skin: NDArray[np.uint8]
+) -> None:  # fmt: skip
+    """Write the marks. The likelihood of skin is that of the colour, times 1 where the arms reach to, which falls to 0
+    at one and a half times that distance.
+
+    Args:
+        colours: float32 (people, 4): L, a, b, and twice the variance of a and b.
+        boxes: float32 (people, 4): centre x, centre y, width, height, px.
+    """
+    height, width = skin.shape[1], skin.shape[2]
+    across = np.empty(width, np.float32)
+    for person in range(skin.shape[0]):
+        cx, cy, w, h = boxes[person]
+        own_light, own_a, own_b, spread = colours[person]
+        darkest, lightest = np.float32(_DARKEST) * own_light, np.float32(_LIGHTEST) * own_light
+        for x in range(width):
+            across[x] = ((np.float32(x) + np.float32(0.5) - cx) / (np.float32(_REACH) * w)) ** 2
+        for y in range(height):
+            down = ((np.float32(y) + np.float32(0.5) - cy - np.float32(_BELOW) * h) / (np.float32(_REACH) * h)) ** 2
+            if down > np.float32(2.25):
+                continue
+            light, red, yellow = lab[0, y], lab[1, y], lab[2, y]
+            for x in range(width):
+                a, b = np.float32(red[x]) - own_a, np.float32(yellow[x]) - own_b
+                away = (a * a + b * b) / spread
+                if away > np.float32(_FARTHEST) or light[x] < darkest or light[x] > lightest:
+                    continue
+                reach = min(np.float32(3) - np.float32(2) * np.sqrt(across[x] + down), np.float32(1))
+                skin[person, y, x] = np.exp(-away) * reach > np.float32(_LEAST_LIKELIHOOD)
+
+
+def _pieces(skin: NDArray[np.uint8], box: NDArray[np.float64]) -> NDArray[np.uint8] | None:
     """1 in the connected pieces of skin that have the area of hands or arms and are not the face; None without any."""
     cx, cy, w, h = box
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(skin.astype(np.uint8), connectivity=8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(skin, connectivity=8)
     area = stats[:, cv2.CC_STAT_AREA] / (w * h)
     hands = (area >= _LEAST_AREA) & (area <= _MOST_AREA)
     hands[0] = False
     y, x = (min(max(round(at), 0), side - 1) for at, side in zip((cy, cx), skin.shape, strict=True))
     hands[labels[y, x]] = False
     return hands[labels].astype(np.uint8) if hands.any() else None
+
+
+def _softened(hands: NDArray[np.uint8], box: NDArray[np.float64]) -> Plane:
+    """Wider hands with soft outlines: float32, 0..1."""
+    wide = 2 * round(_WIDER * box[2]) + 1
+    wider = cv2.dilate(hands, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
+    return np.asarray(cv2.GaussianBlur(wider.astype(np.float32), (0, 0), max(_SOFT * box[2], 0.5)), np.float32)

@@ -80,7 +80,8 @@ class FrameAnalyzer:
         self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(sizes))
 
     def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
-        """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper."""
+        """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper; edges
+        and lines on the thread that needs them in a `DeferringBackground`."""
         fresh = self._begins_shot(same_size(frame, self.sizes.frame))
         with self.clock("lab"):
             small = shrink_frame(frame, self.sizes)
@@ -98,9 +99,10 @@ class FrameAnalyzer:
         if residual is not None:
             _restore_present(planes, faces, fine)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
-        edge_map = self.background(self._edges, lightness, importance)
+        edge_map = self.background.later(self._edges, lightness, importance)
         past = None if flow is None or residual is None else Past(flow, residual)
-        ink = self.background(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
+        later = self.background.later
+        ink = later(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):

@@ -18,7 +18,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.background import Background
+from pipeline.background import Background, DeferringBackground
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
@@ -129,7 +129,8 @@ class PipelinedRunner:
 
     In frames of `THIRD_THREAD_ROWS`, regions are found on a third thread: one stage alone would otherwise keep a
     processor waiting. In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take
-    a tenth longer); there the analyzer's thread, when it is ahead, takes some of the compositor's work.
+    a tenth longer); there the analyzer's thread, when it is ahead, takes some of the compositor's work, and otherwise
+    leaves edges and lines to the other stages.
     """
 
     def __init__(self, session: AbstractionSession) -> None:
@@ -137,13 +138,16 @@ class PipelinedRunner:
         self._analyzer = ThreadPoolExecutor(1, thread_name_prefix="analyzer")
         large = session.sizes.output[1] >= THIRD_THREAD_ROWS
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
+        self._deferring = None if large else DeferringBackground()
+        self._analysed = self._composited = 0  # frames; each counted by one thread only
 
     def __enter__(self) -> PipelinedRunner:
         self.session.compositor.background = Background()
+        self.session.analyzer.background = self._deferring or self.session.background
         return self
 
     def __exit__(self, *failure: object) -> None:
-        self.session.compositor.background = self.session.background
+        self.session.compositor.background = self.session.analyzer.background = self.session.background
         self._analyzer.shutdown(cancel_futures=True)
         if self._regions:
             self._regions.shutdown(cancel_futures=True)
@@ -167,8 +171,15 @@ class PipelinedRunner:
             yield self._composite(waiting)
 
     def _begin(self, frame: Frame, mask: Plane | None) -> _Waiting:
-        analysis = self._analyzer.submit(self.session.analyzer.step, frame, mask)
+        analysis = self._analyzer.submit(self._analyze, frame, mask)
         return _Waiting(analysis, self._regions.submit(self._segment, analysis) if self._regions else None)
+
+    def _analyze(self, frame: Frame, mask: Plane | None) -> FrameAnalysis:
+        analysis = self.session.analyzer.step(frame, mask)
+        self._analysed += 1
+        if self._deferring is not None and self._analysed - self._composited > AHEAD // 2:
+            self._deferring.finish()
+        return analysis
 
     def _segment(self, analysis: Future[FrameAnalysis]) -> ColouredRegions:
         return self.session.regions.step(analysis.result())
@@ -178,5 +189,6 @@ class PipelinedRunner:
         ahead = len(waiting) > AHEAD // 2 and waiting[AHEAD // 2].analysis.done()
         self.session.compositor.background.helper = self._analyzer if ahead and not self._regions else None
         analysis, regions = waiting.popleft()
+        self._composited += 1
         self.session.compositor.prepare(analysis.result())
         return self.session.compositor.step(regions.result() if regions else self._segment(analysis))
