@@ -65,6 +65,8 @@ SMALL_FACE, LARGE_FACE = 0.2, 0.4
 """Widths of a face, in shorter sides of the frame, between which the weight of `small_faces` falls from 1 to 0."""
 _FADE = 1.5
 """The mask falls from 1 at the head's ellipse to 0 at an ellipse this many times larger."""
+_FEATURES_WIDTH, _FEATURES_HEIGHT, _FEATURES_FADE = 0.36, 0.405, 1.4
+"""Semi-axes of the ellipse around brows, eyes, nose and mouth, in sides of the detected box, and its fade."""
 
 
 class FaceTracker:
@@ -131,7 +133,7 @@ class FaceTracker:
         if self._pieces and age % self._apart == 0:
             piece = self._pieces[age // self._apart % len(self._pieces)]
             self._add_new(gray, self._finder.candidates(gray, piece)[:_MOST_CANDIDATES], piece.pose)
-        self._search_new(gray)
+        self._search_new(gray, age)
         self._recheck_due(gray, age)
 
     def _recheck_due(self, gray: Gray, age: int) -> None:
@@ -147,9 +149,9 @@ class FaceTracker:
             self._recheck(gray, int(index))
             budget -= width
 
-    def _search_new(self, gray: Gray) -> None:
-        """Search a place that has come into view."""
-        where = self._new.next_rectangle()
+    def _search_new(self, gray: Gray, age: int) -> None:
+        """Search a place that has come into view, or in which something moves."""
+        where = self._new.next_rectangle(age)
         if where is None:
             return
         self._add_new(
@@ -164,12 +166,15 @@ class FaceTracker:
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""
-        return {"faces": self.faces.view(np.float64).reshape(-1, _COLUMNS).copy(), "unsearched": self._new.plane.copy()}
+        return {
+            "faces": self.faces.view(np.float64).reshape(-1, _COLUMNS).copy(),
+            "unsearched": self._new.plane.copy(), "moving": self._new.moving.copy(),
+        }  # fmt: skip
 
     def restore(self, state: Arrays) -> None:
-        """Restore a state; one without `unsearched` has no new places, and one of another size is resampled."""
+        """Restore a state; one without `unsearched` or `moving` has no such places; other sizes are resampled."""
         self.faces = faces_of_state(state)
-        self._new.restore(state.get("unsearched"))
+        self._new.restore(state.get("unsearched"), state.get("moving"))
 
     def head_mask(self, shape: tuple[int, int]) -> Plane:
         """Soft mask of the heads, see the function `head_mask`."""
@@ -240,12 +245,23 @@ class FaceCrop(NamedTuple):
     Attributes:
         box: rows and columns of the picture.
         weight: float32, 0..1, of the shape of `box`: by how much the pixels belong to the face, times its smallness.
-        width_px: width of the face, px of the picture.
+        face: centre x, centre y, width and height of the detected box, px of the picture.
     """
 
     box: tuple[slice, slice]
     weight: Plane
-    width_px: float
+    face: tuple[float, float, float, float]
+
+    @property
+    def width_px(self) -> float:
+        return self.face[2]
+
+    def features(self) -> Plane:
+        """`weight` where brows, eyes, nose and mouth are, and 0 on the outline of the head: float32, of its shape."""
+        (rows, columns), (cx, cy, w, h) = self.box, self.face
+        return self.weight * _soft_ellipse(
+            _from_centre(columns, cx, w * _FEATURES_WIDTH), _from_centre(rows, cy, h * _FEATURES_HEIGHT), _FEATURES_FADE
+        )
 
     def blend(self, plane: NDArray[np.uint8], other: NDArray[np.uint8]) -> None:
         """Move that part of a plane, uint8 (h, w), towards `other`, of the shape of `box`, by the weight."""
@@ -264,18 +280,28 @@ def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -
     for face in faces:
         small = float(np.clip((LARGE_FACE - face["box"][2] / min(size)) / (LARGE_FACE - SMALL_FACE), 0, 1))
         weight = np.float32(face["strength"] * small)
-        cx, cy, w, h = face["box"] * (across, down, across, down)
-        half_x, half_y, cy = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
+        cx, cy, w, h = (float(side) for side in face["box"] * (across, down, across, down))
+        half_x, half_y, top = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
         x0, x1 = max(0, math.floor(cx - _FADE * half_x)), min(picture[0], math.ceil(cx + _FADE * half_x))
-        y0, y1 = max(0, math.floor(cy - _FADE * half_y)), min(picture[1], math.ceil(cy + _FADE * half_y))
+        y0, y1 = max(0, math.floor(top - _FADE * half_y)), min(picture[1], math.ceil(top + _FADE * half_y))
         if weight < 0.02 or x0 >= x1 or y0 >= y1:
             continue
-        xs = (np.arange(x0, x1, dtype=np.float32) + np.float32(0.5 - cx)) / np.float32(half_x)
-        ys = (np.arange(y0, y1, dtype=np.float32) + np.float32(0.5 - cy)) / np.float32(half_y)
-        distance = np.sqrt((xs * xs)[None, :] + (ys * ys)[:, None])
-        ramp = np.clip((np.float32(_FADE) - distance) / np.float32(_FADE - 1), 0, 1)
-        out.append(FaceCrop((slice(y0, y1), slice(x0, x1)), weight * ramp * ramp * (3 - 2 * ramp), float(w)))
+        rows, columns = slice(y0, y1), slice(x0, x1)
+        head = _soft_ellipse(_from_centre(columns, cx, half_x), _from_centre(rows, top, half_y), _FADE)
+        out.append(FaceCrop((rows, columns), weight * head, (cx, cy, w, h)))
     return out
+
+
+def _from_centre(span: slice, centre: float, unit: float) -> NDArray[np.float32]:
+    """Distances of a span's pixels from a centre, px, in multiples of `unit`."""
+    return (np.arange(span.start, span.stop, dtype=np.float32) + np.float32(0.5 - centre)) / np.float32(unit)
+
+
+def _soft_ellipse(xs: NDArray[np.float32], ys: NDArray[np.float32], fade: float) -> Plane:
+    """1 in the unit circle, falling to 0 at `fade` times its radius: float32 (len(ys), len(xs))."""
+    distance = np.sqrt((xs * xs)[None, :] + (ys * ys)[:, None])
+    ramp = np.clip((np.float32(fade) - distance) / np.float32(fade - 1), 0, 1)
+    return np.asarray(ramp * ramp * (3 - 2 * ramp), np.float32)
 
 
 def faces_of_state(state: Arrays) -> Faces:

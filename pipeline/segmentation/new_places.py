@@ -1,7 +1,8 @@
-"""Places of the scene in which no face has been searched yet: what a camera motion brings into view.
+"""Places of the scene that are searched for faces first: what a camera motion brings into view, and what moves.
 
 A search of a whole frame is spread over many frames, in which faces of a crowd that the camera pans over have left the
-frame again. A map of what has not been searched moves with the flow, so that a rectangle there is searched first.
+frame again, and somebody who walks in has crossed it. Two maps move with the flow, what has never been searched and
+what has moved since it was searched, so that a rectangle there is searched first.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Plane
+from pipeline.segmentation.motion import median_motion
 
 MAP_SIDE = 64
 """Cells of the map on its longer side."""
@@ -26,7 +28,14 @@ LARGEST = 2.5
 MARGIN = 1.5
 """Faces of which a part may be outside the rectangle are this near its border, in widths of the smallest face."""
 LEAST_SHARE = 0.5
-"""Share of new cells from which on a rectangle is searched: a strip that is wider than the smallest face."""
+"""Mean of a map from which on a rectangle is searched: a strip of new cells that is wider than the smallest face."""
+SLOWEST = 0.015
+"""Speed relative to the camera from which on a cell moves, in widths of the smallest face a frame."""
+MOTION_GAIN, MOST_MOTION = 0.2, 3.0
+"""What each frame adds to a moving cell, and the most that it reaches: somebody who walks fills a small part of a
+rectangle."""
+MOTION_EVERY_FRAMES = 4
+"""Moving places are searched in every fourth frame at most, since a crowd moves everywhere all the time."""
 
 
 class Rectangle(NamedTuple):
@@ -39,7 +48,7 @@ class Rectangle(NamedTuple):
 
 
 class NewPlaces:
-    """Where faces have not been searched. Not thread-safe.
+    """Where faces are searched first. Not thread-safe.
 
     Args:
         size: (width, height) of the frames, px.
@@ -47,6 +56,7 @@ class NewPlaces:
 
     Attributes:
         plane: float32 (h, w), a grid over the frame: 1 = never searched, 0 = searched.
+        moving: the same for motion since the latest search, 0..`MOST_MOTION`.
     """
 
     def __init__(self, size: tuple[int, int], least_px: int) -> None:
@@ -55,33 +65,48 @@ class NewPlaces:
         self._cells = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
         self._shapes = self._rectangles()
         self.plane: Plane = np.zeros(self._cells[::-1], np.float32)
+        self.moving: Plane = np.zeros(self._cells[::-1], np.float32)
 
     def clear(self) -> None:
         """The whole frame has been searched."""
-        self.plane = np.zeros_like(self.plane)
+        self.plane, self.moving = np.zeros_like(self.plane), np.zeros_like(self.moving)
 
-    def restore(self, plane: AnyArray | None) -> None:
-        """Continue with the map of another one, of any size; None = everything has been searched."""
-        self.clear()
-        if plane is not None:
-            same = plane.shape == self.plane.shape
-            now = plane if same else cv2.resize(plane, self._cells, interpolation=cv2.INTER_LINEAR)
-            self.plane = np.array(now, np.float32)
+    def restore(self, plane: AnyArray | None, moving: AnyArray | None) -> None:
+        """Continue with the maps of another one, of any size; None = everything has been searched."""
+        self.plane, self.moving = self._resampled(plane), self._resampled(moving)
+
+    def _resampled(self, plane: AnyArray | None) -> Plane:
+        if plane is None:
+            return np.zeros(self._cells[::-1], np.float32)
+        same = plane.shape == self.plane.shape
+        now = plane if same else cv2.resize(plane, self._cells, interpolation=cv2.INTER_LINEAR)
+        return np.array(now, np.float32)
 
     def move(self, flow: Flow) -> None:
-        """Move the map to the next frame.
+        """Move the maps to the next frame.
 
         Args:
             flow: from the previous frame to this one, px of the frame, on a grid of any size.
         """
         coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_LINEAR), np.float32)
         x, y = positions(-coarse * np.divide(self._cells, self._size).astype(np.float32))
-        moved = cv2.remap(self.plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
-        self.plane = np.asarray(moved, np.float32)
+        new = cv2.remap(self.plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
+        self.plane = np.asarray(new, np.float32)
+        relative = coarse - median_motion(coarse)
+        moves = (relative * relative).sum(axis=2) > np.float32((SLOWEST * self._least_px) ** 2)
+        moved = cv2.remap(self.moving, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        self.moving = np.minimum(moved + np.float32(MOTION_GAIN) * moves, np.float32(MOST_MOTION))
 
-    def next_rectangle(self) -> Rectangle | None:
-        """The rectangle with the largest share of new cells; None if it is less than `LEAST_SHARE`."""
-        sums = cv2.integral(self.plane, sdepth=cv2.CV_64F)
+    def next_rectangle(self, age: int) -> Rectangle | None:
+        """The rectangle with the largest mean of a map; None if it is less than `LEAST_SHARE` in both.
+
+        `age`: number of the search; moving places are searched in some of them.
+        """
+        new = self._largest(self.plane)
+        return self._largest(self.moving) if new is None and age % MOTION_EVERY_FRAMES == 0 else new
+
+    def _largest(self, plane: Plane) -> Rectangle | None:
+        sums = cv2.integral(plane, sdepth=cv2.CV_64F)
         best, found = LEAST_SHARE, None
         for w, h in self._shapes:
             total = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
@@ -98,17 +123,18 @@ class NewPlaces:
         left, right = round(where.left * across), round(where.right * across)
         top, bottom = round(where.top * down), round(where.bottom * down)
         near_x, near_y = (round(side) for side in self._in_cells((MARGIN, MARGIN)))
-        self.plane[top:bottom, left:right] *= np.float32(0.5)
         inner_x = slice(left + near_x if left else 0, right - near_x if right < width else width)
         inner_y = slice(top + near_y if top else 0, bottom - near_y if bottom < height else height)
-        self.plane[inner_y, inner_x] = 0
+        for plane in (self.plane, self.moving):
+            plane[top:bottom, left:right] *= np.float32(0.5)
+            plane[inner_y, inner_x] = 0
 
     def newness(self, box: NDArray[np.float64]) -> float:
-        """Largest value of the map in a box (centre x, centre y, width, height), px: 0..1."""
+        """Largest value of the maps in a box (centre x, centre y, width, height), px: 0..1."""
         scale = np.divide(self._cells, self._size)
         (x0, y0), (x1, y1) = ((box[:2] + sign * box[2:] / 2) * scale for sign in (-1, 1))
-        inside = self.plane[max(0, int(y0)) : max(0, math.ceil(y1)), max(0, int(x0)) : max(0, math.ceil(x1))]
-        return float(inside.max(initial=0))
+        inside = slice(max(0, int(y0)), max(0, math.ceil(y1))), slice(max(0, int(x0)), max(0, math.ceil(x1)))
+        return min(1.0, max(float(plane[inside].max(initial=0)) for plane in (self.plane, self.moving)))
 
     def _rectangles(self) -> list[tuple[int, int]]:
         """(width, height) in cells of an upright rectangle and of a lying one. Equal parts of the frame's side, with

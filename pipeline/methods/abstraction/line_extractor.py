@@ -27,6 +27,11 @@ WEAK, STRONG = 64, 153
 FACE_LINE, LEAST_FACE_LINE_PX, FACE_LINE_GAIN = 0.028, 0.6, 0.8
 """Standard deviation of the narrower Gaussian in small faces, in widths of the face; its least value, px; factor on the
 response, which rises as the lines become narrower."""
+FEATURE_LINE = 0.007
+"""`FACE_LINE` of brows, eyes and mouths: wider lines would join an eye with its brow, which lies 5 px above it."""
+FEATURE_RESPONSE, FEATURE_SHARE, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN = 1.3, 0.05, 0.75, 2.2
+"""Gray levels that the response exceeds in this share of the pixels around brows, eyes and mouth, after a gain within
+limits: faint ones are drawn as strongly as others."""
 FACE_LENGTH = 0.2
 """Importance that is added in small faces when strokes are selected by their length: an eye is 4 px long."""
 RIM = np.ones((3, 3), np.uint8)
@@ -100,17 +105,22 @@ class LineExtractor:
         return dog_response(gray, self.sigma_px, TAU)
 
     def _finer(self, response: Plane, gray: Plane, faces: Sequence[FaceCrop]) -> Plane:
-        """Replace the response in small faces, in place, by that of narrower Gaussians."""
+        """Replace the response in small faces, in place, by that of narrower Gaussians, narrowest at their features."""
         for face in faces:
-            sigma_px = min(max(FACE_LINE * face.width_px, LEAST_FACE_LINE_PX), self.sigma_px)
-            around = math.ceil(3 * GAUSSIAN_RATIO * sigma_px)
-            (y0, y1), (x0, x1) = ((side.start, side.stop) for side in face.box)
-            top, left = max(0, y0 - around), max(0, x0 - around)
-            part = np.ascontiguousarray(gray[top : y1 + around, left : x1 + around])
-            fine = dog_response(part, sigma_px, TAU)[y0 - top : y1 - top, x0 - left : x1 - left]
             own = response[face.box]
-            own += face.weight * (np.float32(FACE_LINE_GAIN) * fine - own)
+            own += face.weight * (np.float32(FACE_LINE_GAIN) * self._narrow(gray, face, FACE_LINE) - own)
+            weight, features = face.features(), self._narrow(gray, face, FEATURE_LINE)
+            own += weight * (_feature_gain(features, weight) * features - own)
         return response
+
+    def _narrow(self, gray: Plane, face: FaceCrop, line: float) -> Plane:
+        """The response in a face to Gaussians of that standard deviation, in widths of the face."""
+        sigma_px = min(max(line * face.width_px, LEAST_FACE_LINE_PX), self.sigma_px)
+        around = math.ceil(3 * GAUSSIAN_RATIO * sigma_px)
+        (y0, y1), (x0, x1) = ((side.start, side.stop) for side in face.box)
+        top, left = max(0, y0 - around), max(0, x0 - around)
+        part = np.ascontiguousarray(gray[top : y1 + around, left : x1 + around])
+        return dog_response(part, sigma_px, TAU)[y0 - top : y1 - top, x0 - left : x1 - left]
 
     @staticmethod
     def _for_strokes(importance: Plane, faces: Sequence[FaceCrop]) -> Plane:
@@ -130,3 +140,13 @@ class LineExtractor:
         self.last = state.get("ink")
         if self.flow_lines:
             self.flow_lines.restore(state)
+
+
+def _feature_gain(response: Plane, weight: Plane) -> np.float32:
+    """Factor on the response at the features of a face, see `FEATURE_RESPONSE`."""
+    inside = response[weight > weight.max() / 2]
+    if not inside.size:
+        return np.float32(1)
+    place = int((1 - FEATURE_SHARE) * (inside.size - 1))
+    strong = max(np.partition(inside, place)[place], np.float32(1e-3))
+    return np.float32(np.clip(np.float32(FEATURE_RESPONSE) / strong, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN))

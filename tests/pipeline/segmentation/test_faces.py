@@ -50,7 +50,7 @@ def test_a_restored_tracker_continues_in_a_pan(wide: NDArray[np.uint8]) -> None:
     whole, resumed = FaceTracker(SIZE, 6.0), FaceTracker(SIZE, 6.0)
     panned(whole, wide, 0, 24)
     state = whole.state()
-    assert state["unsearched"].any()
+    assert state["unsearched"].any() and "moving" in state
     resumed.restore(state)
     for tracker in (whole, resumed):
         panned(tracker, wide, 24, 45)
@@ -117,3 +117,20 @@ def test_a_face_in_a_new_place_is_strong_whichever_search_finds_it(wide: NDArray
                 break
     assert len(strengths) == 12
     assert min(strengths) > 0.8
+
+
+def test_the_outline_of_a_head_is_not_among_its_features() -> None:
+    box = (80.0, 60.0, 40.0, 40.0)
+    crop = small_faces(np.array([(box, box, 1.0, 2.0, 0.0, 0.0, 0.0)], FACE), (320, 240), (320, 240))[0]
+    rows, columns = crop.box
+
+    def at(x: float, y: float) -> tuple[int, int]:
+        return round(y) - rows.start, round(x) - columns.start
+
+    eye, mouth, ear, hair = at(70, 53), at(80, 70), at(80 + 22, 60), at(80, 60 - 28)
+    features = crop.features()
+    for place in (eye, mouth):
+        assert features[place] > 0.95
+    for place in (ear, hair):
+        assert features[place] == 0
+        assert crop.weight[place] > 0.5
