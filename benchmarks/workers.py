@@ -35,7 +35,19 @@ def main() -> None:
 
 def render(clip: Path, folder: Path, workers: int) -> dict[str, Any]:
     """The output of `impasto render --json`."""
-    words = ["render", clip, "-o", folder / "out.mp4", "--home", folder, "--workers", workers, "--quiet", "--json"]
+    words = [
+        "render",
+        clip,
+        "-o",
+        folder / "out.mp4",
+        "--home",
+        folder,
+        "--workers",
+        workers,
+        "--overwrite",
+        "--quiet",
+        "--json",
+    ]
     done = subprocess.run(
         [sys.executable, "-m", "impasto", *map(str, words)], capture_output=True, text=True, check=True
     )
