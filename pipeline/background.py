@@ -85,7 +85,7 @@ class Background:
         return self.helper.submit(function, *args, **kwargs)
 
     def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
-        """The same for a function whose value only a later stage needs."""
+        """Run `function` as a call of this object does. Only a later stage needs its value, so a subclass may wait."""
         return self(function, *args, **kwargs)
 
     def offer(self, make: Callable[[], T]) -> Pending[T]:
@@ -103,7 +103,7 @@ class Background:
 
 
 class DeferringBackground(Background):
-    """Without a helper, leaves what is due `later` to the stage that needs it, unless `finish` computes it first.
+    """Runs a function that is handed to `later` in the thread that first asks for its value, or calls `finish`.
 
     The functions run in the order in which they were handed over, whichever thread runs them.
     """

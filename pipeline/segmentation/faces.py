@@ -40,7 +40,8 @@ _COLUMNS = FACE.itemsize // np.dtype(np.float64).itemsize
 _CYCLE_FRAMES, _PIECE_WINDOWS = 160, 4000.0
 """Frames of a complete search of all poses, and windows of a piece above which it takes longer instead."""
 _MOST_APART = 4
-"""Most frames from one piece to the next. In small frames, a piece of fewer windows hardly costs less."""
+"""Most frames from one searched piece to the next. Below `_PIECE_WINDOWS`, a piece of fewer windows costs hardly less,
+so small frames are searched in fewer and larger pieces."""
 _SMALLEST_SHARE = 1 / 48
 """Smallest face, as a fraction of the frame's longer side; at least the detector's window."""
 _RECHECK_FRAMES = 8
@@ -168,7 +169,7 @@ class FaceTracker:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""
         return {
             "faces": self.faces.view(np.float64).reshape(-1, _COLUMNS).copy(),
-            "unsearched": self._new.plane.copy(), "moving": self._new.moving.copy(),
+            "unsearched": self._new.unsearched.copy(), "moving": self._new.moving.copy(),
         }  # fmt: skip
 
     def restore(self, state: Arrays) -> None:

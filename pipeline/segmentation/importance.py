@@ -23,7 +23,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import FaceCrop, Faces, FaceTracker, head_mask, small_faces
+from pipeline.segmentation.faces import NO_FACES, FaceCrop, Faces, FaceTracker, head_mask, small_faces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.shrink import shrink, size_within
@@ -224,8 +224,9 @@ class ImportanceTracker:
         """Move the cue of hands with the flow, then towards the hands that are found in this frame."""
         if colours is None:
             return
-        found = skin_beside_faces(colours, self._faces.faces, self._size)
-        if self._age == 0 or not len(self._faces.faces):
+        faces = self._faces.faces if self._age else NO_FACES
+        found = skin_beside_faces(colours, faces, self._size)
+        if not len(faces):
             self._hands = np.zeros_like(self._hands)
             return
         if flow is not None and self._hands.any():

@@ -32,10 +32,10 @@ LEAST_SHARE = 0.5
 SLOWEST = 0.015
 """Speed relative to the camera from which on a cell moves, in widths of the smallest face a frame."""
 MOTION_GAIN, MOST_MOTION = 0.2, 3.0
-"""What each frame adds to a moving cell, and the most that it reaches: somebody who walks fills a small part of a
-rectangle."""
+"""Value that `moving` gains per frame in a moving cell, and its largest value. It exceeds 1 because a person who walks
+covers only a part of a rectangle, whose mean must reach `LEAST_SHARE`."""
 MOTION_EVERY_FRAMES = 4
-"""Moving places are searched in every fourth frame at most, since a crowd moves everywhere all the time."""
+"""Least number of frames from one search of a moving place to the next: in a crowd, something moves all the time."""
 
 
 class Rectangle(NamedTuple):
@@ -48,15 +48,15 @@ class Rectangle(NamedTuple):
 
 
 class NewPlaces:
-    """Where faces are searched first. Not thread-safe.
+    """Two maps that choose the next rectangle of the frame to search for faces. Not thread-safe.
 
     Args:
         size: (width, height) of the frames, px.
         least_px: smallest face.
 
     Attributes:
-        plane: float32 (h, w), a grid over the frame: 1 = never searched, 0 = searched.
-        moving: the same for motion since the latest search, 0..`MOST_MOTION`.
+        unsearched: float32 (h, w), a grid over the frame: 1 = never searched, 0 = searched.
+        moving: float32 (h, w), the same grid: amount of motion since the latest search, 0..`MOST_MOTION`.
     """
 
     def __init__(self, size: tuple[int, int], least_px: int) -> None:
@@ -64,21 +64,21 @@ class NewPlaces:
         scale = min(1.0, MAP_SIDE / max(size))
         self._cells = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
         self._shapes = self._rectangles()
-        self.plane: Plane = np.zeros(self._cells[::-1], np.float32)
+        self.unsearched: Plane = np.zeros(self._cells[::-1], np.float32)
         self.moving: Plane = np.zeros(self._cells[::-1], np.float32)
 
     def clear(self) -> None:
         """The whole frame has been searched."""
-        self.plane, self.moving = np.zeros_like(self.plane), np.zeros_like(self.moving)
+        self.unsearched, self.moving = np.zeros_like(self.unsearched), np.zeros_like(self.moving)
 
     def restore(self, plane: AnyArray | None, moving: AnyArray | None) -> None:
         """Continue with the maps of another one, of any size; None = everything has been searched."""
-        self.plane, self.moving = self._resampled(plane), self._resampled(moving)
+        self.unsearched, self.moving = self._resampled(plane), self._resampled(moving)
 
     def _resampled(self, plane: AnyArray | None) -> Plane:
         if plane is None:
             return np.zeros(self._cells[::-1], np.float32)
-        same = plane.shape == self.plane.shape
+        same = plane.shape == self.unsearched.shape
         now = plane if same else cv2.resize(plane, self._cells, interpolation=cv2.INTER_LINEAR)
         return np.array(now, np.float32)
 
@@ -90,8 +90,8 @@ class NewPlaces:
         """
         coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_LINEAR), np.float32)
         x, y = positions(-coarse * np.divide(self._cells, self._size).astype(np.float32))
-        new = cv2.remap(self.plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
-        self.plane = np.asarray(new, np.float32)
+        new = cv2.remap(self.unsearched, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
+        self.unsearched = np.asarray(new, np.float32)
         relative = coarse - median_motion(coarse)
         moves = (relative * relative).sum(axis=2) > np.float32((SLOWEST * self._least_px) ** 2)
         moved = cv2.remap(self.moving, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -102,7 +102,7 @@ class NewPlaces:
 
         `age`: number of the search; moving places are searched in some of them.
         """
-        new = self._largest(self.plane)
+        new = self._largest(self.unsearched)
         return self._largest(self.moving) if new is None and age % MOTION_EVERY_FRAMES == 0 else new
 
     def _largest(self, plane: Plane) -> Rectangle | None:
@@ -125,7 +125,7 @@ class NewPlaces:
         near_x, near_y = (round(side) for side in self._in_cells((MARGIN, MARGIN)))
         inner_x = slice(left + near_x if left else 0, right - near_x if right < width else width)
         inner_y = slice(top + near_y if top else 0, bottom - near_y if bottom < height else height)
-        for plane in (self.plane, self.moving):
+        for plane in (self.unsearched, self.moving):
             plane[top:bottom, left:right] *= np.float32(0.5)
             plane[inner_y, inner_x] = 0
 
@@ -134,7 +134,7 @@ class NewPlaces:
         scale = np.divide(self._cells, self._size)
         (x0, y0), (x1, y1) = ((box[:2] + sign * box[2:] / 2) * scale for sign in (-1, 1))
         inside = slice(max(0, int(y0)), max(0, math.ceil(y1))), slice(max(0, int(x0)), max(0, math.ceil(x1)))
-        return min(1.0, max(float(plane[inside].max(initial=0)) for plane in (self.plane, self.moving)))
+        return min(1.0, max(float(plane[inside].max(initial=0)) for plane in (self.unsearched, self.moving)))
 
     def _rectangles(self) -> list[tuple[int, int]]:
         """(width, height) in cells of an upright rectangle and of a lying one. Equal parts of the frame's side, with

@@ -30,8 +30,8 @@ response, which rises as the lines become narrower."""
 FEATURE_LINE = 0.007
 """`FACE_LINE` of brows, eyes and mouths: wider lines would join an eye with its brow, which lies 5 px above it."""
 FEATURE_RESPONSE, FEATURE_SHARE, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN = 1.3, 0.05, 0.75, 2.2
-"""Gray levels that the response exceeds in this share of the pixels around brows, eyes and mouth, after a gain within
-limits: faint ones are drawn as strongly as others."""
+"""The response around brows, eyes and mouth is multiplied so that this share of the pixels exceeds that response, gray
+levels; the factor is kept within the two limits. Faint features are thus drawn as strongly as dark ones."""
 FACE_LENGTH = 0.2
 """Importance that is added in small faces when strokes are selected by their length: an eye is 4 px long."""
 RIM = np.ones((3, 3), np.uint8)
@@ -108,12 +108,12 @@ class LineExtractor:
         """Replace the response in small faces, in place, by that of narrower Gaussians, narrowest at their features."""
         for face in faces:
             own = response[face.box]
-            own += face.weight * (np.float32(FACE_LINE_GAIN) * self._narrow(gray, face, FACE_LINE) - own)
-            weight, features = face.features(), self._narrow(gray, face, FEATURE_LINE)
+            own += face.weight * (np.float32(FACE_LINE_GAIN) * self._narrow_response(gray, face, FACE_LINE) - own)
+            weight, features = face.features(), self._narrow_response(gray, face, FEATURE_LINE)
             own += weight * (_feature_gain(features, weight) * features - own)
         return response
 
-    def _narrow(self, gray: Plane, face: FaceCrop, line: float) -> Plane:
+    def _narrow_response(self, gray: Plane, face: FaceCrop, line: float) -> Plane:
         """The response in a face to Gaussians of that standard deviation, in widths of the face."""
         sigma_px = min(max(line * face.width_px, LEAST_FACE_LINE_PX), self.sigma_px)
         around = math.ceil(3 * GAUSSIAN_RATIO * sigma_px)

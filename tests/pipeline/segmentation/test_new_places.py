@@ -38,11 +38,11 @@ def test_the_strip_that_a_pan_brings_into_view_is_searched_once() -> None:
 def test_a_restored_map_is_the_same_and_another_size_is_resampled() -> None:
     places, same, other = NewPlaces(SIZE, 24), NewPlaces(SIZE, 24), NewPlaces((160, 90), 24)
     panned(places, 4, (-10, 3))
-    same.restore(places.plane, places.moving)
-    other.restore(places.plane, None)
-    np.testing.assert_array_equal(same.plane, places.plane)
+    same.restore(places.unsearched, places.moving)
+    other.restore(places.unsearched, None)
+    np.testing.assert_array_equal(same.unsearched, places.unsearched)
     np.testing.assert_array_equal(same.moving, places.moving)
-    assert abs(float(other.plane.mean() - places.plane.mean())) < 0.02
+    assert abs(float(other.unsearched.mean() - places.unsearched.mean())) < 0.02
 
 
 def test_what_moves_in_front_of_a_moving_camera_is_searched_soon_and_then_rests() -> None:
@@ -52,7 +52,7 @@ def test_what_moves_in_front_of_a_moving_camera_is_searched_soon_and_then_rests(
     found = []
     for age in range(24):
         places.move(flow)
-        places.plane[:] = 0  # what comes into view is another matter
+        places.unsearched[:] = 0  # what comes into view is another matter
         if (where := places.next_rectangle(age)) is not None:
             found.append((age, where))
             places.searched(where)
