@@ -16,13 +16,22 @@ from pipeline.flow import estimate
 from pipeline.flow.invert import invert_flow
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.halves import to_half
-from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis
+from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
 from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
+from pipeline.methods.multistyle.face_layer import FaceLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.stroke_layers import FrameMotion, StrokeLayers, blurred
-from pipeline.methods.multistyle.styles import PIXEL_FIELDS, STYLES, Values, chosen_style, layer_style, uniform
+from pipeline.methods.multistyle.styles import (
+    PIXEL_FIELDS,
+    STYLES,
+    LayerStyle,
+    Values,
+    chosen_style,
+    layer_style,
+    uniform,
+)
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.face_contrast import raise_contrast
@@ -78,6 +87,7 @@ class StrokeAnalyzer:
         self.denoiser = TemporalDenoiser(params.noise_floor * named.denoise_factor)
         self.importance = ImportanceTracker(_importance(params), size)
         self.strokes = StrokeLayers(params, size, self.work, seed)
+        self.face_layer = FaceLayer(size, self.strokes.lifecycle, seed)
         self.rims = EdgeDarkening()
         self.number = 0
         self.gray: NDArray[np.uint8] | None = None
@@ -110,12 +120,24 @@ class StrokeAnalyzer:
         motion = None if forward is None or back is None else FrameMotion(forward, back, changed)
         with self.clock("strokes"):
             layers = self.strokes.step(picture, style, motion, detail, self.number)
+            layers += self._on_faces(frame, style, motion)
         self.gray, self.number = gray, self.number + 1
         field16 = to_half(field.transpose(1, 2, 0))
         technique = {name: self._stored(values, name) for name in PIXEL_FIELDS}
         rims = self.rims.step(picture, back, changed) if np.max(values["paper"]) > 0 else None
         flow16 = None if back is None else _coarse(back)
         return StrokeAnalysis(self.number, picture, field16, layers, flow16, technique, rims)
+
+    def _on_faces(self, frame: Frame, style: LayerStyle, motion: FrameMotion | None) -> tuple[StrokeLayer, ...]:
+        """The layer of fine strokes on small faces, if there are any."""
+        faces = self.importance.faces
+        if len(faces):
+            frame = frame.copy()
+            raise_contrast(frame, faces, self.size)
+        forward, revealed = (None, None) if motion is None else (motion.forward, self.strokes.revealed(motion))
+        birth = 0 if self.params.temporal == "off" else self.number
+        layer = self.face_layer.step(frame, faces, style, forward, revealed, birth)
+        return () if layer is None else (layer,)
 
     def _values(self, placed: RegionPlacement | None) -> Values:
         if placed is None or self.design is None:
@@ -205,7 +227,7 @@ class StrokeAnalyzer:
             getattr(self, name).restore(part(state, name))
 
 
-_PARTS = ("importance", "denoiser", "strokes", "rims")
+_PARTS = ("importance", "denoiser", "strokes", "face_layer", "rims")
 
 
 def _unit(field: OrientationField) -> OrientationField:

@@ -17,7 +17,14 @@ from pipeline.halves import to_half
 from pipeline.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
-from pipeline.methods.multistyle.styles import PROFILE_FIELDS, SMALLEST_PX, LayerStyle, face_weight, pigment
+from pipeline.methods.multistyle.styles import (
+    SMALLEST_PX,
+    LayerStyle,
+    face_weight,
+    pigment,
+    profile_columns,
+    profile_fields,
+)
 from pipeline.strokes.brush import Brush, shifted
 from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, spacing_px, threshold_of
 from pipeline.strokes.random import Purpose, draws
@@ -95,7 +102,7 @@ class StrokeLayers:
             self.tracks, self.errors = [], []
         scheme = scheme_of(style)
         scale = self.work[1] / self.size[1]
-        revealed = None if motion is None else self._revealed(motion)
+        revealed = None if motion is None else self.revealed(motion)
         tracks, layers, width = [], [], 0.0
         for index in range(layer_count(style)):
             brush = layer_brush(style.brush, style.technique["layer_ratio"], index)
@@ -130,7 +137,7 @@ class StrokeLayers:
             tracks, candidates, job.reference, spacing, params=params, wanted=keep, revealed=revealed, shape=shape
         )
 
-    def _revealed(self, motion: FrameMotion) -> Mask:
+    def revealed(self, motion: FrameMotion) -> Mask:
         """Newly visible pixels, bool (h', w'); strokes appear at once there."""
         outside = ~inside(motion.back)
         return outside if motion.changed is None else outside | motion.changed
@@ -176,8 +183,7 @@ class StrokeLayers:
         given |= {name: technique[name] for name in ("vivid", "contrast", "order_mix")}
         given["tolerance"] = np.multiply(technique["edge"], EDGE_FALL**job.index)
         given |= {} if detail is None else {"detail": detail}
-        uniform = all(isinstance(technique[name], float) for name in PROFILE_FIELDS)
-        given |= {} if uniform else {name: technique[name] for name in PROFILE_FIELDS}
+        given |= profile_fields(technique)
         own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
         strokes = np.zeros(len(tracks), STROKE)
         paint = pigment(tracks.targets, own["vivid"], own["contrast"])
@@ -194,9 +200,7 @@ class StrokeLayers:
         strokes["tolerance"] = to_half(own["tolerance"] * (1 - strict))
         if detail is not None and (face := face_weight(own["detail"])) is not None:
             strokes["tolerance"] *= 1 - face * np.float32(EDGE_FACE_FALL)
-        profile = [np.array([technique[name]]) if uniform else own[name] for name in PROFILE_FIELDS]
-        columns = np.stack(profile, axis=1).astype(np.float32)
-        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px, columns)
+        return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px, profile_columns(technique, own))
 
     def state(self) -> State:
         """State as arrays by name."""

@@ -295,6 +295,19 @@ def _decrease(detail: Plane, coefficients: tuple[float, float]) -> Plane:
     return np.asarray(1 - linear * detail - square * detail * detail, np.float32)
 
 
+def profile_fields(technique: Values) -> Values:
+    """Those of `PROFILE_FIELDS` that must be read at each stroke: all or none."""
+    names = PROFILE_FIELDS if any(not isinstance(technique[name], float) for name in PROFILE_FIELDS) else ()
+    return {name: technique[name] for name in names}
+
+
+def profile_columns(technique: Values, own: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Profile of each stroke, float32 (n, 5), from the values at its seed; (1, 5) where all have the same."""
+    varying = profile_fields(technique)
+    columns = [own[name] if varying else np.array([technique[name]]) for name in PROFILE_FIELDS]
+    return np.stack(columns, axis=1).astype(np.float32)
+
+
 def pigment(
     colours: NDArray[np.float32], vivid: float | NDArray[np.float32], contrast: float | NDArray[np.float32]
 ) -> NDArray[np.float32]:

@@ -1,0 +1,134 @@
+"""Fine strokes on small faces, painted over all other layers.
+
+Departure: kagaya2011video paints faces like everything else. The other layers are made from a picture at half of the
+frame's size, and their finest strokes cover the eyes of a face 30 px wide. These strokes take their colours from the
+frame at its full size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Arrays, State
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.halves import to_half
+from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
+from pipeline.methods.multistyle.styles import SMALLEST_PX, LayerStyle, pigment, profile_columns, profile_fields
+from pipeline.segmentation.faces import Faces, small_faces
+from pipeline.strokes.brush import shifted
+from pipeline.strokes.random import Purpose, draws
+from pipeline.strokes.seeds import StyleField, place, sample, sample_all
+from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
+
+LAYER = 15
+"""Number of the layer in the ids of its strokes; the other layers have lower ones."""
+WIDTH_SHARE = 1 / 36
+"""Width of strokes as a fraction of the width of the face."""
+LENGTH = 1.0
+"""Length of strokes in their widths; longer ones would cross an eye."""
+OVERLAP = 2.0
+"""Mean number of strokes on a pixel."""
+LEAST_WEIGHT, KEPT_WEIGHT = 0.45, 0.25
+"""Weights of a face up to which no stroke is added, and up to which strokes are removed (hysteresis)."""
+CELL_PX = 4
+"""Side, px, of the cells of the maps of weight and stroke width, which are smooth."""
+WIDEST = 16.0
+"""Stroke width outside faces, in multiples of the smallest."""
+JITTER = 0.1
+"""Colour jitter relative to that of the style. These strokes have neither relief nor bristles: light and dark at their
+sides would be as large as an eye."""
+UNLIMITED = 442.0
+"""Colour tolerance: these strokes are too short to cross a silhouette."""
+
+
+class FaceLayer:
+    """Tracks the fine strokes on the small faces of consecutive frames.
+
+    Args:
+        size: (width, height) of the frames, px.
+        lifecycle: of strokes.
+    """
+
+    def __init__(self, size: tuple[int, int], lifecycle: LifecycleParams, seed: int) -> None:
+        self.size, self.lifecycle, self.seed = size, lifecycle, seed
+        self.tracks: StrokeTracks | None = None
+
+    def step(
+        self, frame: Frame, faces: Faces, style: LayerStyle, forward: Flow | None, revealed: Mask | None,
+        birth: int,
+    ) -> StrokeLayer | None:  # fmt: skip
+        """Strokes on the small faces of the next frame; None = there are none.
+
+        Args:
+            frame: uint8 (h, w, 3), with the contrast of faces raised, see `face_contrast`.
+            faces: all faces of the frame.
+            forward: float32 (h', w', 2), flow from the previous frame, px of the frame; None = a shot begins.
+            revealed: bool, a grid over the frame: newly visible pixels.
+            birth: number of the frame that new strokes are made for.
+        """
+        if forward is None:
+            self.tracks = None
+        if not len(faces) and self.tracks is None:
+            return None
+        shape = frame.shape
+        weight, width_px = _maps(faces, self.size)
+        spacing = width_px * np.float32(((LENGTH + 1) / OVERLAP) ** 0.5)
+        candidates = place(shape, spacing, seed=self.seed, layer=LAYER, birth=birth)
+        candidates = candidates[sample(weight, candidates.xy, shape) > LEAST_WEIGHT]
+        if self.tracks is None or forward is None:
+            self.tracks = start_tracks(candidates, frame, spacing, self.lifecycle, shape)
+        else:
+            tracks = advect(self.tracks, forward, shape=shape)
+            keep = sample(weight, tracks.seeds.xy, shape) > KEPT_WEIGHT
+            self.tracks = update(
+                tracks, candidates, frame, spacing, params=self.lifecycle, wanted=keep, revealed=revealed, shape=shape
+            )
+        if not len(self.tracks):
+            self.tracks = None
+            return None
+        return self._layer(self.tracks, style, weight, width_px)
+
+    def _layer(self, tracks: StrokeTracks, style: LayerStyle, weight: Plane, width_px: Plane) -> StrokeLayer:
+        """The strokes with their paint; `weight` and `width_px`: see `_maps`."""
+        seeds, technique, brush = tracks.seeds, style.technique, style.brush
+        given: dict[str, StyleField] = {
+            "opacity": brush.opacity, "hue": brush.hue_deg, "saturation": brush.saturation, "value": brush.value,
+            "jitter": brush.jitter, "weight": weight, "width": width_px,
+        }  # fmt: skip
+        given |= {name: technique[name] for name in ("vivid", "contrast", "order_mix")}
+        given |= profile_fields(technique)
+        own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
+        strokes = np.zeros(len(tracks), STROKE)
+        paint = pigment(tracks.targets, own["vivid"], own["contrast"])
+        shifts = [own["hue"], own["saturation"], own["value"], own["jitter"] * np.float32(JITTER)]
+        strokes["colour"] = to_half(np.clip(shifted(paint, seeds.ids, shifts, self.seed), 0, 255))
+        strokes["target"] = to_half(tracks.targets)
+        strokes["radius_px"] = to_half(own["width"] / np.float32(2))
+        strokes["length_px"] = to_half(own["width"] * np.float32(LENGTH))
+        strokes["opacity"] = to_half(own["opacity"] * own["weight"])
+        strokes["presence"] = to_half(tracks.presence)
+        variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
+        strokes["rank"] = to_half(own["order_mix"] * variation)  # dark strokes on top would widen eyes
+        strokes["tolerance"] = np.float16(UNLIMITED)
+        return StrokeLayer(seeds.xy, seeds.ids, strokes, 0.0, profile_columns(technique, own))
+
+    def state(self) -> State:
+        return {} if self.tracks is None else self.tracks.state()
+
+    def restore(self, state: Arrays) -> None:
+        self.tracks = StrokeTracks.from_state(state) if state else None
+
+
+def _maps(faces: Faces, size: tuple[int, int]) -> tuple[Plane, Plane]:
+    """Weight of small faces, 0..1, and width of strokes, px of the frame: two grids over the frame, float32.
+
+    Outside faces the width is the largest that `place` distinguishes from the smallest one, so that few seeds are made.
+    """
+    grid = -(-size[0] // CELL_PX), -(-size[1] // CELL_PX)
+    weight, width_px = (np.full(grid[::-1], value, np.float32) for value in (0, WIDEST * SMALLEST_PX))
+    per_cell = size[0] / grid[0]
+    for face in small_faces(faces, size, grid):
+        fine = np.float32(max(face.width_px * per_cell * WIDTH_SHARE, SMALLEST_PX))
+        width_px[face.box] = np.minimum(width_px[face.box], np.where(face.weight > 0, fine, np.inf))
+        weight[face.box] = np.maximum(weight[face.box], face.weight)
+    return weight, width_px
