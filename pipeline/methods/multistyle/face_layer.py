@@ -28,7 +28,10 @@ LENGTH = 1.0
 """Length of strokes in their widths; longer ones would cross an eye."""
 OVERLAP = 2.0
 """Mean number of strokes on a pixel."""
-LEAST_WEIGHT, KEPT_WEIGHT = 0.45, 0.25
+WHOLE_HEAD_PX, FEATURES_ONLY_PX = 32.0, 56.0
+"""Widths of a face, px: up to the first, the whole head has such strokes; from the second on, brows, eyes, nose and
+mouth alone, since they would turn the outline and the hair of a larger head into a photograph."""
+LEAST_WEIGHT, KEPT_WEIGHT = 0.4, 0.2
 """Weights of a face up to which no stroke is added, and up to which strokes are removed (hysteresis)."""
 CELL_PX = 4
 """Side, px, of the cells of the maps of weight and stroke width, which are smooth."""
@@ -129,6 +132,8 @@ def _maps(faces: Faces, size: tuple[int, int]) -> tuple[Plane, Plane]:
     per_cell = size[0] / grid[0]
     for face in small_faces(faces, size, grid):
         fine = np.float32(max(face.width_px * per_cell * WIDTH_SHARE, SMALLEST_PX))
-        width_px[face.box] = np.minimum(width_px[face.box], np.where(face.weight > 0, fine, np.inf))
-        weight[face.box] = np.maximum(weight[face.box], face.weight)
+        large = (face.width_px * per_cell - WHOLE_HEAD_PX) / (FEATURES_ONLY_PX - WHOLE_HEAD_PX)
+        own = face.weight + np.float32(min(max(large, 0), 1)) * (face.features() - face.weight)
+        width_px[face.box] = np.minimum(width_px[face.box], np.where(own > 0, fine, np.inf))
+        weight[face.box] = np.maximum(weight[face.box], own)
     return weight, width_px
