@@ -132,8 +132,9 @@ class StrokeAnalyzer:
         """The layer of fine strokes on small faces, if there are any."""
         faces = self.importance.faces
         if len(faces):
-            frame = frame.copy()
+            frame, faces = frame.copy(), faces.copy()
             raise_contrast(frame, faces, self.size)
+            faces["strength"] *= self.params.face_detail
         forward, revealed = (None, None) if motion is None else (motion.forward, self.strokes.revealed(motion))
         birth = 0 if self.params.temporal == "off" else self.number
         layer = self.face_layer.step(frame, faces, style, forward, revealed, birth)

@@ -64,7 +64,7 @@ class FaceLayer:
 
         Args:
             frame: uint8 (h, w, 3), with the contrast of faces raised, see `face_contrast`.
-            faces: all faces of the frame.
+            faces: all faces of the frame; a lower strength makes strokes fainter.
             forward: float32 (h', w', 2), flow from the previous frame, px of the frame; None = a shot begins.
             revealed: bool, a grid over the frame: newly visible pixels.
             birth: number of the frame that new strokes are made for.
@@ -75,6 +75,8 @@ class FaceLayer:
             return None
         shape = frame.shape
         weight, width_px = _maps(faces, self.size)
+        if self.tracks is None and weight.max() <= LEAST_WEIGHT:
+            return None
         spacing = width_px * np.float32(((LENGTH + 1) / OVERLAP) ** 0.5)
         candidates = place(shape, spacing, seed=self.seed, layer=LAYER, birth=birth)
         candidates = candidates[sample(weight, candidates.xy, shape) > LEAST_WEIGHT]

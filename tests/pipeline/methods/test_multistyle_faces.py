@@ -111,3 +111,12 @@ def test_large_faces_and_frames_without_faces_have_no_such_strokes() -> None:
     large = one_face((100.0, 80.0, 70.0, 70.0))
     assert layers.step(eyes(), one_face()[:0], plain_style(), None, None, 0) is None
     assert layers.step(eyes(), large, plain_style(), None, None, 0) is None
+
+
+def test_a_weaker_face_has_fainter_strokes() -> None:
+    full, half, faint = (
+        FaceLayer(FRAME, LifecycleParams(), 0).step(eyes(), one_face(strength=each), plain_style(), None, None, 0)
+        for each in (1.0, 0.5, 0.2)
+    )
+    assert full is not None and half is not None and faint is None
+    assert full.values("opacity").max() == 1 and half.values("opacity").max() == 0.5
