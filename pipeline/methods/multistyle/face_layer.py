@@ -12,10 +12,10 @@ import numpy as np
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.halves import to_half
-from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
-from pipeline.methods.multistyle.styles import SMALLEST_PX, LayerStyle, pigment, profile_columns, profile_fields
+from pipeline.methods.multistyle.analysis import StrokeLayer
+from pipeline.methods.multistyle.stroke_layers import coloured_strokes
+from pipeline.methods.multistyle.styles import SMALLEST_PX, LayerStyle, profile_columns, profile_fields
 from pipeline.segmentation.faces import Faces, small_faces
-from pipeline.strokes.brush import shifted
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField, place, sample, sample_all
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
@@ -97,21 +97,16 @@ class FaceLayer:
         """The strokes with their paint; `weight` and `width_px`: see `_maps`."""
         seeds, technique, brush = tracks.seeds, style.technique, style.brush
         given: dict[str, StyleField] = {
-            "opacity": brush.opacity, "hue": brush.hue_deg, "saturation": brush.saturation, "value": brush.value,
-            "jitter": brush.jitter, "weight": weight, "width": width_px,
-        }  # fmt: skip
+            name: getattr(brush, name) for name in ("opacity", "hue_deg", "saturation", "value")
+        }
+        given |= {"jitter": np.multiply(brush.jitter, np.float32(JITTER)), "weight": weight, "width": width_px}
         given |= {name: technique[name] for name in ("vivid", "contrast", "order_mix")}
         given |= profile_fields(technique)
         own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
-        strokes = np.zeros(len(tracks), STROKE)
-        paint = pigment(tracks.targets, own["vivid"], own["contrast"])
-        shifts = [own["hue"], own["saturation"], own["value"], own["jitter"] * np.float32(JITTER)]
-        strokes["colour"] = to_half(np.clip(shifted(paint, seeds.ids, shifts, self.seed), 0, 255))
-        strokes["target"] = to_half(tracks.targets)
+        strokes = coloured_strokes(tracks, own, self.seed)
         strokes["radius_px"] = to_half(own["width"] / np.float32(2))
         strokes["length_px"] = to_half(own["width"] * np.float32(LENGTH))
         strokes["opacity"] = to_half(own["opacity"] * own["weight"])
-        strokes["presence"] = to_half(tracks.presence)
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
         strokes["rank"] = to_half(own["order_mix"] * variation)  # dark strokes on top would widen eyes
         strokes["tolerance"] = np.float16(UNLIMITED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
 import cv2
@@ -185,15 +186,10 @@ class StrokeLayers:
         given |= {} if detail is None else {"detail": detail}
         given |= profile_fields(technique)
         own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
-        strokes = np.zeros(len(tracks), STROKE)
-        paint = pigment(tracks.targets, own["vivid"], own["contrast"])
-        shifts = [own[name] for name in ("hue_deg", "saturation", "value", "jitter")]
-        strokes["colour"] = to_half(np.clip(shifted(paint, seeds.ids, shifts, self.seed), 0, 255))
-        strokes["target"] = to_half(tracks.targets)
+        strokes = coloured_strokes(tracks, own, self.seed)
         strokes["radius_px"] = to_half(own["size_px"] / np.float32(2))
         for name in ("opacity", "relief_px", "grain", "length_px"):
             strokes[name] = to_half(own[name])
-        strokes["presence"] = to_half(tracks.presence)
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
         strokes["rank"] = to_half(np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + own["order_mix"] * variation)
         strict = 0.0 if detail is None else own["detail"] * np.float32(EDGE_DETAIL_FALL)
@@ -225,6 +221,21 @@ def _distance(picture: Frame, below: Frame, past: Plane, memory: np.float32, cha
             b = np.int32(picture[y, x, 2]) - np.int32(below[y, x, 2])
             now = np.sqrt(np.float32(r * r + g * g + b * b))
             out[y, x] = now if changed[y, x] else now + memory * (past[y, x] - now)
+
+
+def coloured_strokes(tracks: StrokeTracks, own: Mapping[str, NDArray[np.float32]], seed: int) -> AnyArray:
+    """STROKE (n,) with the paint, target colour and presence of tracks; the other fields are 0.
+
+    Args:
+        own: values at the seeds, float32 (n,): vivid, contrast, hue_deg, saturation, value, jitter.
+    """
+    strokes = np.zeros(len(tracks), STROKE)
+    paint = pigment(tracks.targets, own["vivid"], own["contrast"])
+    shifts = [own[name] for name in ("hue_deg", "saturation", "value", "jitter")]
+    strokes["colour"] = to_half(np.clip(shifted(paint, tracks.seeds.ids, shifts, seed), 0, 255))
+    strokes["target"] = to_half(tracks.targets)
+    strokes["presence"] = to_half(tracks.presence)
+    return strokes
 
 
 def median(field: StyleField) -> float:
