@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.jit import kernel
-from pipeline.segmentation.faces import Faces
+from pipeline.segmentation.faces import Faces, largeness
 
 LEAST_CONTRAST = 32.0
 """Standard deviation of the lightness in a face, gray levels, from which on the face stays as it is."""
@@ -20,6 +20,9 @@ HALF_WIDTH, HALF_HEIGHT = 0.5, 0.55
 CORE, RIM = 0.7, 1.05
 """Distances from the middle, in semi-axes: the contrast is measured up to the first; the gain falls from there to 1 at
 the second, so that nothing around the face becomes lighter or darker."""
+LARGE_RIM, LARGE_JAW = 0.9, 0.25
+"""`RIM` of large faces, and by how much their ellipse is narrower at its lower end than in its middle. The wall beside
+the jaw of a large face would otherwise become a light crescent."""
 SAMPLES = 32
 """About the number of rows and columns in which the contrast is measured."""
 LEAST_SAMPLES = 8
@@ -35,31 +38,35 @@ def raise_contrast(picture: NDArray[np.uint8], faces: Faces, size: tuple[int, in
         size: (width, height) of that frame, px.
     """
     scale = np.divide((picture.shape[1], picture.shape[0]), size)
-    _raise(picture, faces["box"] * np.tile(scale, 2), faces["strength"].copy())
+    _raise(picture, faces["box"] * np.tile(scale, 2), faces["strength"].copy(), largeness(faces, size))
 
 
 @kernel
-def _raise(picture: NDArray[np.uint8], boxes: NDArray[np.float64], strengths: NDArray[np.float64]) -> None:
-    """`boxes`: (n, 4), centre x, centre y, width, height, px of the picture."""
+def _raise(
+    picture: NDArray[np.uint8], boxes: NDArray[np.float64], strengths: NDArray[np.float64], large: NDArray[np.float64]
+) -> None:  # fmt: skip
+    """`boxes`: (n, 4), centre x, centre y, width, height, px of the picture; `large`: (n,), see `largeness`."""
     height, width, channels = picture.shape
     one, most = np.float32(1), np.float32(255)
     for k in range(len(boxes)):
         half = boxes[k, 2] * HALF_WIDTH, boxes[k, 3] * HALF_HEIGHT
         x0, y0 = boxes[k, 0] - 0.5, boxes[k, 1] - 0.5
-        columns = max(0, math.ceil(x0 - RIM * half[0])), min(width, math.floor(x0 + RIM * half[0]) + 1)
-        rows = max(0, math.ceil(y0 - RIM * half[1])), min(height, math.floor(y0 + RIM * half[1]) + 1)
+        rim = RIM - large[k] * (RIM - LARGE_RIM)
+        columns = max(0, math.ceil(x0 - rim * half[0])), min(width, math.floor(x0 + rim * half[0]) + 1)
+        rows = max(0, math.ceil(y0 - rim * half[1])), min(height, math.floor(y0 + rim * half[1]) + 1)
         mean, spread, count = _contrast(picture, rows, columns, (x0, y0), half)
         gain = np.float32((min(LEAST_CONTRAST / spread, MOST_GAIN) - 1) * strengths[k])
         if count < LEAST_SAMPLES or gain <= np.float32(0):
             continue
         for y in range(rows[0], rows[1]):
             dy = (y - y0) / half[1]
+            across = half[0] * (1 - large[k] * LARGE_JAW * max(dy, 0.0))
             for x in range(columns[0], columns[1]):
-                dx = (x - x0) / half[0]
+                dx = (x - x0) / across
                 far = dx * dx + dy * dy
-                if far >= RIM * RIM:
+                if far >= rim * rim:
                     continue
-                ramp = np.float32(min((RIM - np.sqrt(far)) / (RIM - CORE), 1.0))
+                ramp = np.float32(min((rim - np.sqrt(far)) / (rim - CORE), 1.0))
                 share = ramp * ramp * (np.float32(3) - np.float32(2) * ramp)
                 light = _lightness(picture, y, x)
                 factor = max(one + share * gain * (light - np.float32(mean)) / light, np.float32(0))

@@ -270,6 +270,16 @@ class FaceCrop(NamedTuple):
         own[...] = np.rint(own + self.weight * (other.astype(np.float32) - own)).astype(np.uint8)
 
 
+def largeness(faces: Faces, size: tuple[int, int]) -> NDArray[np.float64]:
+    """0 up to a width of `SMALL_FACE`, rising to 1 at `LARGE_FACE`: float64 (n,).
+
+    Args:
+        size: (width, height) of the frame, in whose px the faces are.
+    """
+    shares = faces["box"][:, 2] / min(size)
+    return np.asarray(np.clip((shares - SMALL_FACE) / (LARGE_FACE - SMALL_FACE), 0, 1), np.float64)
+
+
 def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -> list[FaceCrop]:
     """The small faces: weight 1 up to a width of `SMALL_FACE`, falling to 0 at `LARGE_FACE`.
 
@@ -278,9 +288,8 @@ def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -
     """
     out = []
     across, down = np.divide(picture, size)
-    for face in faces:
-        small = float(np.clip((LARGE_FACE - face["box"][2] / min(size)) / (LARGE_FACE - SMALL_FACE), 0, 1))
-        weight = np.float32(face["strength"] * small)
+    for face, large in zip(faces, largeness(faces, size), strict=True):
+        weight = np.float32(face["strength"] * (1 - large))
         cx, cy, w, h = (float(side) for side in face["box"] * (across, down, across, down))
         half_x, half_y, top = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
         x0, x1 = max(0, math.floor(cx - _FADE * half_x)), min(picture[0], math.ceil(cx + _FADE * half_x))

@@ -26,9 +26,9 @@ MAX_ROLLS = 4
 """Largest number of fills with the same ball radius."""
 MIN_RELEASED_SHARE = 0.001
 """Share of the frame that must have been released before the same ball radius is tried again."""
-LEAST_DETAIL_PX, ROWS_PER_DETAIL_PX = 2, 240
-"""Radius of the smallest ball that finds details before their neighbours grow over them: 1 px per `ROWS_PER_DETAIL_PX`
-rows of the frame, at least `LEAST_DETAIL_PX`. Smaller balls fit into blurred edges."""
+LEAST_DETAIL_PX, SIDE_PER_DETAIL_PX = 2, 240
+"""Radius of the smallest ball that finds details before their neighbours grow over them: 1 px per `SIDE_PER_DETAIL_PX`
+px of the frame's shorter side, at least `LEAST_DETAIL_PX`. Smaller balls fit into blurred edges."""
 FIRST_GROWTH = 0.5
 """Fraction of the growing limit that applies until all details have been found."""
 SPECK_PX = 4
@@ -65,7 +65,7 @@ def fill_remaining(
 
     Returns: sums with the new regions, and the pixels that are still unlabelled.
     """
-    smallest_px = max(LEAST_DETAIL_PX, labels.shape[0] // ROWS_PER_DETAIL_PX)
+    smallest_px = max(LEAST_DETAIL_PX, min(labels.shape[0], labels.shape[1]) // SIDE_PER_DETAIL_PX)
     while radius_px >= 1:
         share = FIRST_GROWTH if radius_px >= smallest_px else 1.0
         if share == 1.0:

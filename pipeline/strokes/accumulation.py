@@ -26,8 +26,8 @@ SAME, OTHER = 39.0, 65.0
 """Change of the mean colour, gray levels, see `changes`. Up to `SAME`, two pictures show the same surface; from `OTHER`
 on, they show different ones."""
 SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
-"""Sides of two windows for mean colours, as fractions of the height: about a fine stroke and a hand. Then the factor on
-the change in the larger window, which small misalignments of texture do not affect."""
+"""Sides of two windows for mean colours, as fractions of the frame's shorter side: about a fine stroke and a hand. Then
+the factor on the change in the larger window, which small misalignments of texture do not affect."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,8 @@ def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
 
 def _largest_change(difference: NDArray[np.float32]) -> Plane:
     """Largest change in either window, for a difference float32 (h, w, 3): float32 (h, w), gray levels."""
-    small, large = (_mean_change(difference, max(3, round(part * len(difference))) | 1) for part in (SMALL, LARGE))
+    side = min(difference.shape[:2])
+    small, large = (_mean_change(difference, max(3, round(part * side)) | 1) for part in (SMALL, LARGE))
     return np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32)
 
 

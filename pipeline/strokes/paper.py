@@ -17,7 +17,8 @@ from pipeline.strokes.random import KEPT_TEXTURES, Purpose, draws
 from pipeline.strokes.seeds import StyleField
 
 RIM_WIDTH, RIM_STEP = 0.008, 22.0
-"""Width of the dark rim as a fraction of the height, and the step of lightness, gray levels, that makes a full rim."""
+"""Width of the dark rim as a fraction of the shorter side, and the step of lightness, gray levels, that makes a full
+rim."""
 FOLLOW = 0.15
 """Fraction of the difference by which rims change per frame, because dried paint does not move."""
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
@@ -109,6 +110,6 @@ class EdgeDarkening:
 def _rims(picture: Frame) -> Plane:
     """Darkening at the darker side of borders, 0..1: difference of two Gaussian blurs of the lightness."""
     gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    wide = RIM_WIDTH * gray.shape[0]
+    wide = RIM_WIDTH * min(gray.shape)
     difference = cv2.GaussianBlur(gray, (0, 0), wide) - cv2.GaussianBlur(gray, (0, 0), max(wide / 3, 0.5))
     return np.asarray(np.clip(difference * np.float32(1 / RIM_STEP), 0, 1), np.float32)

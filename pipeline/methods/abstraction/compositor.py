@@ -46,7 +46,7 @@ class Compositor:
 
     def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock, background: Background) -> None:
         self.params, self.clock, self.background = params, clock, background
-        self.round_px = params.boundary_smoothing / 1000 * size[1]
+        self.round_px = params.boundary_smoothing / 1000 * min(size)
         self.picture: Frame | None = None
         self._past: Pending[Frame] | None = None
 

@@ -55,11 +55,11 @@ class LineExtractor:
     def __init__(self, params: AbstractionParams, sizes: Sizes) -> None:
         self.params = params
         self.size = sizes.work
-        sigma_px = max(FINEST_LINE_PX, params.line_width / 1000 * sizes.frame[1])
+        sigma_px = max(FINEST_LINE_PX, params.line_width / 1000 * min(sizes.frame))
         shrink = max(math.ceil(sizes.frame[1] / sizes.work[1]), round(sigma_px))
         self.small = (max(1, sizes.frame[0] // shrink), max(1, sizes.frame[1] // shrink))
         self.sigma_px = sigma_px / shrink
-        self.limits = StrokeLimits(WEAK, STRONG, params.line_length / 1000 * self.small[1])
+        self.limits = StrokeLimits(WEAK, STRONG, params.line_length / 1000 * min(self.small))
         self.last: Ink | None = None
         flows = params.lines == "flow"
         self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness) if flows else None

@@ -40,20 +40,20 @@ class AbstractionParams(Params):
     )  # fmt: skip
     boundary_smoothing: float = number(
         6, 0, 20, "Boundary smoothing",
-        "Radius of the low-pass filter over region boundaries; 0 = off.", "per mille of the height", "Regions",
+        "Radius of the low-pass filter over region boundaries; 0 = off.", "per mille of the shorter side", "Regions",
     )  # fmt: skip
     edges: Literal["auto", "soft", "sharp"] = choice(
         "auto", "Edges",
         "How region borders and lines are drawn. soft = from the low-pass filtered label map; sharp = as curves, "
         "anti-aliased by exact pixel coverage: edges of about 1.5 px at any size, and more flicker; auto = sharp from "
-        "480 lines on.", "Regions",
+        "a shorter side of 480 px on.", "Regions",
     )  # fmt: skip
 
     analysis: Literal["auto", "full"] = choice(
         "auto", "Analysed size",
         "Size at which motion, regions and lines are found; they are always drawn at the frame's own. auto = half of "
-        "the frame's sides from 720 lines on, with sharp edges; full = the frame's own size: thinner regions, and "
-        "twice the time.", "Regions",
+        "the frame's sides from a shorter side of 720 px on, with sharp edges; full = the frame's own size: thinner "
+        "regions, and twice the time.", "Regions",
     )  # fmt: skip
 
     # -- time
@@ -121,7 +121,7 @@ class AbstractionParams(Params):
         "ms a frame more.", "Lines",
     )  # fmt: skip
     line_width: float = number(
-        2.6, 0.5, 10, "Line width", "Standard deviation of the narrower Gaussian.", "per mille of the height",
+        2.6, 0.5, 10, "Line width", "Standard deviation of the narrower Gaussian.", "per mille of the shorter side",
         "Lines", "sigma_e",
     )  # fmt: skip
     line_threshold: float = number(
@@ -137,7 +137,7 @@ class AbstractionParams(Params):
         40, 0, 300, "Shortest line",
         "Strokes shorter than this are not drawn. Where short strokes are many, as in foliage, they must be up to "
         "three times as long.",
-        "per mille of the height", "Lines"
+        "per mille of the shorter side", "Lines"
     )  # fmt: skip
 
     # -- colour

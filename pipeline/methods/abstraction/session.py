@@ -32,8 +32,8 @@ from pipeline.methods.tasks import Clock, no_clock
 
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""
-THIRD_THREAD_ROWS = 480
-"""Height from which a third thread pays, px."""
+THIRD_THREAD_FROM_PX = 480
+"""Shorter side of the frames from which a third thread pays, px."""
 
 
 class AbstractionSession:
@@ -127,7 +127,7 @@ class _Waiting(NamedTuple):
 class PipelinedRunner:
     """Runs the analyzer on a thread of its own, ahead of the other stages on the caller's thread. A context manager.
 
-    In frames of `THIRD_THREAD_ROWS`, regions are found on a third thread: one stage alone would otherwise keep a
+    In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
     processor waiting. In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take
     a tenth longer); there the analyzer's thread, when it is ahead, takes some of the compositor's work, and otherwise
     leaves edges and lines to the other stages.
@@ -136,7 +136,7 @@ class PipelinedRunner:
     def __init__(self, session: AbstractionSession) -> None:
         self.session = session
         self._analyzer = ThreadPoolExecutor(1, thread_name_prefix="analyzer")
-        large = session.sizes.output[1] >= THIRD_THREAD_ROWS
+        large = min(session.sizes.output) >= THIRD_THREAD_FROM_PX
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
         self._deferring = None if large else DeferringBackground()
         self._analysed = self._composited = 0  # frames; each counted by one thread only

@@ -37,7 +37,8 @@ SIMPLE_SIGMA_SHARE, SIMPLE_LIMIT_SHARE = 3.0, 2.5
 MOST_SIGMA_PX = 20.0
 """Largest standard deviation of that smoothing, px: its cost grows with the square."""
 CONTRAST_SHARE = 1 / 180
-"""Distance at which the colours on both sides of a border are compared, as a fraction of the height."""
+"""Distance at which the colours on both sides of a border are compared, as a fraction of the shorter
+side."""
 RAMP_SIGMAS = 3.5
 """Extent of the thin regions that are divided (`divide_ramps`), in standard deviations of the blur before analysis."""
 
@@ -52,13 +53,13 @@ class SharpCompositor(Compositor):
     def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: Background) -> None:
         super().__init__(params, sizes.work, clock, background)
         self.sizes = sizes
-        radius_px = params.boundary_smoothing / 1000 * sizes.work[1]
+        radius_px = params.boundary_smoothing / 1000 * min(sizes.work)
         self.sigma_px = SIGMA_SHARE * radius_px
         if sizes.work != sizes.output:
             self.sigma_px = max(LEAST_SIGMA_PX, self.sigma_px)
         self.widest_ramp_px = round(RAMP_SIGMAS * analysis_blur_px(sizes))
         self.limit_px = max(LEAST_LIMIT_PX, LIMIT_SHARE * radius_px)
-        self.reach_px = max(LEAST_REACH_PX, round(CONTRAST_SHARE * sizes.work[1]))
+        self.reach_px = max(LEAST_REACH_PX, round(CONTRAST_SHARE * min(sizes.work)))
         self.simple_sigma_px = min(SIMPLE_SIGMA_SHARE * radius_px, MOST_SIGMA_PX)
         self.simple_limit_px = SIMPLE_LIMIT_SHARE * radius_px
 

@@ -12,8 +12,9 @@ from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.methods.abstraction.params import AbstractionParams
 
-SHARP_FROM_ROWS = 480
-"""Height from which `edges=auto` is `sharp`, px: below, soft edges are at most 2 px wide, and cost less."""
+SHARP_FROM_PX = 480
+"""Shorter side of the output frames from which `edges=auto` is `sharp`, px: below, soft edges are at most 2 px wide,
+and cost less."""
 HALVED_FROM_PX = 720
 """Shorter side of the output frames from which `analysis=auto` analyses frames of half their sides, px."""
 FINEST_LINE_PX = 0.7
@@ -40,9 +41,9 @@ def sizes_of(params: AbstractionParams, frame: tuple[int, int], output: tuple[in
     own size.
     """
     output = output or frame
-    large = params.edges == "auto" and output[1] >= SHARP_FROM_ROWS
+    large = params.edges == "auto" and min(output) >= SHARP_FROM_PX
     curves = large or params.edges == "sharp" or frame != output
-    thin = params.lines != "off" and params.line_width / 1000 * output[1] < 2 * FINEST_LINE_PX
+    thin = params.lines != "off" and params.line_width / 1000 * min(output) < 2 * FINEST_LINE_PX
     halved = curves and params.analysis == "auto" and min(output) >= HALVED_FROM_PX and not thin
     work = (min(frame[0], output[0] // 2), min(frame[1], output[1] // 2)) if halved else frame
     return Sizes(frame, work, output, curves)
@@ -51,7 +52,7 @@ def sizes_of(params: AbstractionParams, frame: tuple[int, int], output: tuple[in
 def analysis_blur_px(sizes: Sizes) -> float:
     """Standard deviation of the Gaussian blur of the analysed frames, px; less if they have been reduced, which
     blurs, too."""
-    return (0.6 if sizes.work == sizes.frame else 0.4) + 0.4 * sizes.work[1] / 360
+    return (0.6 if sizes.work == sizes.frame else 0.4) + 0.4 * min(sizes.work) / 360
 
 
 def shrink_frame(frame: Frame, sizes: Sizes) -> Frame:

@@ -40,10 +40,8 @@ from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.field import OrientationField, field_of
 
-LARGE_ROWS = 400
-"""Frames with at least this many rows are analysed at half resolution; strokes are wider than the lost detail."""
-LEAST_COLUMNS = 64
-"""Narrower frames are analysed at full resolution, since optical flow needs at least 16 px."""
+HALVED_FROM_PX = 400
+"""Shorter side, px, of the frames that are analysed at half resolution; strokes are wider than the lost detail."""
 DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
 """Dead band and per-frame gain with which the detail map, moved along the flow, follows its target."""
 DETAIL_CELL = 4
@@ -51,10 +49,10 @@ DETAIL_CELL = 4
 whose regions have sharp borders, they are computed for every pixel."""
 DIRECTION_TOLERANCE = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
-ORIENTATION_ROWS = 160
-"""Approximate number of rows of the orientation field."""
-BACK_ROWS = 160
-"""Approximate number of rows of the stored backward flow."""
+ORIENTATION_CELLS = 160
+"""Approximate number of cells of the orientation field on the shorter side."""
+BACK_CELLS = 160
+"""The same of the stored backward flow."""
 BROAD_SIGMA, BROAD_WEIGHT = 6.0, 0.15
 """Without clear edges, the orientation blurred with this multiple of the edge sigma is used, with this weight relative
 to a clear edge."""
@@ -78,9 +76,9 @@ class StrokeAnalyzer:
         params = params.effective
         self.params, self.size, self.clock = params, size, clock
         named = STYLES[params.style]
-        factor = max(1, round(size[1] / ORIENTATION_ROWS))
+        factor = max(1, round(min(size) / ORIENTATION_CELLS))
         self.small = (max(1, size[0] // factor), max(1, size[1] // factor))
-        halved = 2 if size[1] >= LARGE_ROWS and size[0] >= LEAST_COLUMNS else 1
+        halved = 2 if min(size) >= HALVED_FROM_PX else 1
         self.work = (size[0] // halved, size[1] // halved)
         self.style, self.technique = chosen_style(params), named.technique
         self.design = None if design is None else DesignFields(design, self.style, self.technique, size, self.small)
@@ -116,7 +114,7 @@ class StrokeAnalyzer:
         field = self._directions(picture, back, placed)
         with self.clock("style"):
             values = self._values(placed)
-            style = layer_style(values, detail, self.size[1])
+            style = layer_style(values, detail, min(self.size))
         motion = None if forward is None or back is None else FrameMotion(forward, back, changed)
         with self.clock("strokes"):
             layers = self.strokes.step(picture, style, motion, detail, self.number)
@@ -191,7 +189,7 @@ class StrokeAnalyzer:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
         with self.clock("directions"):
             small = _shrunk(np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8), self.small)
-            sigma = max(self.params.edge_smoothing * self.small[1] / 1000, 0.8)
+            sigma = max(self.params.edge_smoothing * min(self.small) / 1000, 0.8)
             now = gradient_tensor(small.astype(np.float32), sigma)
             flow = None if back is None else _shrunk_flow(back, self.small)
             if flow is not None and self.tensors is not None:
@@ -254,7 +252,7 @@ def _trust(changed: Mask, size: tuple[int, int]) -> Plane:
 
 def _coarse(back: Flow) -> Half:
     """Backward flow on a coarser grid; it is smooth, and is stored for every frame."""
-    by = max(1, back.shape[0] // BACK_ROWS)
+    by = max(1, min(back.shape[:2]) // BACK_CELLS)
     size = (max(1, back.shape[1] // by), max(1, back.shape[0] // by))
     return to_half(cv2.resize(back, size, interpolation=cv2.INTER_AREA))
 

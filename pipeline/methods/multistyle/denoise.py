@@ -31,11 +31,11 @@ MARGIN, NOISY = 1.4, 2.5
 TEXTURE = 64.0
 """Sobel slope at a quarter of the size from which on motion would be visible."""
 WINDOW, GLOBAL = 0.15, 0.03
-"""Side of the window, as a fraction of the height, in which textured pixels decide whether a flat pixel rests; weight
-of the textured pixels of the whole picture."""
+"""Side of the window, as a fraction of the frame's shorter side, in which textured pixels decide whether a flat pixel
+rests; weight of the textured pixels of the whole picture."""
 FAR, CONTESTED = 0.003, 0.9
-"""A flat pixel that the flow moves by more than FAR, as a fraction of the height, moves, unless at least the fraction
-CONTESTED of the textures around it rests. Smaller motion may be an overshoot from a moving neighbour."""
+"""A flat pixel that the flow moves by more than FAR, as a fraction of the shorter side, moves, unless at least the
+fraction CONTESTED of the textures around it rests. Smaller motion may be an overshoot from a moving neighbour."""
 TEXTURE_SHARE = 0.3
 """Largest weight of the new picture a frame where only texture differs: moving folds and fur are not exactly where the
 flow says, and following each of them would flicker."""
@@ -59,14 +59,14 @@ def zero_resting_flow(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.ui
     across, down = (np.abs(cv2.Sobel(coarse, cv2.CV_32F, *axes)) for axes in ((1, 0), (0, 1)))
     texture = (across + down > np.float32(TEXTURE)).astype(np.float32)
     resting = texture * (change <= np.uint8(tolerance))
-    side = max(3, round(WINDOW * small[1])) | 1
+    side = max(3, round(WINDOW * min(small))) | 1
     near, all_near = (cv2.boxFilter(plane, -1, (side, side)) for plane in (resting, texture))
     far, all_far = (np.float32(GLOBAL * plane.mean() + 1e-6) for plane in (resting, texture))
     votes = near + far, all_near + all_far
     moving = (2 * votes[0] <= votes[1]).astype(np.uint8) + (votes[0] < np.float32(CONTESTED) * votes[1])
     decisions = np.asarray(moving, np.uint8)
     wide = np.asarray(cv2.resize(decisions, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-    _decide_contested(flow, np.float32((FAR * size[1]) ** 2), wide)
+    _decide_contested(flow, np.float32((FAR * min(size)) ** 2), wide)
     return zero_still_flow(flow, before, gray, tolerance, wide)
 
 

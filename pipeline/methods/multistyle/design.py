@@ -48,7 +48,7 @@ class Region(_Part):
 
     Later regions cover earlier ones. `border`: plain = style and direction jump between regions that have keys, and
     spread into regions without; sharp = nothing spreads across this region's border; soft = they change gradually, over
-    two hundredths of the height.
+    two hundredths of the shorter side.
     """
 
     label: Annotated[int | None, Field(ge=0, le=65535, description="Value in the label maps of the input `masks`.")] = (

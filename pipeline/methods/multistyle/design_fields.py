@@ -22,7 +22,7 @@ from pipeline.tensors.ellipses import Ellipse
 from pipeline.tensors.field import OrientationField, fill_free
 
 SOFT = 0.02
-"""Sigma of the Gaussian over which soft borders change, as a fraction of the height."""
+"""Sigma of the Gaussian over which soft borders change, as a fraction of the shorter side."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class DesignFields:
             self._record(solution)
         weights = enlarge(weights, regions, keys)
         soft = self._with_border("soft")
-        return soften(weights, np.isin(regions, soft), SOFT * self.size[1], self.small) if soft else weights
+        return soften(weights, np.isin(regions, soft), SOFT * min(self.size), self.small) if soft else weights
 
     def _record(self, solution: Solution) -> NDArray[np.float32]:
         """Keep the residual and cycles of a solution; return its values."""

@@ -17,7 +17,7 @@ from pipeline.video.writer import zip_entry
 
 DIRECTIONS = "directions"
 SPACING, LENGTH, THICKNESS = 0.025, 0.02, 0.003
-"""Distance, length and thickness of the line segments, as fractions of the picture's height."""
+"""Distance, length and thickness of the line segments, as fractions of the picture's shorter side."""
 DIM = 0.45
 """Lightness of the gray picture under the segments."""
 
@@ -34,12 +34,12 @@ def orientation_picture(analysis: StrokeAnalysis, size: tuple[int, int]) -> Fram
     gray = cv2.cvtColor(cv2.resize(analysis.picture, size, interpolation=cv2.INTER_LINEAR), cv2.COLOR_RGB2GRAY)
     out = np.ascontiguousarray(np.repeat((gray * DIM).astype(np.uint8)[..., None], 3, axis=2))
     field = analysis.direction(size)
-    step = max(4, round(SPACING * height))
-    thickness = max(1, round(THICKNESS * height))
+    side = min(size)
+    step, thickness = max(4, round(SPACING * side)), max(1, round(THICKNESS * side))
     for y in range(step // 2, height, step):
         for x in range(step // 2, width, step):
             angle = float(np.arctan2(field[y, x, 1], field[y, x, 0])) / 2
-            reach = np.array([np.cos(angle), np.sin(angle)]) * LENGTH * height / 2
+            reach = np.array([np.cos(angle), np.sin(angle)]) * LENGTH * side / 2
             ends = [tuple(int(v) for v in np.rint((np.array([x, y]) + sign * reach) * 16)) for sign in (-1, 1)]
             cv2.line(out, ends[0], ends[1], _colour(angle), thickness, cv2.LINE_AA, shift=4)
     return out

@@ -35,7 +35,7 @@ from pipeline.strokes.tracks import fade
 PAPER_GRAIN = 0.09
 """Relative darkening of thick paint in hollows of the paper with a depth of one standard deviation, at `paper` 1."""
 ROUNDING, LEAST_ROUNDING_PX = 0.0018, 0.35
-"""Sigma of the blur of the paint height, as a fraction of the picture's height, and the sigma below which it is
+"""Sigma of the blur of the paint height, as a fraction of the picture's shorter side, and the sigma below which it is
 skipped. With it the slopes, and so the lighting, are alike at every picture size."""
 COVER_LIMIT = 60.0
 """Limit, gray levels, of the change that the ground colour makes, so that ground in dark places does not glare."""
@@ -220,7 +220,7 @@ _PAINT = ("vivid", "contrast")
 
 def _round_off(canvas: Canvas) -> None:
     """Blur the paint height, in place."""
-    sigma = ROUNDING * canvas.shape[0]
+    sigma = ROUNDING * min(canvas.shape[:2])
     if sigma > LEAST_ROUNDING_PX:
         canvas[..., HEIGHT] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., HEIGHT]), (0, 0), sigma)
 

@@ -90,7 +90,7 @@ class MultistyleParams(Params):
 
     # -- direction
     edge_smoothing: float = number(
-        11, 1, 100, "Edge smoothing", "Sigma of the Gaussian blur of the edge field.", "per mille of the height",
+        11, 1, 100, "Edge smoothing", "Sigma of the Gaussian blur of the edge field.", "per mille of the shorter side",
         "Direction",
     )  # fmt: skip
     edge_memory: float = number(

@@ -144,7 +144,7 @@ def plan_maps(context: PlanContext[MultistyleParams], runs: list[Run]) -> list[T
     found: list[Tube] = []
     if facts["tubes"]:
         results = [result for key, result in context.results["regions"].items() if key.startswith("fore")]
-        found = tubes_of(results, shots, context.video.height, context.params.objects)
+        found = tubes_of(results, shots, min(context.video.width, context.video.height), context.params.objects)
     _check_numbers(facts["made"], found)
     owner = {
         str(one): name for name, (numbers, objects) in facts["made"].items() for tube in found for one in tube.ids

@@ -51,21 +51,23 @@ def _number(default: float, low: float, high: float, help_: str, unit: str) -> A
 class Style(BaseModel):
     """Style parameters of kagaya2011video, section 3. Each can differ from pixel to pixel and from frame to frame.
 
-    Lengths are in thousandths of the picture's height, so that a style looks alike at every size.
+    Lengths are in thousandths of the picture's shorter side, so that a style looks alike at every size.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     size: float = _number(
-        18, 2, 150, "Width of strokes, diameter of dots, in the coarsest layer.", "per mille of the height"
+        18, 2, 150, "Width of strokes, diameter of dots, in the coarsest layer.", "per mille of the shorter side"
     )
-    length: float = _number(90, 0, 600, "Length of strokes in the coarsest layer; 0 = dots.", "per mille of the height")
+    length: float = _number(
+        90, 0, 600, "Length of strokes in the coarsest layer; 0 = dots.", "per mille of the shorter side"
+    )
     opacity: float = _number(1, 0.02, 1, "Opacity of a stroke.", "ratio")
     hue: float = _number(0, -180, 180, "Shift of hue.", "degrees")
     saturation: float = _number(0, -1, 1, "Shift of saturation.", "ratio")
     value: float = _number(0, -1, 1, "Shift of brightness.", "ratio")
     jitter: float = _number(0.2, 0, 1, "Random variation of colour from stroke to stroke.", "ratio")
-    relief: float = _number(2, 0, 20, "Height of the paint of a stroke.", "per mille of the height")
+    relief: float = _number(2, 0, 20, "Height of the paint of a stroke.", "per mille of the shorter side")
     grain: float = _number(0.6, 0, 1, "Strength of the bristle texture in a stroke.", "ratio")
     layers: float = _number(3, 1, 4, "Number of layers, coarse to fine; may be fractional.", "layers")
     threshold: float = _number(20, 0, 442, "Error above which a finer layer paints.", "RGB distance")
@@ -248,15 +250,15 @@ class LayerStyle:
     widest_px: float
 
 
-def layer_style(values: Values, detail: Plane | None, height: int) -> LayerStyle:
+def layer_style(values: Values, detail: Plane | None, side: int) -> LayerStyle:
     """Convert style parameters to px and apply the detail map.
 
     Args:
         values: all parameters of `Style` and `Technique`.
         detail: float32 in 0..1, 1 = finest strokes, of the shape of the values that are planes; None = 0.
-        height: height of the frame, px.
+        side: shorter side of the frame, px.
     """
-    px = np.float32(height / 1000)
+    px = np.float32(side / 1000)
     size, length, threshold, layers, jitter = (
         values[name] for name in ("size", "length", "threshold", "layers", "jitter")
     )

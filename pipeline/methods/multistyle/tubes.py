@@ -27,14 +27,14 @@ COARSE: Mapping[str, float | str] = MappingProxyType({
 """Parameters of the method abstraction for fewer and larger regions than in a cartoon. With soft edges, frames are
 analysed at their own size."""
 MOTION = 6.0
-"""Lab units equivalent to a difference in motion of one px a frame, for frames of 360 rows."""
+"""Lab units equivalent to a difference in motion of one px a frame, for frames with a shorter side of 360 px."""
 
 
 GAP_FRAMES, GAP_LAB, GAP_DISTANCE, GAP_GROWTH = 30, 12.0, 0.2, 3.0
 """Limits for a tube that continues an earlier one after an occlusion: frames between them, difference of mean colour
-(8-bit Lab), distance from the extrapolated position as a fraction of the frame's height, ratio of areas."""
+(8-bit Lab), distance from the extrapolated position as a fraction of the frame's shorter side, ratio of areas."""
 LEAST_AREA = 0.0005
-"""Area, as a fraction of the squared height, below which tubes are not matched across occlusions."""
+"""Area, as a fraction of the squared shorter side, below which tubes are not matched across occlusions."""
 
 
 class TubeTracker:
@@ -176,12 +176,12 @@ def merge_results(results: Iterable[tuple[int, TaskResult]]) -> TaskResult:
     return {"tubes": {tube: stats.pack() for tube, stats in tubes.items()}, "touch": dict(touch)}
 
 
-def tubes_of(results: Iterable[TaskResult], shots: list[tuple[int, int]], rows: int, objects: int = 8) -> list[Tube]:
+def tubes_of(results: Iterable[TaskResult], shots: list[tuple[int, int]], side: int, objects: int = 8) -> list[Tube]:
     """All tubes of a video, from the results of its runs (`merge_results`) in order, each with its object.
 
     Args:
         shots: (first frame, frame after the last) of each shot.
-        rows: height of the frames, px.
+        side: shorter side of the frames, px.
         objects: number of objects that the tubes of a shot are merged to.
     """
     found: dict[int, _Stats] = {}
@@ -195,21 +195,21 @@ def tubes_of(results: Iterable[TaskResult], shots: list[tuple[int, int]], rows: 
         for pair, length in result["touch"].items():
             one, _, other = pair.partition("-")
             touch[int(one), int(other)] += length
-    root = _reattached(found, shots, rows)
-    return _numbered(found, root, touch, shots, rows, objects)
+    root = _reattached(found, shots, side)
+    return _numbered(found, root, touch, shots, side, objects)
 
 
-def _reattached(found: Mapping[int, _Stats], shots: list[tuple[int, int]], rows: int) -> dict[int, int]:
+def _reattached(found: Mapping[int, _Stats], shots: list[tuple[int, int]], side: int) -> dict[int, int]:
     """Map each tube id to the first id of the same tube: a tube that appears where an earlier one is expected continues
     it. Each tube is continued at most once, by the most similar one."""
     root = {name: name for name in found}
     pairs = []
     for start, stop in shots:
         mine = [name for name in sorted(found) if start <= found[name].first < stop]
-        large = [name for name in mine if found[name].sums[0] >= LEAST_AREA * rows * rows * _frames(found[name])]
+        large = [name for name in mine if found[name].sums[0] >= LEAST_AREA * side * side * _frames(found[name])]
         for one in large:
             for other in large:
-                cost = _continuation_cost(found[one], found[other], rows)
+                cost = _continuation_cost(found[one], found[other], side)
                 if cost is not None:
                     pairs.append((cost, one, other))
     continued, continuing = set[int](), set[int]()
@@ -227,13 +227,13 @@ def _frames(stats: _Stats) -> int:
     return stats.last - stats.first + 1
 
 
-def _continuation_cost(before: _Stats, after: _Stats, rows: int) -> float | None:
+def _continuation_cost(before: _Stats, after: _Stats, side: int) -> float | None:
     """Dissimilarity of a tube and a possible continuation; None if it cannot be one."""
     gap = after.first - before.last
     if not 0 < gap <= GAP_FRAMES:
         return None
     expected = np.array(before.exit[:2]) + before.velocity * gap
-    distance = float(np.hypot(*(np.array(after.entry[:2]) - expected))) / rows
+    distance = float(np.hypot(*(np.array(after.entry[:2]) - expected))) / side
     colour = float(np.sqrt(((before.lab - after.lab) ** 2).sum()))
     sizes = sorted((before.sums[0] / _frames(before), after.sums[0] / _frames(after)))
     if distance > GAP_DISTANCE or colour > GAP_LAB or sizes[1] > GAP_GROWTH * sizes[0]:
@@ -243,7 +243,7 @@ def _continuation_cost(before: _Stats, after: _Stats, rows: int) -> float | None
 
 def _numbered(
     found: Mapping[int, _Stats], root: Mapping[int, int], touch: Mapping[tuple[int, int], int],
-    shots: list[tuple[int, int]], rows: int, objects: int,
+    shots: list[tuple[int, int]], side: int, objects: int,
 ) -> list[Tube]:  # fmt: skip
     """Tubes with numbers and objects; statistics of continued tubes are summed."""
     ids: dict[int, list[int]] = defaultdict(list)
@@ -255,7 +255,7 @@ def _numbered(
         if root[one] != root[other]:
             borders[min(root[one], root[other]), max(root[one], root[other])] += length
     first = {name: found[name].first for name in ids}
-    parts = _objects(first, sums, borders, shots, (rows, objects))
+    parts = _objects(first, sums, borders, shots, (side, objects))
     out = []
     for number, name in enumerate(sorted(ids), 1):
         whole = _Stats(first[name], found[ids[name][-1]].last, sums[name], found[name].entry, found[name].exit)
@@ -276,10 +276,10 @@ def _objects(
 
     Args:
         first: first frame of each tube; `sums`: its statistics; `touch`: border lengths of adjacent tubes.
-        size: (height of the frames in px, number of objects a shot).
+        size: (shorter side of the frames in px, number of objects a shot).
     """
-    rows, objects = size
-    scale = MOTION * 360 / rows
+    side, objects = size
+    scale = MOTION * 360 / side
     out: dict[int, int] = {}
     for start, stop in shots:
         mine = [name for name in sorted(first) if start <= first[name] < stop]

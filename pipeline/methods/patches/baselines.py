@@ -31,7 +31,7 @@ from pipeline.strokes.tracks import StrokeTracks, advect, start_tracks, update
 
 def frame_painter(params: PatchesParams, size: tuple[int, int], seed: int) -> HertzmannPainter:
     """Painter of whole frames of (width, height) px: the brush sizes of the largest regions."""
-    return HertzmannPainter.of(params.style, size[0] * size[1], size[1], params, seed)
+    return HertzmannPainter.of(params.style, size[0] * size[1], min(size), params, seed)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from pipeline.methods.patches.face_strokes import (
 from pipeline.methods.patches.layer_picture import LEAST_PAD_PX, Box, LayerPicture, areas_around
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams, StrokeStyle
-from pipeline.methods.patches.scan import PAPER_HEIGHT
+from pipeline.methods.patches.scan import PAPER_SIDE
 from pipeline.strokes.brush import Brush, Canvas, blank, colours_at
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import (
@@ -84,18 +84,18 @@ class HertzmannPainter:
     unit: float
 
     @classmethod
-    def of(cls, name: str, area_px: float, height: int, params: PatchesParams, seed: int) -> HertzmannPainter:
+    def of(cls, name: str, area_px: float, side: int, params: PatchesParams, seed: int) -> HertzmannPainter:
         """Make the painter for a region.
 
         Args:
             name: name of the style, a key of `STROKE_STYLES`.
             area_px: area of the region summed over all its frames, px.
-            height: height of the frames, px.
+            side: shorter side of the frames, px.
 
-        Source: zhang2011patches, table 1. Departure: the table's sizes are scaled from a frame height of 344 px, so
+        Source: zhang2011patches, table 1. Departure: the table's sizes are scaled from a shorter side of 344 px, so
         that a painting looks the same at any resolution.
         """
-        style, unit = STROKE_STYLES[name], height / PAPER_HEIGHT
+        style, unit = STROKE_STYLES[name], side / PAPER_SIDE
         _, radius, low, high = next(row for row in TABLE_1 if area_px / unit**2 <= row[0])
         scale = unit * params.stroke_size
         radius = max(radius * scale * style.radius, MIN_RADIUS)

@@ -69,7 +69,7 @@ class PatchesParams(Params):
     stroke_size: float = number(
         1.0, 0.25, 4, "Stroke size",
         "Factor on width and length of all strokes: larger values give a broader, less detailed painting. At 1 a frame "
-        "344 px high has the strokes of the paper's table 1; strokes grow with the height of the frame.",
+        "whose shorter side is 344 px has the strokes of the paper's table 1; strokes grow with that side.",
         "ratio", "Painting", "r_max, l_min, l_max",
     )  # fmt: skip
     threshold: float = number(

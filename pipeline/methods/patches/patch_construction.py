@@ -229,7 +229,7 @@ def patch_painter(track: PatchTrack, context: TaskContext[PatchesParams]) -> Her
     """Painter of a patch: brush sizes from table 1 by the patch's area over all frames, and the patch's style."""
     style, ratio = style_of(track.label, context.params, label_styles(context)), WorkingGrid.of(context.size).ratio
     area_px = track.area * ratio[0] * ratio[1]
-    return HertzmannPainter.of(style, area_px, context.size[1], context.params, context.seed)
+    return HertzmannPainter.of(style, area_px, min(context.size), context.params, context.seed)
 
 
 # -- placement of the frames in the panorama

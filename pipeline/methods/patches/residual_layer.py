@@ -36,7 +36,7 @@ from pipeline.methods.patches.paint_error import Rendering, cell_px, fine_sigma_
 from pipeline.methods.patches.paint_source import NO_SOURCE, Paintings, PaintSource, valid_flow
 from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted
 from pipeline.methods.patches.painter import HertzmannPainter
-from pipeline.methods.patches.scan import PAPER_HEIGHT, WorkingGrid
+from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import WindowFlow
 
 VISIBLE_OPACITY = 0.02
@@ -221,7 +221,7 @@ class ResidualLayer:
         source.clear_distorted(known)
         kept = np.empty(known.shape, np.float32)
         _kept(off, known, visible, kept)
-        side = 2 * int(TRANSITION_PX * self.grid.height / (2 * PAPER_HEIGHT)) + 1
+        side = 2 * int(TRANSITION_PX * self.grid.unit / 2) + 1
         smooth = np.asarray(cv2.blur(kept, (side, side), borderType=cv2.BORDER_REPLICATE), np.float32)
         _with_transition(smooth, kept)
         return rendering, kept

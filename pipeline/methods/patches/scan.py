@@ -30,8 +30,8 @@ RUN = 12
 """Frames per task. It is small, so that short clips can use many workers."""
 REFERENCE_AREA = 45_000
 """Reference frame area, px, from which the scale is derived; a frame of 640 x 344 px is reduced to 320 x 172."""
-PAPER_HEIGHT = 344
-"""Height of the paper's frames, px. Stroke sizes refer to it, so that a painting looks alike at any size."""
+PAPER_SIDE = 344
+"""Shorter side of the paper's frames, px. Stroke sizes refer to it, so that a painting looks alike at any size."""
 MAX_LABEL = 65535
 """Largest label: label maps are 16-bit images."""
 
@@ -121,8 +121,8 @@ class WorkingGrid:
 
     @property
     def unit(self) -> float:
-        """Pixels of the frame per pixel of a frame `PAPER_HEIGHT` px high."""
-        return self.height / PAPER_HEIGHT
+        """Pixels of the frame per pixel of one whose shorter side is `PAPER_SIDE`."""
+        return min(self.width, self.height) / PAPER_SIDE
 
     def small(self, frame: Frame) -> Frame:
         """Reduce a frame to the working size: uint8 (h, w, 3)."""

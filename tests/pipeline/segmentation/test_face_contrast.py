@@ -46,6 +46,21 @@ def test_nothing_around_a_face_changes() -> None:
     assert np.array_equal(before[outside], after[outside]) and not np.array_equal(before, after)
 
 
+def test_a_light_wall_beside_the_jaw_of_a_large_face_hardly_changes() -> None:
+    """A face of half of the frame, whose jaw is narrower than the detected box: the wall had a light crescent (176)."""
+    before = np.full((240, 240), 150, np.uint8)
+    cv2.ellipse(before, (120, 120), (52, 66), 0, 0, 360, 120, -1)
+    for x in (100, 140):
+        cv2.ellipse(before, (x, 106), (12, 8), 0, 0, 360, 96, -1)
+    wall = before == 150
+    box = (120.0, 120.0, 120.0, 120.0)
+    faces = np.array([(box, box, 1.0, 3.0, 0.0, 0.0, 0.0)], FACE)
+    after = before.copy()
+    raise_contrast(after[..., None], faces, (240, 240))
+    assert after[106, 100] < before[106, 100] - 6
+    assert int(after[wall].max()) <= 154
+
+
 def test_a_face_of_good_contrast_stays_as_it_is() -> None:
     before = portrait(110)
     assert before[48:80, 64:96].std() > LEAST_CONTRAST

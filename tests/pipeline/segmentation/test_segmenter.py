@@ -123,7 +123,7 @@ def test_windows_are_found_before_their_wall_grows_over_them() -> None:
 def test_the_smallest_detail_grows_with_the_frame() -> None:
     """At 720 lines, what is 5 px wide may be a blurred edge; at 120 lines it is a detail. Both have 14 CIELAB units."""
     found = []
-    for height, width in ((120, 160), (720, 160)):
+    for height, width in ((120, 160), (720, 720)):
         lab = np.full((height, width, 3), (235, 128, 128), np.uint8)
         lab[40:60, 20:25, 0] = 200
         lab[40:60, 60:80, 0] = 200
