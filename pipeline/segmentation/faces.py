@@ -70,6 +70,11 @@ _FEATURES_WIDTH, _FEATURES_HEIGHT, _FEATURES_FADE = 0.36, 0.405, 1.4
 """Semi-axes of the ellipse around brows, eyes, nose and mouth, in sides of the detected box, and its fade."""
 
 
+_EYE_APART, _EYE_RAISE, _EYE_WIDTH, _EYE_HEIGHT = 0.2, 0.12, 0.12, 0.07
+"""Distance of an eye from the middle of the detected box to the side and upwards, and semi-axes of the ellipse around
+it, in sides of the box."""
+
+
 class FaceTracker:
     """Tracks the faces of one shot. Not thread-safe. The cascades are read on the first detection.
 
@@ -264,6 +269,16 @@ class FaceCrop(NamedTuple):
             _from_centre(columns, cx, w * _FEATURES_WIDTH), _from_centre(rows, cy, h * _FEATURES_HEIGHT), _FEATURES_FADE
         )
 
+    def eyes(self) -> Plane:
+        """`weight` where the eyes of a frontal face are: float32, of its shape."""
+        (rows, columns), (cx, cy, w, h) = self.box, self.face
+        down = _from_centre(rows, cy - h * _EYE_RAISE, h * _EYE_HEIGHT)
+        left, right = (
+            _soft_ellipse(_from_centre(columns, cx + side * w * _EYE_APART, w * _EYE_WIDTH), down, _FADE)
+            for side in (-1, 1)
+        )
+        return self.weight * np.maximum(left, right)
+
     def blend(self, plane: NDArray[np.uint8], other: NDArray[np.uint8]) -> None:
         """Move that part of a plane, uint8 (h, w), towards `other`, of the shape of `box`, by the weight."""
         own = plane[self.box]
@@ -286,10 +301,22 @@ def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -
     Args:
         size, picture: (width, height) of the frame, in whose px the faces are, and of the picture.
     """
+    return face_crops(faces, size, picture, 1 - largeness(faces, size))
+
+
+def face_crops(
+    faces: Faces, size: tuple[int, int], picture: tuple[int, int], factors: NDArray[np.float64]
+) -> list[FaceCrop]:  # fmt: skip
+    """Faces in a picture whose weight is their strength times a factor each, without those of no weight.
+
+    Args:
+        size, picture: as for `small_faces`.
+        factors: (n,), 0..1.
+    """
     out = []
     across, down = np.divide(picture, size)
-    for face, large in zip(faces, largeness(faces, size), strict=True):
-        weight = np.float32(face["strength"] * (1 - large))
+    for face, factor in zip(faces, factors, strict=True):
+        weight = np.float32(face["strength"] * factor)
         cx, cy, w, h = (float(side) for side in face["box"] * (across, down, across, down))
         half_x, half_y, top = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
         x0, x1 = max(0, math.floor(cx - _FADE * half_x)), min(picture[0], math.ceil(cx + _FADE * half_x))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.flow.warp import fetch
@@ -15,16 +16,20 @@ FAINT = 2.0
 """Gradient, gray levels/px, at which an edge has half of the maximum weight."""
 
 
-def gradient_tensor(gray: Plane, sigma_px: float) -> Tensors:
+def gradient_tensor(picture: NDArray[np.float32], sigma_px: float) -> Tensors:
     """Structure tensor of Sobel's gradient: float32 (3, h, w), planes xx, xy, yy, (gray levels/px)^2.
 
     Args:
-        gray: float32 (h, w), gray levels.
+        picture: float32 (h, w), or (h, w, channels), gray levels; of the channels' tensors, the mean is taken.
         sigma_px: sigma of the Gaussian blur, > 0.
+
+    Source: dizenzo1986gradient (tensor of several channels). Departure from kagaya2011video, which takes the lightness:
+    between colours of equal lightness, such as red and brown, strokes would run across the edge.
     """
-    dx = cv2.Sobel(gray, cv2.CV_32F, 1, 0, scale=1 / 8, borderType=cv2.BORDER_REPLICATE)
-    dy = cv2.Sobel(gray, cv2.CV_32F, 0, 1, scale=1 / 8, borderType=cv2.BORDER_REPLICATE)
-    return np.stack([cv2.GaussianBlur(plane, (0, 0), sigma_px) for plane in (dx * dx, dx * dy, dy * dy)])
+    dx = cv2.Sobel(picture, cv2.CV_32F, 1, 0, scale=1 / 8, borderType=cv2.BORDER_REPLICATE)
+    dy = cv2.Sobel(picture, cv2.CV_32F, 0, 1, scale=1 / 8, borderType=cv2.BORDER_REPLICATE)
+    products = (plane if plane.ndim == 2 else plane.mean(axis=2) for plane in (dx * dx, dx * dy, dy * dy))
+    return np.stack([cv2.GaussianBlur(plane, (0, 0), sigma_px) for plane in products])
 
 
 def smooth_over_time(now: Tensors, before: Tensors, flow: Flow | None, trust: Plane | None, memory: float) -> Tensors:

@@ -81,7 +81,7 @@ def _tangents(tensors: Tensors, flat: np.float32, out: Flow) -> None:
             out[y, x, 1] = ty if known else 0.0
 
 
-def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLAT) -> NDArray[np.float32]:
+def doubled_tangents(picture: NDArray[np.uint8], sigma_px: float, flat: float = FLAT) -> NDArray[np.float32]:
     """The tangent field as (cos 2a, sin 2a) of the angle a, of length 0..1: float32 (h, w, 2); (0, 0) where undefined.
 
     If sigma is large, the structure tensor is averaged over square cells before it is smoothed, because a smoothed
@@ -89,14 +89,17 @@ def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLA
     than 1.
 
     Args:
-        gray: uint8 (h, w), gray levels.
+        picture: uint8 (h, w, channels), gray levels; the tensor is the mean of the channels' tensors.
         sigma_px: as for `structure_tensor`.
         flat: as for `tangent_field`.
+
+    Source: dizenzo1986gradient (tensor of several channels). The lightness alone has no edge between colours of equal
+    lightness, such as red and brown.
     """
     cell = max(round(CELL_SIGMAS * sigma_px), 1)
-    height, width = gray.shape
+    height, width, channels = picture.shape
     tensors = np.empty((3, -(-height // cell), -(-width // cell)), np.float32)
-    _mean_tensors(gray, cell, tensors)
+    _mean_tensors(picture.reshape(height, width * channels), channels, cell, tensors)
     sigma = sigma_in_cells(sigma_px, cell)
     for plane in tensors:
         cv2.GaussianBlur(plane, (0, 0), sigma, dst=plane)
@@ -106,37 +109,45 @@ def doubled_tangents(gray: NDArray[np.uint8], sigma_px: float, flat: float = FLA
 
 
 @kernel
-def _mean_tensors(gray: NDArray[np.uint8], cell: int, out: Tensors) -> None:
-    """Mean over each cell of the products of the Scharr gradient's components; border pixels are replicated."""
-    height, width = gray.shape
+def _mean_tensors(picture: NDArray[np.uint8], channels: int, cell: int, out: Tensors) -> None:
+    """Mean over each cell and all channels of the products of the Scharr gradient's components; border pixels are
+    replicated.
+
+    Args:
+        picture: uint8 (h, w * channels), interleaved.
+    """
+    height, length = picture.shape
     scale = np.float32(1 / 1024)
-    xx, xy, yy = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
-    across, down = np.empty(width + 2, np.int32), np.empty(width + 2, np.int32)
+    xx, xy, yy = np.empty(length, np.float32), np.empty(length, np.float32), np.empty(length, np.float32)
+    across, down = np.empty(length + 2 * channels, np.int32), np.empty(length + 2 * channels, np.int32)
     for row in range(out.shape[1]):
         xx[:], xy[:], yy[:] = 0, 0, 0
         bottom = min((row + 1) * cell, height)
         for y in range(row * cell, bottom):
-            above, below = gray[max(y - 1, 0)], gray[min(y + 1, height - 1)]
-            here = gray[y]
-            for x in range(width):
-                across[x + 1] = 3 * (np.int32(above[x]) + np.int32(below[x])) + 10 * np.int32(here[x])
-                down[x + 1] = np.int32(below[x]) - np.int32(above[x])
-            across[0], down[0] = across[1], down[1]
-            across[width + 1], down[width + 1] = across[width], down[width]
-            for x in range(width):
-                dx = np.float32(across[x + 2] - across[x])
-                dy = np.float32(3 * (down[x] + down[x + 2]) + 10 * down[x + 1])
-                xx[x] += dx * dx
-                xy[x] += dx * dy
-                yy[x] += dy * dy
+            above, below = picture[max(y - 1, 0)], picture[min(y + 1, height - 1)]
+            here = picture[y]
+            inner_across, inner_down = across[channels : channels + length], down[channels : channels + length]
+            for k in range(length):  # this and the next but one vectorise
+                inner_across[k] = 3 * (np.int32(above[k]) + np.int32(below[k])) + 10 * np.int32(here[k])
+                inner_down[k] = np.int32(below[k]) - np.int32(above[k])
+            for k in range(channels):
+                across[k], down[k] = across[channels + k], down[channels + k]
+                across[length + channels + k], down[length + channels + k] = across[length + k], down[length + k]
+            right_across, right_down = across[2 * channels :], down[2 * channels :]
+            for k in range(length):
+                dx = np.float32(right_across[k] - across[k])
+                dy = np.float32(3 * (down[k] + right_down[k]) + 10 * inner_down[k])
+                xx[k] += dx * dx
+                xy[k] += dx * dy
+                yy[k] += dy * dy
         for column in range(out.shape[2]):
-            left, right = column * cell, min((column + 1) * cell, width)
+            left, right = channels * column * cell, min(channels * (column + 1) * cell, length)
             share = scale / np.float32((right - left) * (bottom - row * cell))
             a, b, c = np.float32(0), np.float32(0), np.float32(0)
-            for x in range(left, right):
-                a += xx[x]
-                b += xy[x]
-                c += yy[x]
+            for k in range(left, right):
+                a += xx[k]
+                b += xy[k]
+                c += yy[k]
             out[0, row, column], out[1, row, column], out[2, row, column] = a * share, b * share, c * share
 
 

@@ -99,7 +99,7 @@ class FrameAnalyzer:
         if residual is not None:
             _restore_present(planes, faces, fine)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
-        edge_map = self.background.later(self._edges, lightness, importance)
+        edge_map = self.background.later(self._edges, planes, importance, faces)
         past = None if flow is None or residual is None else Past(flow, residual)
         later = self.background.later
         ink = later(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
@@ -161,9 +161,11 @@ class FrameAnalyzer:
             with self.clock("importance"):
                 self.importance.continue_search()
 
-    def _edges(self, gray: NDArray[np.uint8], importance: Pending[Plane]) -> NDArray[np.uint8]:
+    def _edges(
+        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop]
+    ) -> NDArray[np.uint8]:  # fmt: skip
         with self.clock("edges"):
-            return edges(gray, importance.result(), self.params.edge_threshold)
+            return edges(planes, importance.result(), self.params.edge_threshold, faces)
 
     def _ink(
         self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: Past | None,

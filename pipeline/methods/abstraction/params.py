@@ -46,7 +46,7 @@ class AbstractionParams(Params):
         "auto", "Edges",
         "How region borders and lines are drawn. soft = from the low-pass filtered label map; sharp = as curves, "
         "anti-aliased by exact pixel coverage: edges of about 1.5 px at any size, and more flicker; auto = sharp from "
-        "a shorter side of 480 px on.", "Regions",
+        "480 lines on.", "Regions",
     )  # fmt: skip
 
     analysis: Literal["auto", "full"] = choice(

@@ -12,9 +12,8 @@ from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.methods.abstraction.params import AbstractionParams
 
-SHARP_FROM_PX = 480
-"""Shorter side of the output frames from which `edges=auto` is `sharp`, px: below, soft edges are at most 2 px wide,
-and cost less."""
+SHARP_FROM_ROWS = 480
+"""Height from which `edges=auto` is `sharp`, px: below, soft edges are at most 2 px wide, and cost less."""
 HALVED_FROM_PX = 720
 """Shorter side of the output frames from which `analysis=auto` analyses frames of half their sides, px."""
 FINEST_LINE_PX = 0.7
@@ -41,7 +40,7 @@ def sizes_of(params: AbstractionParams, frame: tuple[int, int], output: tuple[in
     own size.
     """
     output = output or frame
-    large = params.edges == "auto" and min(output) >= SHARP_FROM_PX
+    large = params.edges == "auto" and output[1] >= SHARP_FROM_ROWS
     curves = large or params.edges == "sharp" or frame != output
     thin = params.lines != "off" and params.line_width / 1000 * min(output) < 2 * FINEST_LINE_PX
     halved = curves and params.analysis == "auto" and min(output) >= HALVED_FROM_PX and not thin

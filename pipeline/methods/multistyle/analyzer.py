@@ -188,7 +188,7 @@ class StrokeAnalyzer:
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
         with self.clock("directions"):
-            small = _shrunk(np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8), self.small)
+            small = _shrunk(picture, self.small)
             sigma = max(self.params.edge_smoothing * min(self.small) / 1000, 0.8)
             now = gradient_tensor(small.astype(np.float32), sigma)
             flow = None if back is None else _shrunk_flow(back, self.small)

@@ -1,4 +1,4 @@
-"""Fine strokes on small faces, painted over all other layers.
+"""Fine strokes on small faces, and on the eyes of large ones, painted over all other layers.
 
 Departure: kagaya2011video paints faces like everything else. The other layers are made from a picture at half of the
 frame's size, and their finest strokes cover the eyes of a face 30 px wide. These strokes take their colours from the
@@ -15,7 +15,7 @@ from pipeline.halves import to_half
 from pipeline.methods.multistyle.analysis import StrokeLayer
 from pipeline.methods.multistyle.stroke_layers import coloured_strokes
 from pipeline.methods.multistyle.styles import SMALLEST_PX, LayerStyle, profile_columns, profile_fields
-from pipeline.segmentation.faces import Faces, small_faces
+from pipeline.segmentation.faces import Faces, face_crops, largeness, small_faces
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField, place, sample, sample_all
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
@@ -24,6 +24,8 @@ LAYER = 15
 """Number of the layer in the ids of its strokes; the other layers have lower ones."""
 WIDTH_SHARE = 1 / 36
 """Width of strokes as a fraction of the width of the face."""
+EYE_WIDTH_SHARE = 1 / 110
+"""The same at the eyes of large faces, where nothing else has such strokes."""
 LENGTH = 1.0
 """Length of strokes in their widths; longer ones would cross an eye."""
 OVERLAP = 2.0
@@ -45,7 +47,7 @@ UNLIMITED = 442.0
 
 
 class FaceLayer:
-    """Tracks the fine strokes on the small faces of consecutive frames.
+    """Tracks the fine strokes on the faces of consecutive frames.
 
     Args:
         size: (width, height) of the frames, px.
@@ -60,7 +62,7 @@ class FaceLayer:
         self, frame: Frame, faces: Faces, style: LayerStyle, forward: Flow | None, revealed: Mask | None,
         birth: int,
     ) -> StrokeLayer | None:  # fmt: skip
-        """Strokes on the small faces of the next frame; None = there are none.
+        """Strokes on the faces of the next frame; None = there are none.
 
         Args:
             frame: uint8 (h, w, 3), with the contrast of faces raised, see `face_contrast`.
@@ -120,13 +122,18 @@ class FaceLayer:
 
 
 def _maps(faces: Faces, size: tuple[int, int]) -> tuple[Plane, Plane]:
-    """Weight of small faces, 0..1, and width of strokes, px of the frame: two grids over the frame, float32.
+    """Weight of faces, 0..1, and width of strokes, px of the frame: two grids over the frame, float32.
 
     Outside faces the width is the largest that `place` distinguishes from the smallest one, so that few seeds are made.
     """
     grid = -(-size[0] // CELL_PX), -(-size[1] // CELL_PX)
     weight, width_px = (np.full(grid[::-1], value, np.float32) for value in (0, WIDEST * SMALLEST_PX))
     per_cell = size[0] / grid[0]
+    for face in face_crops(faces, size, grid, largeness(faces, size)):
+        fine = np.float32(max(face.width_px * per_cell * EYE_WIDTH_SHARE, SMALLEST_PX))
+        own = face.eyes()
+        width_px[face.box] = np.minimum(width_px[face.box], np.where(own > 0, fine, np.inf))
+        weight[face.box] = np.maximum(weight[face.box], own)
     for face in small_faces(faces, size, grid):
         fine = np.float32(max(face.width_px * per_cell * WIDTH_SHARE, SMALLEST_PX))
         large = (face.width_px * per_cell - WHOLE_HEAD_PX) / (FEATURES_ONLY_PX - WHOLE_HEAD_PX)

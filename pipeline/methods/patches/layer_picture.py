@@ -70,11 +70,11 @@ class LayerPicture:
 def directions(reference: Frame, brush: Brush) -> Direction:
     """Stroke directions normal to the image gradient: float32 (h, w, 2), (cos 2a, sin 2a) times a length of 0..1.
 
-    Departure from hertzmann1998painterly: the gradient is averaged over the stroke's width by a structure tensor,
-    since the gradient of a single pixel is mostly noise in smooth areas.
+    Departures from hertzmann1998painterly: the gradient is averaged over the stroke's width by a structure tensor,
+    since the gradient of a single pixel is mostly noise in smooth areas; and it is that of the colours, not of the
+    lightness, so that strokes do not cross an edge between colours of equal lightness.
     """
-    gray = np.asarray(cv2.cvtColor(reference, cv2.COLOR_RGB2GRAY), np.uint8)
-    return doubled_tangents(gray, max(float(np.median(brush.size_px)) / 2, 1.0))
+    return doubled_tangents(reference, max(float(np.median(brush.size_px)) / 2, 1.0))
 
 
 def areas_around(where: Mask, pad_px: int) -> list[Box]:

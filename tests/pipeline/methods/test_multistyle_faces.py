@@ -106,11 +106,18 @@ def test_strokes_on_a_face_move_with_it_and_leave_with_it() -> None:
     assert counts[0] > 0 and counts[-1] == 0, "they fade"
 
 
-def test_large_faces_and_frames_without_faces_have_no_such_strokes() -> None:
+def test_frames_without_faces_have_no_such_strokes() -> None:
     layers = FaceLayer(FRAME, LifecycleParams(), 0)
-    large = one_face((100.0, 80.0, 70.0, 70.0))
     assert layers.step(eyes(), one_face()[:0], plain_style(), None, None, 0) is None
-    assert layers.step(eyes(), large, plain_style(), None, None, 0) is None
+
+
+def test_a_large_face_has_such_strokes_at_its_eyes_alone() -> None:
+    large = one_face((100.0, 80.0, 90.0, 90.0))
+    layer = FaceLayer(FRAME, LifecycleParams(), 0).step(eyes(), large, plain_style(), None, None, 0)
+    assert layer is not None
+    x, y = layer.xy.T
+    assert (np.abs(y - 69) < 12).all() and (np.abs(np.abs(x - 100) - 18) < 18).all()
+    assert (x < 94).any() and (x > 106).any()
 
 
 def test_a_weaker_face_has_fainter_strokes() -> None:

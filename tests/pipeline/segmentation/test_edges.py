@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from pipeline.segmentation.edges import edges
+from pipeline.segmentation.faces import FaceCrop
 
 HIGH, LOW_RATIO, FLOOR = 90.0, 0.4, 0.2
 
@@ -20,8 +21,13 @@ def texture(seed: int, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint8]:
     return np.asarray(cv2.GaussianBlur(noise, (0, 0), 1.5), np.uint8) * 2
 
 
+def colourless(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Planes L, a, b of gray levels."""
+    return np.stack([gray, *np.full((2, *gray.shape), 128, np.uint8)])
+
+
 def constant(gray: NDArray[np.uint8], importance: float) -> NDArray[np.uint8]:
-    return edges(gray, np.full(gray.shape, importance, np.float32), HIGH, LOW_RATIO, FLOOR)
+    return edges(colourless(gray), np.full(gray.shape, importance, np.float32), HIGH, (), LOW_RATIO, FLOOR)
 
 
 @settings(max_examples=25, deadline=None)
@@ -40,6 +46,23 @@ def test_thresholds_are_inverse_to_importance() -> None:
         assert constant(step(int(least + 2)), importance).any()
 
 
+def test_colours_of_equal_lightness_have_an_edge_but_not_inside_a_small_face() -> None:
+    lab = np.full((3, 48, 64), 128, np.uint8)
+    lab[1, :, 32:] = 158  # a*: 30 units
+    importance = np.full((48, 64), 0.8, np.float32)
+    face = FaceCrop((slice(10, 40), slice(20, 50)), np.ones((30, 30), np.float32), (35.0, 25.0, 20.0, 20.0))
+    found, with_face = edges(lab, importance, HIGH), edges(lab, importance, HIGH, [face])
+    assert not edges(colourless(lab[0]), importance, HIGH).any()
+    assert (found[4:-4].sum(axis=1) == 255).all()
+    assert not with_face[11:39].any() and (with_face[2:8].sum(axis=1) == 255).all()
+
+
+def test_chroma_that_does_not_change_leaves_the_edges_of_the_lightness() -> None:
+    lab = np.stack([texture(1), np.full((48, 64), 90, np.uint8), np.full((48, 64), 140, np.uint8)])
+    importance = np.full((48, 64), 0.8, np.float32)
+    np.testing.assert_array_equal(edges(lab, importance, HIGH), edges(colourless(lab[0]), importance, HIGH))
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_higher_importance_keeps_all_edges(seed: int) -> None:
     less, more = constant(texture(seed), 0.3), constant(texture(seed), 0.8)
@@ -50,7 +73,7 @@ def test_thresholds_vary_by_pixel_with_a_map_of_any_size() -> None:
     gray = np.tile(step(30), (2, 1))
     importance = np.repeat(np.array([[1.0], [0.0]], np.float32), 2, axis=0)
     for plane in (importance, np.asarray(cv2.resize(importance, gray.shape[::-1]), np.float32)):
-        found = edges(gray, plane, HIGH)
+        found = edges(colourless(gray), plane, HIGH)
         assert found[:30].any() and not found[-30:].any()
 
 
@@ -58,8 +81,8 @@ def test_weak_edges_are_kept_if_connected_to_strong_ones() -> None:
     """Hysteresis across the varying threshold: an edge goes on into what is less important, but not beyond `low`."""
     gray = step(30)
     importance = np.tile(np.linspace(1, 0, gray.shape[0], dtype=np.float32)[:, None], (1, gray.shape[1]))
-    last = int(np.flatnonzero(edges(gray, importance, HIGH).any(axis=1)).max())
-    without = int(np.flatnonzero(edges(gray, importance, HIGH, low_ratio=1.0).any(axis=1)).max())
+    last = int(np.flatnonzero(edges(colourless(gray), importance, HIGH).any(axis=1)).max())
+    without = int(np.flatnonzero(edges(colourless(gray), importance, HIGH, low_ratio=1.0).any(axis=1)).max())
     assert without < last
     assert importance[last, 0] + FLOOR == pytest.approx(HIGH * LOW_RATIO / 120, abs=0.05)
 

@@ -338,7 +338,7 @@ def test_ids_stay_on_their_object(name: str, pure: float) -> None:
     for index in range(8):
         truth = shot.frame(index)
         lab = np.asarray(cv2.cvtColor(cv2.GaussianBlur(truth.image, (0, 0), 0.7), cv2.COLOR_RGB2LAB), np.uint8)
-        outline = edges(np.ascontiguousarray(lab[..., 0]), stream.importance, 90.0)
+        outline = edges(np.ascontiguousarray(lab.transpose(2, 0, 1)), stream.importance, 90.0)
         made = stream.step(lab, before.velocity_next if before else None, outline)
         before = truth
         for label in range(1, len(made.ids)):

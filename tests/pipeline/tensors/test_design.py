@@ -92,6 +92,13 @@ def test_a_flat_picture_has_no_direction() -> None:
     assert not edge_field(gradient_tensor(np.full(ODD, 99, np.float32), 2.0)).any()
 
 
+def test_strokes_run_along_an_edge_between_colours_of_equal_lightness() -> None:
+    picture = np.full((*ODD, 3), (204, 36, 54), np.float32)
+    picture[:, 26:] = (120, 82, 36)
+    field = edge_field(gradient_tensor(picture, 2.0))
+    assert apart(angle_of(field)[18, 26], math.pi / 2) < math.radians(1) and strength_of(field)[18, 26] > 0.9
+
+
 def flicker(fields: list[OrientationField]) -> float:
     """Mean change of direction from frame to frame, rad."""
     return float(np.mean([apart(angle_of(a), angle_of(b)).mean() for a, b in itertools.pairwise(fields)]))

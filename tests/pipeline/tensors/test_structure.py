@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ def test_memory_layout_does_not_change_the_result() -> None:
 def test_doubled_tangents_have_the_directions_of_the_tangent_field(sigma_px: float) -> None:
     picture = np.rint(edge(0.4, (90, 130)) + 20 * np.sin(np.indices((90, 130))[1] / 3)).astype(np.uint8)
     exact = tangent_field(structure_tensor(picture.astype(np.float32), sigma_px))
-    doubled = doubled_tangents(picture, sigma_px)
+    doubled = doubled_tangents(picture[..., None], sigma_px)
     length = np.hypot(doubled[..., 0], doubled[..., 1])
     cosine = (exact[..., 0] ** 2 - exact[..., 1] ** 2) * doubled[..., 0] + 2 * exact.prod(-1) * doubled[..., 1]
     agrees = cosine / np.maximum(length, 1e-6)
@@ -107,4 +108,20 @@ def test_doubled_tangents_have_the_directions_of_the_tangent_field(sigma_px: flo
 
 
 def test_doubled_tangents_of_a_flat_picture_are_undefined() -> None:
-    assert not doubled_tangents(np.full(ODD, 90, np.uint8), 6.0).any()
+    assert not doubled_tangents(np.full((*ODD, 3), 90, np.uint8), 6.0).any()
+
+
+@pytest.mark.parametrize("sigma_px", [1.0, 4.0])
+def test_three_equal_channels_have_the_tangents_of_one(sigma_px: float) -> None:
+    gray = np.rint(edge(0.4, (90, 130))).astype(np.uint8)
+    one, three = (doubled_tangents(np.dstack([gray] * count).reshape(90, 130, count), sigma_px) for count in (1, 3))
+    np.testing.assert_allclose(three, one, atol=1e-4)
+
+
+@pytest.mark.parametrize("sigma_px", [1.0, 4.0])
+def test_tangents_follow_an_edge_between_colours_of_equal_lightness(sigma_px: float) -> None:
+    """Red and brown, both 88 gray levels: the direction along a vertical edge is (cos 2a, sin 2a) = (-1, 0)."""
+    picture = np.full((40, 60, 3), (204, 36, 54), np.uint8)
+    picture[:, 30:] = (120, 82, 36)
+    assert len(np.unique(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))) == 1
+    np.testing.assert_allclose(doubled_tangents(picture, sigma_px)[20, 30], (-1, 0), atol=1e-3)
