@@ -23,7 +23,7 @@ from pipeline.vector.fill import fill_regions
 from pipeline.vector.simplify import simplify_borders
 from pipeline.vector.smoothing import smooth_borders
 
-SIGMA_SHARE, LIMIT_SHARE = 0.45, 0.4
+SIGMA_SHARE, LIMIT_SHARE = 0.75, 0.67
 """Standard deviation of the border smoothing, and the largest displacement of a border, as shares of the radius
 `boundary_smoothing`."""
 LEAST_SIGMA_PX = 1.2
