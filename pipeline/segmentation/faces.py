@@ -70,9 +70,9 @@ _FEATURES_WIDTH, _FEATURES_HEIGHT, _FEATURES_FADE = 0.36, 0.405, 1.4
 """Semi-axes of the ellipse around brows, eyes, nose and mouth, in sides of the detected box, and its fade."""
 
 
-_EYE_APART, _EYE_RAISE, _EYE_WIDTH, _EYE_HEIGHT = 0.2, 0.12, 0.12, 0.07
-"""Distance of an eye from the middle of the detected box to the side and upwards, and semi-axes of the ellipse around
-it, in sides of the box."""
+_EYE_APART, _EYE_RAISE, _EYE_WIDTH, _EYE_HEIGHT = 0.2, 0.14, 0.15, 0.11
+"""Distance from the middle of the detected box to the middle of an eye and its brow, to the side and upwards, and
+semi-axes of the ellipse around both, in sides of the box."""
 
 
 class FaceTracker:
@@ -182,10 +182,6 @@ class FaceTracker:
         self.faces = faces_of_state(state)
         self._new.restore(state.get("unsearched"), state.get("moving"))
 
-    def head_mask(self, shape: tuple[int, int]) -> Plane:
-        """Soft mask of the heads, see the function `head_mask`."""
-        return head_mask(self.faces, self._size, shape)
-
     def _shifts(self, boxes: NDArray[np.float64], flow: Flow) -> NDArray[np.float64]:
         """Median flow in the middle half of each box, float64 (n, 2), px; 0 for boxes outside the flow's grid."""
         scale = np.array([flow.shape[1] / self._size[0], flow.shape[0] / self._size[1]])
@@ -270,7 +266,7 @@ class FaceCrop(NamedTuple):
         )
 
     def eyes(self) -> Plane:
-        """`weight` where the eyes of a frontal face are: float32, of its shape."""
+        """`weight` where the eyes and brows of a frontal face are: float32, of its shape."""
         (rows, columns), (cx, cy, w, h) = self.box, self.face
         down = _from_centre(rows, cy - h * _EYE_RAISE, h * _EYE_HEIGHT)
         left, right = (

@@ -23,7 +23,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import NO_FACES, FaceCrop, Faces, FaceTracker, head_mask, small_faces
+from pipeline.segmentation.faces import NO_FACES, FaceCrop, Faces, FaceTracker, head_mask, largeness, small_faces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.shrink import shrink, size_within
@@ -49,6 +49,7 @@ class ImportanceParams:
         face, saliency, motion: weights of the cues, 0..1; a cue with weight 0 is not computed.
         half_life_frames: half-life of the smoothing of the cues, frames; 0 = no smoothing.
         full_motion: speed relative to the camera at which M is about two thirds, frame diagonals per frame.
+        large_faces: weight of large faces relative to that of small ones, 0..1.
     """
 
     face: float = 1.0
@@ -56,6 +57,7 @@ class ImportanceParams:
     motion: float = 0.4
     half_life_frames: float = 6.0
     full_motion: float = 0.002
+    large_faces: float = 1.0
 
 
 SMALL_HEAD, LARGE_HEAD = 0.1, 0.25
@@ -218,7 +220,13 @@ class ImportanceTracker:
             return self._cues
         face = np.float32(self._params.face)
         plain: Plane = (1 - self._cues) * (1 - np.float32(HANDS) * face * self._hands)
-        return np.asarray(1 - plain * (1 - face * self._faces.head_mask(self._cues.shape)), np.float32)
+        return np.asarray(1 - plain * (1 - face * self._heads()), np.float32)
+
+    def _heads(self) -> Plane:
+        """The cue F: heads, large ones with their own weight, float32 at the size of the map."""
+        faces = self._faces.faces.copy()
+        faces["strength"] *= 1 - (1 - self._params.large_faces) * largeness(faces, self._size)
+        return head_mask(faces, self._size, self._cues.shape)
 
     def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
         """Move the cue of hands with the flow, then towards the hands that are found in this frame."""

@@ -49,6 +49,9 @@ DETAIL_CELL = 4
 whose regions have sharp borders, they are computed for every pixel."""
 DIRECTION_TOLERANCE = 0.2
 """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
+LARGE_FACES = 0.8
+"""Detail of faces from two fifths of the frame's shorter side on, relative to that of small ones: with the finest
+strokes, a large face would be a photograph."""
 ORIENTATION_CELLS = 160
 """Approximate number of cells of the orientation field on the shorter side."""
 BACK_CELLS = 160
@@ -259,5 +262,5 @@ def _coarse(back: Flow) -> Half:
 
 def _importance(params: MultistyleParams) -> ImportanceParams:
     return ImportanceParams(
-        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail,
+        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail, large_faces=LARGE_FACES,
     )  # fmt: skip

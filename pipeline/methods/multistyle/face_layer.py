@@ -1,4 +1,4 @@
-"""Fine strokes on small faces, and on the eyes of large ones, painted over all other layers.
+"""Fine strokes on small faces, and on eyes and brows of large ones, painted over all other layers.
 
 Departure: kagaya2011video paints faces like everything else. The other layers are made from a picture at half of the
 frame's size, and their finest strokes cover the eyes of a face 30 px wide. These strokes take their colours from the
@@ -25,7 +25,7 @@ LAYER = 15
 WIDTH_SHARE = 1 / 36
 """Width of strokes as a fraction of the width of the face."""
 EYE_WIDTH_SHARE = 1 / 110
-"""The same at the eyes of large faces, where nothing else has such strokes."""
+"""The same at eyes and brows of large faces, where nothing else has such strokes."""
 LENGTH = 1.0
 """Length of strokes in their widths; longer ones would cross an eye."""
 OVERLAP = 2.0

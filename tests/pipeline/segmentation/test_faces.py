@@ -136,10 +136,10 @@ def test_the_outline_of_a_head_is_not_among_its_features() -> None:
         assert crop.weight[place] > 0.5
 
 
-def test_eyes_lie_in_the_upper_half_of_a_face_on_both_sides() -> None:
+def test_eyes_and_brows_lie_in_the_upper_half_of_a_face_on_both_sides() -> None:
     faces = np.array([((60.0, 50.0, 40.0, 40.0), (60.0, 50.0, 40.0, 40.0), 1.0, 1.0, 0.0, 0.0, 0)], FACE)
     (crop,) = face_crops(faces, (120, 100), (120, 100), np.array([0.5]))
     weight = np.zeros((100, 120), np.float32)
     weight[crop.box] = crop.eyes()
     assert weight[45, 52] == weight[45, 68] == 0.5
-    assert weight[45, 60] == weight[58, 60] == weight[30, 60] == 0
+    assert weight[58, 60] == weight[30, 60] == weight[60, 52] == 0

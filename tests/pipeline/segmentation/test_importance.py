@@ -77,6 +77,16 @@ def test_a_face_of_30_px_is_important_from_the_first_frame_on() -> None:
     assert plane.mean() < 0.03
 
 
+def test_large_faces_can_count_less_than_small_ones() -> None:
+    """The face is 0.46 of the frame's shorter side; in the second frame 0.1 of it."""
+    params = ImportanceParams(face=1, saliency=0, motion=0, large_faces=0.8)
+    assert at(ImportanceTracker(params, FACE_SIZE).step(portrait()), FACE_AT) == pytest.approx(0.8, abs=0.01)
+    frame = np.full((360, 640, 3), 110, np.uint8)
+    frame[120:204, 200:312] = cv2.resize(portrait(), (112, 84), interpolation=cv2.INTER_AREA)
+    small = ImportanceTracker(params, (640, 360)).step(frame)
+    assert at(small, (200 + FACE_AT[0] * 112 // 320, 120 + FACE_AT[1] * 84 // 240)) > 0.9
+
+
 def test_small_heads_are_people_and_large_ones_are_not() -> None:
     small, large = ImportanceTracker(ONLY_FACES, (640, 360)), ImportanceTracker(ONLY_FACES, FACE_SIZE)
     assert small.hands_and_heads() is None
