@@ -242,11 +242,12 @@ class FaceTracker:
 
 
 class FaceCrop(NamedTuple):
-    """A small face in a picture.
+    """A face in a picture.
 
     Attributes:
         box: rows and columns of the picture.
-        weight: float32, 0..1, of the shape of `box`: by how much the pixels belong to the face, times its smallness.
+        weight: float32, 0..1, of the shape of `box`: by how much the pixels belong to the face, times its
+            strength and a factor, see `face_crops`.
         face: centre x, centre y, width and height of the detected box, px of the picture.
     """
 

@@ -37,8 +37,7 @@ SIMPLE_SIGMA_SHARE, SIMPLE_LIMIT_SHARE = 3.0, 2.5
 MOST_SIGMA_PX = 20.0
 """Largest standard deviation of that smoothing, px: its cost grows with the square."""
 CONTRAST_SHARE = 1 / 180
-"""Distance at which the colours on both sides of a border are compared, as a fraction of the shorter
-side."""
+"""Distance at which the colours on both sides of a border are compared, as a share of the frame's shorter side."""
 RAMP_SIGMAS = 3.5
 """Extent of the thin regions that are divided (`divide_ramps`), in standard deviations of the blur before analysis."""
 

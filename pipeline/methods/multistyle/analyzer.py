@@ -130,7 +130,7 @@ class StrokeAnalyzer:
         return StrokeAnalysis(self.number, picture, field16, layers, flow16, technique, rims)
 
     def _on_faces(self, frame: Frame, style: LayerStyle, motion: FrameMotion | None) -> tuple[StrokeLayer, ...]:
-        """The layer of fine strokes on small faces, if there are any."""
+        """The layer of fine strokes on faces, if there are any."""
         faces = self.importance.faces
         if len(faces):
             frame, faces = frame.copy(), faces.copy()
