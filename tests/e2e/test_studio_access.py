@@ -160,7 +160,9 @@ def test_a_film_is_made_from_a_file_by_keyboard_alone(watched: Watched, service:
 def test_every_tool_is_visible_on_a_tablet_that_has_lost_its_connection(
     browser: Browser, service: str, video: str
 ) -> None:
+    """The connection is lost before the worker that encodes pictures has been loaded."""
     page = open_page(browser, viewport={"width": 1024, "height": 768}, has_touch=True).page
+    page.route("**/png-worker*", lambda route: route.abort())
     open_project(page, service, video, "analogy")
     page.get_by_role("button", name="Brush", exact=True).click()
     page.context.set_offline(True)

@@ -6,9 +6,13 @@ const waiting = new Map<number, (blob: Blob | undefined) => void>();
 let worker: Worker | undefined;
 let asked = 0;
 
-/** A canvas as PNG. Throws an Error if the browser cannot write it. */
+/**
+ * A canvas as PNG. Without a worker, for example because the connection was lost before its program was loaded, the page
+ * encodes it. Throws an Error if the browser cannot write it.
+ */
 export async function pngOf(canvas: HTMLCanvasElement): Promise<Blob> {
-  const blob = typeof OffscreenCanvas === "function" ? await inWorker(canvas) : await here(canvas);
+  const beside = typeof OffscreenCanvas === "function" ? await inWorker(canvas) : undefined;
+  const blob = beside ?? (await here(canvas));
   if (!blob) throw new Error("The browser could not write the PNG.");
   return blob;
 }
