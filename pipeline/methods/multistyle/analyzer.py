@@ -55,7 +55,7 @@ strokes, a large face would be a photograph."""
 ORIENTATION_CELLS = 160
 """Approximate number of cells of the orientation field on the shorter side."""
 BACK_CELLS = 160
-"""The same of the stored backward flow."""
+"""Approximate number of cells of the stored backward flow on the shorter side."""
 BROAD_SIGMA, BROAD_WEIGHT = 6.0, 0.15
 """Without clear edges, the orientation blurred with this multiple of the edge sigma is used, with this weight relative
 to a clear edge."""

@@ -25,7 +25,7 @@ LAYER = 15
 WIDTH_SHARE = 1 / 36
 """Width of strokes as a fraction of the width of the face."""
 EYE_WIDTH_SHARE = 1 / 110
-"""The same at eyes and brows of large faces, where nothing else has such strokes."""
+"""`WIDTH_SHARE` at eyes and brows of large faces; elsewhere, large faces have no strokes of this layer."""
 LENGTH = 1.0
 """Length of strokes in their widths; longer ones would cross an eye."""
 OVERLAP = 2.0

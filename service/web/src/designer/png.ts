@@ -8,7 +8,7 @@ let asked = 0;
 
 /**
  * A canvas as PNG. Without a worker, for example because the connection was lost before its program was loaded, the page
- * encodes it. Throws an Error if the browser cannot write it.
+ * encodes it; the canvas must not change until then. Throws an Error if the browser cannot write it.
  */
 export async function pngOf(canvas: HTMLCanvasElement): Promise<Blob> {
   const beside = typeof OffscreenCanvas === "function" ? await inWorker(canvas) : undefined;
