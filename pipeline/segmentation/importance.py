@@ -23,7 +23,16 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import NO_FACES, FaceCrop, Faces, FaceTracker, head_mask, largeness, small_faces
+from pipeline.segmentation.faces import (
+    NO_FACES,
+    FaceCrop,
+    Faces,
+    FaceTracker,
+    face_crops,
+    head_mask,
+    largeness,
+    small_faces,
+)
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.shrink import shrink, size_within
@@ -183,6 +192,19 @@ class ImportanceTracker:
         heads = head_mask(faces, self._size, self._hands.shape)
         found = np.maximum(heads, np.float32(HANDS) * self._hands)
         return np.asarray(np.float32(self._params.face) * found, np.float32)
+
+    def eyes_and_mouths(self) -> Plane | None:
+        """Brows, eyes, noses and mouths in the latest frame, times the weight of faces; None without a face.
+
+        Returns: float32 at the size of the map, 0..1.
+        """
+        faces = self._faces.faces
+        if not len(faces):
+            return None
+        found = np.zeros(self._hands.shape, np.float32)
+        for face in face_crops(faces, self._size, self.map_size, np.full(len(faces), self._params.face)):
+            found[face.box] = np.maximum(found[face.box], face.features())
+        return found
 
     def state(self) -> State:
         """State as arrays by name; a tracker restored from it continues with the same bytes."""

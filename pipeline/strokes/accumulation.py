@@ -28,6 +28,8 @@ on, they show different ones."""
 SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
 """Sides of two windows for mean colours, as fractions of the frame's shorter side: about a fine stroke and a hand. Then
 the factor on the change in the larger window, which small misalignments of texture do not affect."""
+ATTENTION = np.float32(4)
+"""Relative increase of a change at full attention. A hand, a small face or a mouth that follows late leaves a smear."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +40,14 @@ class Painting:
         paint: uint8 (h, w, 3), such as `emboss` returns.
         picture: uint8 (h', w', 3), the picture that was painted, possibly smaller.
         back: float32 (h', w', 2), flow from this frame to the one before, px of `picture`; None = a shot begins.
+        attention: float32, a grid of any size over the frame, 0..1: where a change counts up to 1 + ATTENTION times;
+            None = 0.
     """
 
     paint: Frame
     picture: Frame
     back: Flow | None
+    attention: Plane | None = None
 
 
 def accumulate(now: Painting, past: Sequence[Painting]) -> Frame:
@@ -57,7 +62,8 @@ def accumulate(now: Painting, past: Sequence[Painting]) -> Frame:
         if step is None:
             break
         flow = step if flow is None else _chained(flow, step)
-        _add(before.paint, flow, _surface_change(now.picture, before.picture, flow), mean, weight)
+        change = _with_attention(_surface_change(now.picture, before.picture, flow), now.attention)
+        _add(before.paint, flow, change, mean, weight)
         step = before.back
     return mean
 
@@ -180,16 +186,26 @@ def _cells(at: int, size: int, cells: int) -> tuple[int, int, np.float32]:
     return first, min(first + 1, cells - 1), np.float32(place - first)
 
 
-def changes(now: NDArray[np.float32], before: NDArray[np.float32]) -> Plane:
+def changes(now: NDArray[np.float32], before: NDArray[np.float32], attention: Plane | None = None) -> Plane:
     """Change of the mean colour around each pixel, maximum over the channels: float32 (h, w), gray levels.
 
     Args:
         now, before: float32 (h, w, 3); `before` is already aligned to `now`.
+        attention: increases the change, see `Painting`.
     """
     size = (now.shape[1], now.shape[0])
     half = (max(1, size[0] // 2), max(1, size[1] // 2))
     difference = np.asarray(cv2.resize(now - before, half, interpolation=cv2.INTER_AREA), np.float32)
-    return np.asarray(cv2.resize(_largest_change(difference), size, interpolation=cv2.INTER_LINEAR), np.float32)
+    found = np.asarray(cv2.resize(_largest_change(difference), size, interpolation=cv2.INTER_LINEAR), np.float32)
+    return _with_attention(found, attention)
+
+
+def _with_attention(change: Plane, attention: Plane | None) -> Plane:
+    """The change of colour, float32 (h, w), increased where attention is paid, see `Painting`; may be in place."""
+    if attention is not None:
+        size = (change.shape[1], change.shape[0])
+        change *= 1 + ATTENTION * np.asarray(cv2.resize(attention, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    return change
 
 
 def _largest_change(difference: NDArray[np.float32]) -> Plane:

@@ -86,6 +86,7 @@ class StrokeAnalysis:
             shot begins.
         technique: the parameters `PIXEL_FIELDS`: a number, or float16 (h', w').
         rims: uint8 (h', w'), edge darkening, 255 = the style's maximum; None = no style has paper.
+        attention: float16, a grid over the frame, 0..1, see `accumulation.Painting`; None = 0.
     """
 
     number: int
@@ -95,6 +96,7 @@ class StrokeAnalysis:
     back: Half | None
     technique: Mapping[str, float | Half]
     rims: NDArray[np.uint8] | None = None
+    attention: Half | None = None
 
     def direction(self, size: tuple[int, int], out: Direction | None = None) -> Direction:
         """Orientation field for frames of `size` (width, height), float32 (h, w, 2); written to `out` if given."""
@@ -124,6 +126,8 @@ class StrokeAnalysis:
             out["back"] = self.back
         if self.rims is not None:
             out["rims"] = self.rims
+        if self.attention is not None:
+            out["attention"] = self.attention
         for index, layer in enumerate(self.layers):
             out[f"{index}.xy"], out[f"{index}.strokes"], out[f"{index}.ids"] = layer.xy, layer.strokes, layer.ids
             out[f"{index}.sigma"], out[f"{index}.profile"] = np.array(layer.sigma_px), layer.profile
@@ -155,7 +159,7 @@ def unpack(arrays: Arrays) -> StrokeAnalysis:
     }
     return StrokeAnalysis(
         int(arrays["number"]), arrays["picture"], arrays["field"], layers, arrays.get("back"), technique,
-        arrays.get("rims"),
+        arrays.get("rims"), arrays.get("attention"),
     )  # fmt: skip
 
 

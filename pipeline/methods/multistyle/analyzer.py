@@ -109,7 +109,7 @@ class StrokeAnalyzer:
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         forward, back = self._flow(gray, fresh)
         detail = self._detail(frame, gray, forward, fresh)
-        attention = self.importance.hands_and_heads() if detail is not None else None
+        attention, features = self._attention(detail is not None)
         with self.clock("denoise"):
             picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, attention)
             raise_contrast(picture, self.importance.faces, self.size)
@@ -127,7 +127,8 @@ class StrokeAnalyzer:
         technique = {name: self._stored(values, name) for name in PIXEL_FIELDS}
         rims = self.rims.step(picture, back, changed) if np.max(values["paper"]) > 0 else None
         flow16 = None if back is None else _coarse(back)
-        return StrokeAnalysis(self.number, picture, field16, layers, flow16, technique, rims)
+        features16 = None if features is None else to_half(features)
+        return StrokeAnalysis(self.number, picture, field16, layers, flow16, technique, rims, features16)
 
     def _on_faces(self, frame: Frame, style: LayerStyle, motion: FrameMotion | None) -> tuple[StrokeLayer, ...]:
         """The layer of fine strokes on faces, if there are any."""
@@ -187,6 +188,16 @@ class StrokeAnalyzer:
             self.detail = np.asarray(coarse, np.float32)
             grid = self.size if self.design is not None else tuple(-(-side // DETAIL_CELL) for side in self.size)
             return np.asarray(cv2.resize(self.detail, grid, interpolation=cv2.INTER_LINEAR), np.float32)
+
+    def _attention(self, wanted: bool) -> tuple[Plane | None, Plane | None]:
+        """Where strokes follow changes fast, and where paintings do: float32, grids over it, 0..1; None = nowhere.
+
+        Hands are not a part of the second one: if their paintings follow as fast, they flicker.
+        """
+        hands, features = self.importance.hands_and_heads(), self.importance.eyes_and_mouths()
+        if not wanted or hands is None or features is None:
+            return None, None
+        return np.maximum(hands, features), features
 
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""

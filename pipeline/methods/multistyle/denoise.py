@@ -22,8 +22,6 @@ MOVING_SHARE = 0.25
 LEAST, LIKELY, PLAIN = 6.0, 20.0, 30.0
 """Change of the mean colour around a pixel, gray levels, see `changes`. Above the first the new picture is followed
 slowly, from the second on increasingly fast, above the third at once: another surface is visible."""
-ATTENTION = np.float32(4)
-"""Relative increase of the change at full attention. A hand or a small face that follows late leaves a smear."""
 DIRECTION_SHARE = 0.3
 """Largest weight of new directions a frame."""
 MARGIN, NOISY = 1.4, 2.5
@@ -134,8 +132,7 @@ def denoise(
         back: flow from this frame to the previous one, float32 (h, w, 2), px.
         tolerance: mean difference over 5 x 5 px up to which a pixel keeps its past value; up to three times that, the
             new value's weight rises. Noisy pictures raise the tolerance, up to `NOISY` times.
-        attention: float32, a grid of any size over the frame, 0..1: where a change counts up to 1 + ATTENTION times;
-            None = 0.
+        attention: increases the change, see `accumulation.Painting`.
     """
     advected = np.asarray(fetch(past, back), np.float32)
     red, green, blue = cv2.split(cv2.absdiff(now, advected))
@@ -143,10 +140,7 @@ def denoise(
     difference = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
     noise = float(np.partition(difference, difference.size // 2, axis=None)[difference.size // 2])
     tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
-    changed = changes(now, advected)
-    if attention is not None:
-        size = (now.shape[1], now.shape[0])
-        changed *= 1 + ATTENTION * np.asarray(cv2.resize(attention, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    changed = changes(now, advected, attention)
     least_share = np.clip((changed - np.float32(LIKELY)) / np.float32(PLAIN - LIKELY), 0, 1)
     slow = np.float32(TEXTURE_SHARE) * np.clip((changed - np.float32(LEAST)) / np.float32(LEAST), 0, 1)
     out = np.empty_like(now)

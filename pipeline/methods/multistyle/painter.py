@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.buffers import Buffers
 from pipeline.frames import Frame, Plane
+from pipeline.halves import to_single
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.shared_paintings import SHARED
@@ -126,7 +127,8 @@ class Painter:
             _round_off(canvas)
             strength, gloss, weave = (analysis.pixel_field(name, self.size) for name in ("light", "gloss", "weave"))
             lit = emboss(canvas, Lighting(strength=strength, gloss=gloss, weave_px=weave))
-        return Painting(self._on_paper(lit, analysis), analysis.picture, analysis.backward_flow())
+        attention = None if analysis.attention is None else np.asarray(to_single(analysis.attention), np.float32)
+        return Painting(self._on_paper(lit, analysis), analysis.picture, analysis.backward_flow(), attention)
 
     def _on_paper(self, lit: Frame, analysis: StrokeAnalysis) -> Frame:
         if analysis.rims is None:

@@ -99,6 +99,26 @@ def test_small_heads_are_people_and_large_ones_are_not() -> None:
     assert other is not None and other.max() < 0.4
 
 
+def test_eyes_and_mouths_of_faces_of_any_size_are_found_and_outlines_are_not() -> None:
+    """The face of FACE_AT is about 80 px wide, the other one 28 px."""
+    for size, scale, corner in ((FACE_SIZE, 1.0, (0, 0)), ((640, 360), 0.35, (200, 120))):
+        frame = np.full((size[1], size[0], 3), 110, np.uint8)
+        picture = cv2.resize(portrait(), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        frame[corner[1] : corner[1] + picture.shape[0], corner[0] : corner[0] + picture.shape[1]] = picture
+        tracker = ImportanceTracker(ONLY_FACES, size)
+        assert tracker.eyes_and_mouths() is None
+        tracker.step(frame)
+        plane = tracker.eyes_and_mouths()
+        assert plane is not None
+        places = [
+            (round(corner[0] + scale * (FACE_AT[0] + dx)), round(corner[1] + scale * (FACE_AT[1] + dy)))
+            for dx, dy in ((0, 0), (-70, 0), (70, 0), (0, -80))
+        ]
+        wide = np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_NEAREST), np.float32)
+        middle, *outline = (at(wide, place) for place in places)
+        assert middle > 0.8 and outline == [0, 0, 0]
+
+
 def test_faces_are_searched_in_a_sharper_picture_if_there_is_one() -> None:
     tracker = ImportanceTracker(ONLY_FACES, FACE_SIZE)
     sharp = np.asarray(cv2.cvtColor(portrait(), cv2.COLOR_RGB2GRAY), np.uint8)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame
-from pipeline.strokes.accumulation import OTHER, SAME, WEIGHT, Painting, accumulate
+from pipeline.strokes.accumulation import ATTENTION, OTHER, SAME, WEIGHT, Painting, accumulate
 
 SHAPE = (40, 60)
 
@@ -62,6 +62,14 @@ def test_another_surface_is_not_blended(apart: float, share: float) -> None:
     other[..., 0] = 100 + round(apart)
     found = accumulate(Painting(flat(200), flat(100), way(0, 0)), [Painting(flat(0), other, None)])
     np.testing.assert_allclose(found, 200 * (1 - share), atol=1)
+
+
+def test_a_small_change_is_another_surface_where_attention_is_paid() -> None:
+    """Attention is paid to the right half of the picture."""
+    attention = np.array([[0, 0, 1, 1]], np.float32)
+    closed = flat(100 + int(OTHER / (1 + ATTENTION) / WEIGHT) + 1)
+    found = accumulate(Painting(flat(200), closed, way(0, 0), attention), [Painting(flat(0), flat(100), None)])
+    assert (found[:, :20] == 100).all() and (found[:, 40:] == 200).all()
 
 
 def test_pixels_from_outside_the_picture_are_not_blended() -> None:
