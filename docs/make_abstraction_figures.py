@@ -37,6 +37,10 @@ MOVES = (214, 226, 240)
 Settings: TypeAlias = tuple[tuple[str, Any], ...]
 
 
+HAZE_LEVEL = 140
+"""Gray level of haze."""
+
+
 @dataclass(frozen=True)
 class Strip:
     """The effect of a parameter: the same frame at three values; the middle one is the default."""
@@ -53,6 +57,8 @@ class Strip:
     """(left, top, side) of the displayed part, as fractions of the frame."""
     height: int = HEIGHT
     """Height of the frames, px."""
+    haze: float = 0
+    """Weight of haze in the frames, 0..1."""
 
 
 CUT = Clip("Cut", "cut", OURS)
@@ -78,6 +84,9 @@ STRIPS: Mapping[str, Strip] = {
         "frames of 720 lines, at their own size: the smallest regions.",
         zoom=(0.25, 0.1, 0.4),
         height=720,
+    ),
+    "contrast_adaptation": Strip(
+        "harbour", 60, (0, 0.5), "in haze, few regions as in the paper, or those of a clear day.", haze=0.6
     ),
     "temporal": Strip("coffee", 40, ("off",), f"{CHANGE}.", show="change"),
     "flow": Strip("harbour", 60, ("dis-medium", "tvl1"), "the estimated motion; hue shows its direction.", show="flow"),
@@ -225,7 +234,11 @@ def _pairs(shown: Strip, media: Path, params: Settings) -> list[tuple[Frame, Fra
     clip = CUT if shown.clip == "cut" else CLIPS[shown.clip]
     source = frames(clip, media, max(0, shown.frame - WARM_UP), shown.frame + 1, shown.height)
     scheme = colours_of(media, shown.painting) if shown.painting else None
-    return list(render(source, dict(params), scheme))[-WATCHED:]
+    return list(render((_in_haze(frame, shown.haze) for frame in source), dict(params), scheme))[-WATCHED:]
+
+
+def _in_haze(frame: Frame, haze: float) -> Frame:
+    return np.asarray(np.rint((1 - haze) * frame + HAZE_LEVEL * haze), np.uint8)
 
 
 def _zoomed(picture: Frame, part: tuple[float, float, float]) -> Frame:

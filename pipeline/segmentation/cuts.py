@@ -15,7 +15,8 @@ DIFFERENCE = 32.0
 """Least mean difference of the thumbnails at a cut, 8-bit Lab levels summed over the channels."""
 CORRELATION = 0.4
 """Correlation of lightness below which the thumbnails show different shots."""
-_LAB_UNITS = np.array([100 / 255, 1, 1], np.float32)
+LAB_UNITS = np.array([100 / 255, 1, 1], np.float32)
+"""CIELAB units in a level of L, a and b of 8-bit Lab."""
 
 
 def thumbnail(frame: Frame) -> Plane:
@@ -48,7 +49,7 @@ def light_steadiness(before: Plane, now: Plane) -> float:
     """
     changes = (now - before).reshape(-1, 3)
     middle = len(changes) // 2
-    shift = np.partition(changes, middle, axis=0)[middle] * _LAB_UNITS
+    shift = np.partition(changes, middle, axis=0)[middle] * LAB_UNITS
     return float(np.exp(-((shift * shift).sum() / 0.8**2)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -55,6 +55,15 @@ class SegmenterParams:
     merge_similar: float
     smallest_region: float
 
+    def in_contrast(self, contrast: float) -> SegmenterParams:
+        """These parameters for a shot in which colours differ `contrast` times as much as usual, 0..1."""
+        if contrast == 1:
+            return self
+        return replace(
+            self, growing_limit=contrast * self.growing_limit, boundary_margin=contrast * self.boundary_margin,
+            merge_similar=contrast * self.merge_similar,
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Segmentation:
@@ -84,6 +93,7 @@ class Segmenter:
 
     def __init__(self, params: SegmenterParams, size: tuple[int, int], first_id: int = 1) -> None:
         self.params = params
+        self.scaled = params
         self.next_id = first_id
         self.shape = (size[1], size[0])
         self.last: Segmentation | None = None
@@ -98,7 +108,7 @@ class Segmenter:
     def step(
         self, lab: Lab8, edges: Pending[NDArray[np.uint8]], importance: Plane, flow: Flow | None,
         residual: NDArray[np.uint8] | None,
-        fading: bool = False,
+        fading: bool = False, contrast: float = 1.0,
     ) -> Segmentation:  # fmt: skip
         """Segment a frame.
 
@@ -111,7 +121,9 @@ class Segmenter:
             fading: whether the light changes fast. Pixels are then compared with their region as strictly as in a new
                 region, and new regions are filled before old ones grow: a fade-in reveals many regions in what was
                 one black region.
+            contrast: how much colours differ relative to a usual shot, 0..1.
         """
+        self.scaled = self.params.in_contrast(contrast)
         limit = self._limit(importance)
         known = self.last
         if known is None or flow is None or residual is None:
@@ -121,7 +133,7 @@ class Segmenter:
             previous = PreviousRegions(known.labels, known.means, flow, self.remainder, residual)
             slack = self.params.core_slack if fading else self.params.misfit_slack
             changed = float(FAR) if fading else CHANGED
-            limits = PropagationLimits(self.params.flow_error_limit, self.params.boundary_margin, slack, changed)
+            limits = PropagationLimits(self.params.flow_error_limit, self.scaled.boundary_margin, slack, changed)
             propagated, self.remainder, labels, sums = propagate_regions(previous, lab, limit, limits)
         left = int(sums[0, AREA])
         if left:
@@ -130,7 +142,7 @@ class Segmenter:
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:
         """20 (1.2 - I(p)), uint8 (h, w), CIELAB units."""
-        scale = self.params.growing_limit
+        scale = self.scaled.growing_limit
         limit = cv2.convertScaleAbs(importance, alpha=-scale, beta=1.2 * scale)
         return np.asarray(limit if limit.shape == self.shape else cv2.resize(limit, self.shape[::-1]), np.uint8)
 
@@ -190,7 +202,7 @@ class Segmenter:
         first_new, areas_before = (1, NO_AREAS) if known is None else (len(known.ids), known.areas)
         sums, previous, alpha = finalize_regions(
             labels, propagated, sums, first_new, areas_before,
-            self.params.growing_limit, self.params.smallest_region * labels.size, self.params.merge_similar,
+            self.scaled.growing_limit, self.scaled.smallest_region * labels.size, self.scaled.merge_similar,
         )  # fmt: skip
         areas = sums[:, AREA].astype(np.int32)
         self.last = Segmentation(labels, self._ids(previous), areas, means_of(sums), previous, alpha, residual)

@@ -24,7 +24,7 @@ class Case:
 
     method: str
     name: str
-    clip: Literal["cut", "shapes", "long-shapes"]
+    clip: Literal["cut", "shapes", "long-shapes", "haze"]
     params: Mapping[str, Any] = field(default_factory=dict)
     inputs: Callable[[], Inputs] = NoInputs
     artefacts: frozenset[str] = frozenset()
@@ -51,6 +51,7 @@ def _abstraction() -> Iterator[Case]:
     yield case("histogram", inputs=lambda: {"histogram": histogram})
     yield case("importance", "shapes", inputs=lambda: {"importance": {0: clips.middle_mask()}})
     yield case("sharp", params={"edges": "sharp"})
+    yield case("low-contrast", "haze")
     yield case("every-option-of-time", params={"cut_sensitivity": 0, "colour_half_life": 0, "paint_memory": 0})
 
 

@@ -1,4 +1,4 @@
-"""Two short clips from procedural scenes, and inputs for them."""
+"""Short clips from procedural scenes, and inputs for them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,13 @@ def long_shapes() -> tuple[Frame, ...]:
     return tuple(made.image(index) for index in range(14))
 
 
-CLIPS = {"cut": cut, "shapes": shapes, "long-shapes": long_shapes}
+@cache
+def haze() -> tuple[Frame, ...]:
+    """The textured shapes in haze."""
+    return tuple(np.rint(150 + 0.3 * (frame - 150.0)).astype(np.uint8) for frame in shapes())
+
+
+CLIPS = {"cut": cut, "shapes": shapes, "long-shapes": long_shapes, "haze": haze}
 
 
 @cache

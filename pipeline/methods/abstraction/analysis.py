@@ -30,6 +30,7 @@ from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.shading import smooth_shading
+from pipeline.segmentation.shot_contrast import contrast_after
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
@@ -59,6 +60,8 @@ class FrameAnalysis:
     shot: int
     light_steadiness: float
     """0..1: 1 = the light is steady; towards 0 in a fade, when past colours do not predict the current ones."""
+    contrast: float
+    """0..1: by how much colours differ, relative to a usual shot, for the tolerances of regions."""
 
 
 class FrameAnalyzer:
@@ -75,6 +78,7 @@ class FrameAnalyzer:
         self.denoised: Lab8 | None = None
         self.thumbnail: Plane | None = None
         self.light_steadiness = 1.0
+        self.contrast: float | None = None
         self._deferred: Pending[None] = Ready(None)
         self._search_due = False
         self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(sizes))
@@ -85,6 +89,7 @@ class FrameAnalyzer:
         fresh = self._begins_shot(same_size(frame, self.sizes.frame))
         with self.clock("lab"):
             small = shrink_frame(frame, self.sizes)
+        contrast = self._contrast(fresh)
         planes = self._smooth(small)
         gray = planes[0]
         flow = self._flow(gray, fresh)
@@ -99,7 +104,7 @@ class FrameAnalyzer:
         if residual is not None:
             _restore_present(planes, faces, fine)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
-        edge_map = self.background.later(self._edges, planes, importance, faces)
+        edge_map = self.background.later(self._edges, planes, importance, faces, contrast)
         past = None if flow is None or residual is None else Past(flow, residual)
         later = self.background.later
         ink = later(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
@@ -109,7 +114,7 @@ class FrameAnalyzer:
             tone = self.tone.step(measure_tone(small), fresh) if self.tone else None
         self.gray, self.denoised = gray, denoised
         return FrameAnalysis(
-            denoised, edge_map, importance, flow, back, residual, ink, tone, self.shot, self.light_steadiness
+            denoised, edge_map, importance, flow, back, residual, ink, tone, self.shot, self.light_steadiness, contrast
         )
 
     def _smooth(self, frame: Frame) -> LabPlanes:
@@ -162,10 +167,10 @@ class FrameAnalyzer:
                 self.importance.continue_search()
 
     def _edges(
-        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop]
+        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], contrast: float
     ) -> NDArray[np.uint8]:  # fmt: skip
         with self.clock("edges"):
-            return edges(planes, importance.result(), self.params.edge_threshold, faces)
+            return edges(planes, importance.result(), self.params.edge_threshold * contrast, faces)
 
     def _ink(
         self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: Past | None,
@@ -183,6 +188,12 @@ class FrameAnalyzer:
         cut = is_cut(before, self.thumbnail, self.params.cut_sensitivity)
         self.shot += cut
         return cut or self.params.temporal == "off"
+
+    def _contrast(self, fresh: bool) -> float:
+        """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `contrast_adaptation=0`."""
+        assert self.thumbnail is not None
+        self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
+        return 1 + self.params.contrast_adaptation * (self.contrast - 1)
 
     def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> Flow | None:
         if fresh or self.gray is None:
@@ -214,11 +225,13 @@ class FrameAnalyzer:
         own: State = {"shot": np.array(self.shot), "frame_size": np.array(self.sizes.frame)}
         if self.gray is not None and self.denoised is not None and self.thumbnail is not None:
             own |= {"gray": self.gray, "denoised": self.denoised, "thumbnail": self.thumbnail}
+            own |= {"contrast": np.array(self.contrast)}
         return own | flatten(parts)
 
     def restore(self, state: Arrays) -> None:
         self.shot = int(state["shot"])
         self.gray, self.denoised, self.thumbnail = (state.get(k) for k in ("gray", "denoised", "thumbnail"))
+        self.contrast = float(state["contrast"]) if "contrast" in state else None
         self.importance.restore(part(state, "importance"))
         if self.lines:
             self.lines.restore(part(state, "lines"))

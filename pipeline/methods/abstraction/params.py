@@ -56,6 +56,13 @@ class AbstractionParams(Params):
         "regions, and twice the time.", "Regions",
     )  # fmt: skip
 
+    contrast_adaptation: float = number(
+        1, 0, 1, "Adapt to contrast",
+        "In a dim or hazy shot, smaller differences of colour make regions: weight of its contrast in their tolerances "
+        "and in the edge threshold, which fall to half at most; 0 = the same in every shot, as in the paper.",
+        "ratio", "Regions",
+    )  # fmt: skip
+
     # -- time
     temporal: Switch = choice(
         "on", "Temporal coherence", "off = every frame is processed on its own, as a baseline; it flickers.", "Time"

@@ -51,7 +51,7 @@ class RegionStage:
                 self._begin(analysis.shot)
             fading = analysis.light_steadiness < FADING
             regions = self.segmenter.step(
-                analysis.lab, analysis.edges, importance, analysis.flow, analysis.residual, fading
+                analysis.lab, analysis.edges, importance, analysis.flow, analysis.residual, fading, analysis.contrast
             )
         with self.clock("colour"):
             colours = self.palette.step(regions, analysis.tone, analysis.light_steadiness)

@@ -23,6 +23,7 @@ from pipeline.methods.base import TaskResult
 COARSE: Mapping[str, float | str] = MappingProxyType({
     "growing_limit": 26, "core_tolerance": 1.0, "smallest_region": 3, "merge_similar": 12, "edge_threshold": 140,
     "lines": "off", "saliency_importance": 0.2, "motion_importance": 0.2, "edges": "soft",
+    "contrast_adaptation": 0,
 })  # fmt: skip
 """Parameters of the method abstraction for fewer and larger regions than in a cartoon. With soft edges, frames are
 analysed at their own size."""
