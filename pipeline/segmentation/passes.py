@@ -103,7 +103,7 @@ def append_rows(sums: Sums, more: int) -> Sums:
 @kernel
 def finalize_regions(
     labels: Labels, propagated: Labels, sums: Sums, first_new: int, areas_before: NDArray[np.int32],
-    growing_limit: float, smallest: float, similar: float,
+    growing_limit: float, smallest: float, differences: tuple[float, float],
 ) -> tuple[Sums, NDArray[np.int32], NDArray[np.float32]]:  # fmt: skip
     """Third pass: merge small and similar regions, number labels densely (in place), and match the previous frame.
 
@@ -113,7 +113,8 @@ def finalize_regions(
         areas_before: areas of the previous frame's regions by label, px.
         growing_limit: growing limit at importance 0.2, CIELAB units.
         smallest: area below which a region is merged at importance 0, px; a fifth of it at importance 1.
-        similar: difference of mean colours below which a new region is merged, CIELAB units.
+        differences: difference of mean colours below which a new region is merged, and above which a region may be
+            smaller, CIELAB units, see `merge_table`.
 
     Returns: sums of the regions; for each region its label in the previous frame (0 = new), and alpha of equation 4:
         pixels kept / sqrt(area before * area now), 0 for a new region.
@@ -123,7 +124,8 @@ def finalize_regions(
     for label in range(count):
         strict = sums[label, LIMIT] / max(sums[label, AREA], 1) / growing_limit  # 1.2 - importance
         specks[label] = max(float(SPECK_PX), smallest * min(max(strict - 0.2, 0.2), 1.0))
-    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, first_new, np.float32(similar))
+    similar, distinct = np.float32(differences[0]), np.float32(differences[1])
+    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, first_new, similar, distinct)
     sums, names, old = merge(sums, table)
     arrived = relabel(labels, names[table], propagated, names, sums.shape[0] - 1)
     alpha = np.zeros(old.size, np.float32)

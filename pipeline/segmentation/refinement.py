@@ -18,6 +18,8 @@ BATCH = 512
 """Pixels that are processed together, so that the inner loops vectorise."""
 NOISE = 5.0
 """CIELAB difference from a region's mean that never removes a pixel: camera noise and JPEG artefacts."""
+LEAST_DISTINCT_PX = 8.0
+"""Least area of a region that is kept because of its contrast."""
 
 
 @kernel
@@ -163,12 +165,14 @@ def _release(
 @kernel
 def merge_table(
     labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], first_new: int,
-    similar: np.float32,
+    similar: np.float32, distinct: np.float32,
 ) -> NDArray[np.int32]:  # fmt: skip
     """Label that each region is merged into, or its own label: int32 (regions + 1,).
 
-    A region with an area below `smallest` is merged into its most similar neighbour. A region that is new in this frame
-    (label >= `first_new`) is merged into the most similar neighbour within `similar` CIELAB units.
+    A region with an area below `smallest` is merged into its most similar neighbour; if even that one differs by more
+    than `distinct` CIELAB units, the limit falls in inverse proportion to the difference, to `LEAST_DISTINCT_PX` at
+    least. A region that is new in this frame (label >= `first_new`) is merged into the most similar neighbour within
+    `similar` CIELAB units.
     """
     count = means.shape[0]
     best = np.full(count, np.float32(1e9))
@@ -207,6 +211,10 @@ def merge_table(
                     if (small or recent) and distance < best[one] and _may_merge_into(one, two, areas):
                         best[one] = distance
                         target[one] = two
+    for label in range(count):
+        limit = np.float32(smallest[label]) * distinct / max(best[label], distinct, np.float32(1))
+        if best[label] >= similar and areas[label] >= max(limit, np.float32(LEAST_DISTINCT_PX)):
+            target[label] = label
     for label in range(count):
         end = label
         while target[end] != end:

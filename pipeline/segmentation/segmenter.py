@@ -45,6 +45,7 @@ class SegmenterParams:
         merge_similar: a new region joins a neighbour whose mean colour is nearer than this.
         smallest_region: area below which a region is merged, share of the frame at importance 0; a fifth of it at
             importance 1.
+        distinct: a region whose mean colour differs by more from that of every neighbour may be smaller.
     """
 
     flow_error_limit: float
@@ -54,6 +55,7 @@ class SegmenterParams:
     boundary_margin: float
     merge_similar: float
     smallest_region: float
+    distinct: float
 
     def in_contrast(self, contrast: float) -> SegmenterParams:
         """These parameters for a shot in which colours differ `contrast` times as much as usual, 0..1."""
@@ -61,7 +63,7 @@ class SegmenterParams:
             return self
         return replace(
             self, growing_limit=contrast * self.growing_limit, boundary_margin=contrast * self.boundary_margin,
-            merge_similar=contrast * self.merge_similar,
+            merge_similar=contrast * self.merge_similar, distinct=contrast * self.distinct,
         )  # fmt: skip
 
 
@@ -202,7 +204,8 @@ class Segmenter:
         first_new, areas_before = (1, NO_AREAS) if known is None else (len(known.ids), known.areas)
         sums, previous, alpha = finalize_regions(
             labels, propagated, sums, first_new, areas_before,
-            self.scaled.growing_limit, self.scaled.smallest_region * labels.size, self.scaled.merge_similar,
+            self.scaled.growing_limit, self.scaled.smallest_region * labels.size,
+            (self.scaled.merge_similar, self.scaled.distinct),
         )  # fmt: skip
         areas = sums[:, AREA].astype(np.int32)
         self.last = Segmentation(labels, self._ids(previous), areas, means_of(sums), previous, alpha, residual)

@@ -26,7 +26,8 @@ class AbstractionParams(Params):
     )  # fmt: skip
     smallest_region: float = number(
         0.2, 0, 5, "Smallest region",
-        "Regions under this share of the frame join a neighbour; a fifth of it where importance is 1.",
+        "Regions under this share of the frame join a neighbour; a fifth of it where importance is 1, less "
+        "where they differ strongly from all neighbours.",
         "per mille of the frame", "Regions",
     )  # fmt: skip
     merge_similar: float = number(

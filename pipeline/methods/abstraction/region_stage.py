@@ -22,6 +22,10 @@ FADING = 0.15
 MISFIT_SLACK = 1.1
 """A pixel leaves its region beyond this multiple of the growing limit; slightly more than the limit for joining."""
 
+DISTINCT = 60.0
+"""Difference of colours above which a region may be smaller than `smallest_region`, CIELAB units per per mille of the
+frame: 12 by default, and so much for large values that none may be."""
+
 
 @dataclass(frozen=True)
 class ColouredRegions:
@@ -82,4 +86,5 @@ def _segmenter(params: AbstractionParams) -> SegmenterParams:
         boundary_margin=params.boundary_margin,
         merge_similar=params.merge_similar,
         smallest_region=params.smallest_region / 1000,
+        distinct=DISTINCT * params.smallest_region,
     )

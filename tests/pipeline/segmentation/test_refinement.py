@@ -128,13 +128,16 @@ def test_only_new_regions_release_misfits() -> None:
 # -- merging
 
 
-def merged(labels: Labels, a_of: list[int], smallest: int, first_new: int, similar: float) -> Labels:
+def merged(
+    labels: Labels, a_of: list[int], smallest: int, first_new: int, similar: float, distinct: float = 1000.0
+) -> Labels:  # fmt: skip
     """Labels after merging; `a_of` is the a* of regions 1, 2, ..."""
     count = len(a_of)
     lab = colours_of(np.array([128, *a_of])[labels].tolist())
     sums = measure(labels, lab, everywhere(20, labels.shape), count)
     small = np.full(count + 1, smallest, np.int32)
-    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), small, first_new, np.float32(similar))
+    limits = np.float32(similar), np.float32(distinct)
+    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), small, first_new, *limits)
     return table[labels]
 
 
@@ -143,6 +146,16 @@ def test_a_small_region_is_merged_into_its_most_similar_neighbour() -> None:
     np.testing.assert_array_equal(merged(labels, [100, 140, 150], 2, 9, 0), [[1, 1, 1, 1, 3, 3, 3, 3, 3]])
     np.testing.assert_array_equal(merged(labels, [135, 140, 150], 2, 9, 0), [[1, 1, 1, 1, 1, 3, 3, 3, 3]])
     np.testing.assert_array_equal(merged(labels, [100, 140, 150], 1, 9, 0), labels)
+
+
+def test_a_distinct_region_may_be_smaller_in_inverse_proportion_to_its_contrast() -> None:
+    """The limit is 40 px up to a difference of 12 units, and 8 px from one of 60 on."""
+    for area, difference, kept in ((10, 60, True), (10, 40, False), (13, 40, True), (7, 100, False), (39, 12, False)):
+        labels = np.ones((1, 200), np.int32)
+        labels[0, 60 : 60 + area] = 2
+        labels[0, 60 + area :] = 3
+        out = merged(labels, [100, 100 + difference, 100], 40, 9, 0, distinct=12)
+        np.testing.assert_array_equal(out == 2, (labels == 2) & kept, err_msg=f"{area} px, {difference} units")
 
 
 def test_only_a_new_region_is_merged_into_a_similar_neighbour() -> None:

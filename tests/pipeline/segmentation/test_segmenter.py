@@ -24,11 +24,11 @@ Bytes = NDArray[np.uint8]
 SHAPE = (48, 64)
 PARAMS = SegmenterParams(
     flow_error_limit=12, growing_limit=20, misfit_slack=1.1, core_slack=0.4, boundary_margin=7, merge_similar=5,
-    smallest_region=0.00015,
+    smallest_region=0.00015, distinct=12,
 )  # fmt: skip
 KEEP_ALL = SegmenterParams(
     flow_error_limit=12, growing_limit=20, misfit_slack=1.1, core_slack=0.4, boundary_margin=7, merge_similar=0,
-    smallest_region=0,
+    smallest_region=0, distinct=0,
 )  # fmt: skip
 
 
