@@ -21,7 +21,7 @@ because videos store chroma at half of the resolution, with more noise."""
 
 def edges(
     lab: NDArray[np.uint8], importance: Plane, high: float, faces: Sequence[FaceCrop] = (), low_ratio: float = 0.4,
-    floor: float = 0.2, contrast: Plane | None = None,
+    floor: float = 0.2,
 ) -> NDArray[np.uint8]:  # fmt: skip
     """Canny edges: uint8 (h, w), 255 on edges, 0 elsewhere.
 
@@ -33,8 +33,6 @@ def edges(
             and lips.
         low_ratio: ratio of the lower to the upper threshold, 0..1.
         floor: thresholds are `high / (importance + floor)`, which is finite at importance 0.
-        contrast: float32, a grid over the frame, above 0: factor on the thresholds, down to those of importance 1;
-            None = 1.
 
     A threshold that varies from pixel to pixel is equivalent to a scaled gradient, so the gradient is scaled and passed
     to OpenCV's Canny with a constant threshold.
@@ -43,11 +41,7 @@ def edges(
     the lightness alone, a green letter on a white toy has no edge.
     """
     size = (lab.shape[2], lab.shape[1])
-    gain = importance + np.float32(floor)
-    if contrast is not None:
-        higher = gain / cv2.resize(contrast, (gain.shape[1], gain.shape[0]), interpolation=cv2.INTER_LINEAR)
-        gain = np.maximum(gain, np.minimum(higher, np.float32(1 + floor)))
-    gain = np.asarray(cv2.resize(gain, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    gain = np.asarray(cv2.resize(importance + np.float32(floor), size, interpolation=cv2.INTER_LINEAR), np.float32)
     light, a, b = (_gradient(plane) for plane in lab)
     for face in faces:
         for part in (*a, *b):

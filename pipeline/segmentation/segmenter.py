@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State
 from pipeline.background import Pending
 from pipeline.frames import Flow, Labels, Plane
-from pipeline.segmentation.contrast import Contrast
 from pipeline.segmentation.growing import count_open, grow, unlabelled
 from pipeline.segmentation.motion import FAR
 from pipeline.segmentation.passes import (
@@ -29,8 +28,6 @@ from pipeline.segmentation.regions import AREA, NOT_PROPAGATED, Lab8, Means, Sum
 from pipeline.segmentation.trapped_ball import SMALL_RADIUS_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)
-LEAST_STRICT = np.float32(0.2)
-"""1.2 - I(p) at importance 1."""
 CHANGED = 5.0
 """Residual from which a pixel is compared with the previous colour of its region, CIELAB units."""
 
@@ -62,8 +59,12 @@ class SegmenterParams:
 
     def in_contrast(self, contrast: float) -> SegmenterParams:
         """These parameters for a shot in which colours differ `contrast` times as much as usual, 0..1."""
-        names = ("growing_limit", "boundary_margin", "merge_similar", "distinct")
-        return replace(self, **{name: contrast * getattr(self, name) for name in names})
+        if contrast == 1:
+            return self
+        return replace(
+            self, growing_limit=contrast * self.growing_limit, boundary_margin=contrast * self.boundary_margin,
+            merge_similar=contrast * self.merge_similar, distinct=contrast * self.distinct,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ class Segmenter:
     def step(
         self, lab: Lab8, edges: Pending[NDArray[np.uint8]], importance: Plane, flow: Flow | None,
         residual: NDArray[np.uint8] | None,
-        fading: bool = False, contrast: Contrast | None = None,
+        fading: bool = False, contrast: float = 1.0,
     ) -> Segmentation:  # fmt: skip
         """Segment a frame.
 
@@ -122,10 +123,10 @@ class Segmenter:
             fading: whether the light changes fast. Pixels are then compared with their region as strictly as in a new
                 region, and new regions are filled before old ones grow: a fade-in reveals many regions in what was
                 one black region.
-            contrast: how much colours differ in this shot; None = as in a usual one.
+            contrast: how much colours differ relative to a usual shot, 0..1.
         """
-        self.scaled = self.params if contrast is None else self.params.in_contrast(contrast.shot)
-        limit = self._limit(importance, contrast)
+        self.scaled = self.params.in_contrast(contrast)
+        limit = self._limit(importance)
         known = self.last
         if known is None or flow is None or residual is None:
             labels, propagated = np.zeros(self.shape, np.int32), NOT_PROPAGATED
@@ -141,14 +142,10 @@ class Segmenter:
             sums = self._complete(labels, lab, edges.result(), limit, sums, grow_first=not fading)
         return self._finish(labels, propagated, sums, left)
 
-    def _limit(self, importance: Plane, contrast: Contrast | None) -> NDArray[np.uint8]:
-        """20 (1.2 - I(p)) times the contrast, and not below its value at importance 1: uint8 (h, w), CIELAB units."""
-        strict = np.float32(1.2) - importance
-        if contrast is not None:
-            grid = (strict.shape[1], strict.shape[0])
-            lower = strict * cv2.resize(contrast.places, grid, interpolation=cv2.INTER_LINEAR)
-            strict = np.minimum(strict, np.maximum(lower, LEAST_STRICT))
-        limit = cv2.convertScaleAbs(strict, alpha=self.params.growing_limit)
+    def _limit(self, importance: Plane) -> NDArray[np.uint8]:
+        """20 (1.2 - I(p)), uint8 (h, w), CIELAB units."""
+        scale = self.scaled.growing_limit
+        limit = cv2.convertScaleAbs(importance, alpha=-scale, beta=1.2 * scale)
         return np.asarray(limit if limit.shape == self.shape else cv2.resize(limit, self.shape[::-1]), np.uint8)
 
     def _complete(

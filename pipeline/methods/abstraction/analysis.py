@@ -22,7 +22,6 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.contrast import Contrast, contrast_after
 from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.face_contrast import raise_contrast
@@ -31,6 +30,7 @@ from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.shading import smooth_shading
+from pipeline.segmentation.shot_contrast import contrast_after
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
@@ -60,8 +60,8 @@ class FrameAnalysis:
     shot: int
     light_steadiness: float
     """0..1: 1 = the light is steady; towards 0 in a fade, when past colours do not predict the current ones."""
-    contrast: Contrast
-    """For the tolerances of regions."""
+    contrast: float
+    """0..1: by how much colours differ, relative to a usual shot, for the tolerances of regions."""
 
 
 class FrameAnalyzer:
@@ -78,7 +78,7 @@ class FrameAnalyzer:
         self.denoised: Lab8 | None = None
         self.thumbnail: Plane | None = None
         self.light_steadiness = 1.0
-        self.contrast: Contrast | None = None
+        self.contrast: float | None = None
         self._deferred: Pending[None] = Ready(None)
         self._search_due = False
         self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(sizes))
@@ -167,10 +167,10 @@ class FrameAnalyzer:
                 self.importance.continue_search()
 
     def _edges(
-        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], contrast: Contrast
+        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], contrast: float
     ) -> NDArray[np.uint8]:  # fmt: skip
         with self.clock("edges"):
-            return edges(planes, importance.result(), self.params.edge_threshold, faces, contrast=contrast.places)
+            return edges(planes, importance.result(), self.params.edge_threshold * contrast, faces)
 
     def _ink(
         self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: Past | None,
@@ -189,10 +189,11 @@ class FrameAnalyzer:
         self.shot += cut
         return cut or self.params.temporal == "off"
 
-    def _contrast(self, fresh: bool) -> Contrast:
+    def _contrast(self, fresh: bool) -> float:
+        """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `contrast_adaptation=0`."""
         assert self.thumbnail is not None
         self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
-        return self.contrast.weighted(self.params.contrast_adaptation)
+        return 1 + self.params.contrast_adaptation * (self.contrast - 1)
 
     def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> Flow | None:
         if fresh or self.gray is None:
@@ -224,15 +225,13 @@ class FrameAnalyzer:
         own: State = {"shot": np.array(self.shot), "frame_size": np.array(self.sizes.frame)}
         if self.gray is not None and self.denoised is not None and self.thumbnail is not None:
             own |= {"gray": self.gray, "denoised": self.denoised, "thumbnail": self.thumbnail}
-        if self.contrast is not None:
-            own |= {"contrast": np.array(self.contrast.shot), "contrast_places": self.contrast.places}
+            own |= {"contrast": np.array(self.contrast)}
         return own | flatten(parts)
 
     def restore(self, state: Arrays) -> None:
         self.shot = int(state["shot"])
         self.gray, self.denoised, self.thumbnail = (state.get(k) for k in ("gray", "denoised", "thumbnail"))
-        known = "contrast_places" in state
-        self.contrast = Contrast(float(state["contrast"]), state["contrast_places"]) if known else None
+        self.contrast = float(state["contrast"]) if "contrast" in state else None
         self.importance.restore(part(state, "importance"))
         if self.lines:
             self.lines.restore(part(state, "lines"))

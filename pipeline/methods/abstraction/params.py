@@ -59,8 +59,8 @@ class AbstractionParams(Params):
 
     contrast_adaptation: float = number(
         1, 0, 1, "Adapt to contrast",
-        "In a dim or hazy shot, and in places of low contrast, smaller differences of colour make regions: weight of "
-        "the contrast in their tolerances and in the edge threshold; 0 = the same everywhere, as in the paper.",
+        "In a dim or hazy shot, smaller differences of colour make regions: weight of its contrast in their tolerances "
+        "and in the edge threshold, which fall to half at most; 0 = the same in every shot, as in the paper.",
         "ratio", "Regions",
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Regions of dim and hazy shots: the contrast of a shot and of its places, and the tolerances that follow it."""
+"""Regions of dim and hazy shots: the contrast of a shot, and the tolerances that follow it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
-from pipeline.segmentation.contrast import GAIN, LEAST, Contrast, contrast_after
 from pipeline.segmentation.cuts import thumbnail
+from pipeline.segmentation.shot_contrast import GAIN, LEAST, USUAL, contrast_after, spread
 
 SIZE = (160, 120)
 GREY, FIGURE = 100, 80
@@ -30,35 +30,24 @@ def seen(frame: Frame, **values: float) -> float:
     return float(painted[70, 20].mean() - painted[70, 52].mean())
 
 
-def test_a_shot_of_two_colours_has_the_usual_contrast_and_a_uniform_one_the_least() -> None:
+def test_the_spread_of_colours_is_their_standard_deviation_in_cielab_units() -> None:
     half = np.zeros((90, 160, 3), np.uint8)
-    assert contrast_after(None, thumbnail(half)).shot == LEAST
+    assert spread(thumbnail(half)) == 0
     half[:, 80:] = 255
-    found = contrast_after(None, thumbnail(half))
-    assert found.shot == 1 and found.places.shape == (18, 32)
-    np.testing.assert_allclose(found.places[:, [15, 16]], 1, atol=1e-6)  # beside the edge
-    np.testing.assert_allclose(found.places[:, [0, 31]], LEAST, atol=1e-6)
+    assert spread(thumbnail(half)) == pytest.approx(50, abs=0.5)
 
 
 def test_the_contrast_follows_the_shot_and_starts_anew_with_the_next_one() -> None:
     full, dim = (thumbnail(street(lamp)) for lamp in (255, GREY))
-    first, other = contrast_after(None, full), contrast_after(None, dim)
-    assert first.shot == 1 and other.shot == LEAST
-    after = contrast_after(first, dim)
-    assert after.shot == pytest.approx(1 - GAIN * (1 - LEAST))
-    np.testing.assert_allclose(after.places, (1 - GAIN) * first.places + GAIN * other.places, atol=1e-6)
+    assert spread(full) > USUAL and spread(dim) < LEAST * USUAL
+    assert contrast_after(None, full) == 1 and contrast_after(None, dim) == LEAST
+    assert contrast_after(1.0, dim) == pytest.approx(1 - GAIN * (1 - LEAST))
 
 
-def test_without_weight_the_contrast_is_the_usual_one_everywhere() -> None:
-    low = Contrast(0.5, np.full((18, 32), 0.25, np.float32))
-    assert low.weighted(0).shot == 1 and (low.weighted(0).places == 1).all()
-    assert low.weighted(0.5).shot == 0.75 and (low.weighted(0.5).places == 0.625).all()
-
-
-@pytest.mark.parametrize("lamp", [GREY, 255])
-def test_a_figure_of_low_contrast_is_a_region_in_a_dim_shot_and_in_a_dim_part_of_a_bright_one(lamp: int) -> None:
-    assert seen(street(lamp)) == pytest.approx(GREY - FIGURE, abs=4)
-    assert seen(street(lamp), contrast_adaptation=0) < 4
+def test_a_figure_of_low_contrast_is_a_region_in_a_dim_shot_alone() -> None:
+    assert seen(street()) == pytest.approx(GREY - FIGURE, abs=4)
+    assert seen(street(), contrast_adaptation=0) < 4
+    assert seen(street(lamp=255)) < 4
 
 
 def test_a_session_continues_from_its_state_with_the_same_contrast() -> None:
