@@ -17,6 +17,8 @@ CORRELATION = 0.4
 """Correlation of lightness below which the thumbnails show different shots."""
 LAB_UNITS = np.array([100 / 255, 1, 1], np.float32)
 """CIELAB units in a level of L, a and b of 8-bit Lab."""
+FADING = 0.15
+"""`light_steadiness` below which the light changes so fast that past colours predict nothing."""
 
 
 def thumbnail(frame: Frame) -> Plane:

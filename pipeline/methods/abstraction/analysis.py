@@ -22,7 +22,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.cuts import is_cut, light_steadiness, thumbnail
+from pipeline.segmentation.cuts import FADING, is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.face_contrast import raise_contrast
 from pipeline.segmentation.faces import FaceCrop, Faces
@@ -190,8 +190,14 @@ class FrameAnalyzer:
         return cut or self.params.temporal == "off"
 
     def _contrast(self, fresh: bool) -> float:
-        """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `contrast_adaptation=0`."""
+        """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `contrast_adaptation=0`.
+
+        In a fade it is the usual one, so that no small regions remain from the dim frames.
+        """
         assert self.thumbnail is not None
+        if self.light_steadiness < FADING:
+            self.contrast = None
+            return 1.0
         self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
         return 1 + self.params.contrast_adaptation * (self.contrast - 1)
 
@@ -225,6 +231,7 @@ class FrameAnalyzer:
         own: State = {"shot": np.array(self.shot), "frame_size": np.array(self.sizes.frame)}
         if self.gray is not None and self.denoised is not None and self.thumbnail is not None:
             own |= {"gray": self.gray, "denoised": self.denoised, "thumbnail": self.thumbnail}
+        if self.contrast is not None:
             own |= {"contrast": np.array(self.contrast)}
         return own | flatten(parts)
 

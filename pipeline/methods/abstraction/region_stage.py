@@ -13,12 +13,11 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.tasks import Clock
+from pipeline.segmentation.cuts import FADING
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
 """Region ids are shot * IDS_A_SHOT + n, which makes them unique although shots are processed independently."""
-FADING = 0.15
-"""`light_steadiness` below which pixels are compared with their region as strictly as in a new region."""
 MISFIT_SLACK = 1.1
 """A pixel leaves its region beyond this multiple of the growing limit; slightly more than the limit for joining."""
 

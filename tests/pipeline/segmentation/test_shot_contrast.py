@@ -50,6 +50,13 @@ def test_a_figure_of_low_contrast_is_a_region_in_a_dim_shot_alone() -> None:
     assert seen(street(lamp=255)) < 4
 
 
+def test_in_a_fade_the_contrast_is_the_usual_one() -> None:
+    analyzer = AbstractionSession(AbstractionParams(), SIZE).analyzer
+    lights = (0.5, 0.5, 0.6, 0.7, 0.7)
+    found = [analyzer.step((street() * light).astype(np.uint8)).contrast for light in lights]
+    assert found == [LEAST, LEAST, 1, 1, LEAST]
+
+
 def test_a_session_continues_from_its_state_with_the_same_contrast() -> None:
     frames = [street(GREY + 30 * k) for k in range(4)]
     whole, first, second = (AbstractionSession(AbstractionParams(), SIZE) for _ in range(3))
