@@ -190,9 +190,11 @@ class StrokeAnalyzer:
             return np.asarray(cv2.resize(self.detail, grid, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def _attention(self, wanted: bool) -> tuple[Plane | None, Plane | None]:
-        """Where strokes follow changes fast, and where paintings do: float32, grids over it, 0..1; None = nowhere.
+        """Weights of places where strokes, and where the mean of paintings, follow changes fast; None = no such place.
 
-        Hands are not a part of the second one: if their paintings follow as fast, they flicker.
+        Hands are in the first one alone: a mean of paintings that follows them as fast flickers.
+
+        Returns: two grids over the frame, float32, 0..1.
         """
         hands, features = self.importance.hands_and_heads(), self.importance.eyes_and_mouths()
         if not wanted or hands is None or features is None:
