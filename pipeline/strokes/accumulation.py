@@ -201,7 +201,7 @@ def changes(now: NDArray[np.float32], before: NDArray[np.float32], attention: Pl
 
 
 def _with_attention(change: Plane, attention: Plane | None) -> Plane:
-    """The change of colour, float32 (h, w), increased where attention is paid, see `Painting`; may be in place."""
+    """The change of colour, float32 (h, w), increased where attention is paid, see `Painting`; modified in place."""
     if attention is not None:
         size = (change.shape[1], change.shape[0])
         change *= 1 + ATTENTION * np.asarray(cv2.resize(attention, size, interpolation=cv2.INTER_LINEAR), np.float32)

@@ -22,8 +22,8 @@ MISFIT_SLACK = 1.1
 """A pixel leaves its region beyond this multiple of the growing limit; slightly more than the limit for joining."""
 
 DISTINCT = 60.0
-"""Difference of colours above which a region may be smaller than `smallest_region`, CIELAB units per per mille of the
-frame: 12 by default, and so much for large values that none may be."""
+"""Difference of colours above which a region may be smaller than `smallest_region`: CIELAB units for each per mille of
+the frame, 12 by default. Large values of `smallest_region` leave no such regions."""
 
 
 @dataclass(frozen=True)
