@@ -33,8 +33,8 @@ WINDOW_PX = 24
 COARSE_STEP, FINE_STEP = 1.2, 1.1
 """Ratio of consecutive window sizes in a search of the whole frame and in `confirm`."""
 _CASCADES = {"frontal": "haarcascade_frontalface_default.xml", "profile": "haarcascade_profileface.xml"}
-_MIN_NEIGHBOURS, _GROUP_EPS = 1, 0.2
-"""A group is accepted by `confirm` if it has more hits than this; and the tolerance of grouping, as in OpenCV."""
+_GROUP_EPS = 0.2
+"""Tolerance of grouping, as in OpenCV."""
 _NEARBY = 0.85
 """Half of the side of the square that `confirm` searches, in sides of the face."""
 _TILT_DEGREES = 25.0
@@ -84,8 +84,14 @@ class FaceDetector:
         boxes[:, :2] += left, top
         return boxes
 
-    def confirm(self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal") -> NDArray[np.float64] | None:
-        """The face at about the place and of about the size of `box`, (4,), in px; None = there is none."""
+    def confirm(
+        self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal", least_hits: int = 2
+    ) -> NDArray[np.float64] | None:
+        """The face at about the place and of about the size of `box`, (4,), in px; None = there is none.
+
+        Args:
+            least_hits: least number of windows at that place that the cascade accepts.
+        """
         cx, cy, side = float(box[0]), float(box[1]), float(max(box[2:]))
         reach = side * _NEARBY
         left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
@@ -94,7 +100,7 @@ class FaceDetector:
         if min(window.shape) < least:
             return None
         piece = Piece(pose, least, math.ceil(side * 1.3), 0, len(window))
-        boxes, _ = _group(self._hits(window, piece, FINE_STEP), _MIN_NEIGHBOURS)
+        boxes, _ = _group(self._hits(window, piece, FINE_STEP), least_hits - 1)
         boxes[:, :2] += left, top
         apart = np.linalg.norm(boxes[:, :2] - box[:2], axis=1)
         return boxes[apart.argmin()] if len(boxes) and apart.min() < side / 2 else None

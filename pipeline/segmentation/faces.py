@@ -53,6 +53,9 @@ _RECHECK_WIDTHS = 72.0
 _MIRRORED_PX = 36.0
 """Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
 clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
+_LARGE_PX, _LARGE_HITS = 72.0, 4
+"""Width from which a new frontal face needs more than two hits of the cascade, px, and how many. A false one of that
+size costs much, since strokes on it look like a photograph; most real ones have over 20 hits."""
 _MOST_CANDIDATES = 3
 """Candidates of a frame that are looked at closely."""
 _LEAST_MISSES, _MOST_MISSES = 2, 6
@@ -199,7 +202,7 @@ class FaceTracker:
         for candidate in candidates:
             if self._known(candidate) is not None:
                 continue
-            box = self._finder.confirm(gray, candidate, pose)
+            box = self._finder.confirm(gray, candidate, pose, _hits_of_new(candidate, pose))
             if box is not None and self._known(box) is None and self._is_symmetric(gray, box, pose):
                 face = np.array([(box, box, strength, 1.0, 0.0, 0.0, POSES.index(pose))], FACE)
                 self.faces = np.concatenate([self.faces, face])
@@ -207,7 +210,7 @@ class FaceTracker:
     def _is_symmetric(self, gray: Gray, box: NDArray[np.float64], pose: Pose) -> bool:
         """Whether a large frontal face is found in the mirrored picture, too; True for all others."""
         asked = pose == "frontal" and box[2] >= _MIRRORED_PX
-        return not asked or self._finder.confirm(gray, box, "mirrored") is not None
+        return not asked or self._finder.confirm(gray, box, "mirrored", _hits_of_new(box, pose)) is not None
 
     def _known(self, box: NDArray[np.float64]) -> int | None:
         """The face at that place and of about that size; None = there is none."""
@@ -239,6 +242,11 @@ class FaceTracker:
         faces["strength"] += self._gain * (current - faces["strength"])
         inside = ((centres >= 0) & (centres < self._size)).all(axis=1)
         self.faces = faces[(current | (faces["strength"] > 0.02)) & inside]
+
+
+def _hits_of_new(box: NDArray[np.float64], pose: Pose) -> int:
+    """Hits of the cascade that a new face of that size and pose needs; a known face and other poses need two."""
+    return _LARGE_HITS if pose == "frontal" and box[2] >= _LARGE_PX else 2
 
 
 class FaceCrop(NamedTuple):

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.scenes import scene
+from pipeline.segmentation.face_detector import FaceDetector
 from pipeline.segmentation.faces import FACE, FaceTracker, face_crops, small_faces
 
 SIZE = (640, 240)
@@ -143,3 +144,23 @@ def test_eyes_and_brows_lie_in_the_upper_half_of_a_face_on_both_sides() -> None:
     weight[crop.box] = crop.eyes()
     assert weight[45, 52] == weight[45, 68] == 0.5
     assert weight[58, 60] == weight[30, 60] == weight[60, 52] == 0
+
+
+@pytest.mark.parametrize(("width_px", "least"), [(28, 2), (60, 2), (100, 4)])
+def test_a_large_new_face_needs_more_hits_than_a_small_one(
+    width_px: int, least: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cascade that accepts some windows at one place in the middle of the picture, as it does in folds of clothes."""
+    picture = np.zeros((300, 300), np.uint8)
+    for count, found in ((least - 1, 0), (least, 1)):
+        tracker = FaceTracker((300, 300), 6.0)
+        tracker.step(picture, None, 0)
+
+        def hits(_self: object, gray: NDArray[np.uint8], *_: object, count: int = count) -> NDArray[np.int32]:
+            (height, width), side = gray.shape, width_px
+            return np.array([((width - side) // 2, (height - side) // 2, side, side)] * count, np.int32)
+
+        monkeypatch.setattr(FaceDetector, "_hits", hits)
+        tracker.search_whole(picture)
+        monkeypatch.undo()
+        assert len(tracker.faces) == found, f"{count} hits"
