@@ -33,6 +33,8 @@ WINDOW_PX = 24
 COARSE_STEP, FINE_STEP = 1.2, 1.1
 """Ratio of consecutive window sizes in a search of the whole frame and in `confirm`."""
 _CASCADES = {"frontal": "haarcascade_frontalface_default.xml", "profile": "haarcascade_profileface.xml"}
+LEAST_HITS = 2
+"""Number of windows at one place that the cascade must accept before `confirm` calls it a face."""
 _GROUP_EPS = 0.2
 """Tolerance of grouping, as in OpenCV."""
 _NEARBY = 0.85
@@ -85,12 +87,12 @@ class FaceDetector:
         return boxes
 
     def confirm(
-        self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal", least_hits: int = 2
+        self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal", least_hits: int = LEAST_HITS
     ) -> NDArray[np.float64] | None:
         """The face at about the place and of about the size of `box`, (4,), in px; None = there is none.
 
         Args:
-            least_hits: least number of windows at that place that the cascade accepts.
+            least_hits: see `LEAST_HITS`; more where a false face would do harm.
         """
         cx, cy, side = float(box[0]), float(box[1]), float(max(box[2:]))
         reach = side * _NEARBY

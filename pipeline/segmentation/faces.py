@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State
 from pipeline.flow.gray import Gray
 from pipeline.frames import Flow, Plane
-from pipeline.segmentation.face_detector import POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
+from pipeline.segmentation.face_detector import LEAST_HITS, POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.new_places import LARGEST, NewPlaces
 
@@ -53,9 +53,9 @@ _RECHECK_WIDTHS = 72.0
 _MIRRORED_PX = 36.0
 """Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
 clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
-_LARGE_PX, _LARGE_HITS = 72.0, 4
-"""Width from which a new frontal face needs more than two hits of the cascade, px, and how many. A false one of that
-size costs much, since strokes on it look like a photograph; most real ones have over 20 hits."""
+_LARGE_PX, _LARGE_HITS = 72.0, 5
+"""Width of a new frontal face, px, from which the cascade must accept more windows at its place, and how many. A large
+false face is seen, since fine strokes on it look like a photograph. Most real ones have over 20 windows."""
 _MOST_CANDIDATES = 3
 """Candidates of a frame that are looked at closely."""
 _LEAST_MISSES, _MOST_MISSES = 2, 6
@@ -245,8 +245,8 @@ class FaceTracker:
 
 
 def _hits_of_new(box: NDArray[np.float64], pose: Pose) -> int:
-    """Hits of the cascade that a new face of that size and pose needs; a known face and other poses need two."""
-    return _LARGE_HITS if pose == "frontal" and box[2] >= _LARGE_PX else 2
+    """Number of windows at the place of a new face of that size and pose that the cascade must accept."""
+    return _LARGE_HITS if pose == "frontal" and box[2] >= _LARGE_PX else LEAST_HITS
 
 
 class FaceCrop(NamedTuple):
