@@ -123,5 +123,16 @@ class DeferringBackground(Background):
             self._latest.result()
 
 
+class LaterBackground(Background):
+    """Runs a function that is handed to `later` on a helper thread, in order, and everything else in the caller."""
+
+    def __init__(self, thread: Executor) -> None:
+        super().__init__()
+        self._thread = thread
+
+    def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        return self._thread.submit(function, *args, **kwargs)
+
+
 INLINE = Background()
 """Runs everything in the caller: no helper thread."""

@@ -1,8 +1,8 @@
 """Compilation of serial label work with Numba: cached on disk, without the interpreter lock, strict floating point.
 
 A kernel is compiled at its first call, or loaded if it has been compiled before (`kernel_cache.py`). Only one process
-at a time compiles or loads the kernels of a file, under a file lock that ends with the process; the others load what
-the first one compiled.
+at a time compiles the kernels of a file, under a file lock that ends with the process; the others wait, and load what
+the first one compiled. Processes load at the same time, under a shared lock.
 """
 
 from __future__ import annotations
@@ -14,10 +14,8 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, TypeVar, cast
 
-P = ParamSpec("P")
-T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., object])
 
 LOCK = "kernels.lock"
@@ -70,14 +68,20 @@ def _dispatcher(function: Callable[..., Any]) -> Any:
     compiled: Any = numba.njit(nogil=True, fastmath=False, error_model="numpy")(function)
     if compiled is not function:
         compiled._cache = KernelCache(function)  # type: ignore[no-untyped-call]
-        compiled.compile = _locked(compiled.compile, Path(compiled._cache.cache_path))
+        compiled.compile = _locked(compiled)
     return compiled
 
 
-def _locked(compile_for: Callable[P, T], folder: Path) -> Callable[P, T]:
-    def compile_locked(*args: P.args, **kwargs: P.kwargs) -> T:
-        with _COMPILE_LOCK.acquired(folder):
-            return compile_for(*args, **kwargs)
+def _locked(compiled: Any) -> Callable[[Any], Any]:
+    """Numba's `compile` of this dispatcher, under the lock."""
+    compile_for, folder = compiled.compile, Path(compiled._cache.cache_path)
+
+    def compile_locked(signature: Any) -> Any:
+        with _COMPILE_LOCK.acquired(folder, fcntl.LOCK_SH):
+            if compiled._cache.has(signature, compiled.targetctx):
+                return compile_for(signature)
+        with _COMPILE_LOCK.acquired(folder, fcntl.LOCK_EX):
+            return compile_for(signature)
 
     return compile_locked
 
@@ -93,14 +97,18 @@ class _CompileLock:
         self._taken = False
 
     @contextmanager
-    def acquired(self, folder: Path) -> Iterator[None]:
-        """Context manager that has the lock file in `folder`."""
+    def acquired(self, folder: Path, kind: int) -> Iterator[None]:
+        """Context manager that has the lock file in `folder`.
+
+        Args:
+            kind: LOCK_SH or LOCK_EX of `fcntl`; without effect in a block that has the lock.
+        """
         with self.of_this_process:
             if self._taken:
                 yield
                 return
             self._taken = True
-            handle = _lock_file(folder / LOCK)
+            handle = _lock_file(folder / LOCK, kind)
             try:
                 yield
             finally:
@@ -109,7 +117,7 @@ class _CompileLock:
                     os.close(handle)
 
 
-def _lock_file(file: Path) -> int | None:
+def _lock_file(file: Path, kind: int) -> int | None:
     """Wait for the lock and return its file descriptor; None where files cannot be locked, such as a read-only file
     system."""
     try:
@@ -117,7 +125,7 @@ def _lock_file(file: Path) -> int | None:
     except OSError:
         return None
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        fcntl.flock(handle, kind)
     except OSError:
         os.close(handle)
         return None

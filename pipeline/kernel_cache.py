@@ -90,6 +90,10 @@ class KernelCache(FunctionCache):
 
     _impl_class = _CompiledCode
 
+    def has(self, sig: Any, target_context: Any) -> bool:
+        """Whether the index names compiled code for this signature."""
+        return self._index_key(sig, target_context.codegen()) in self._cache_file._load_index()  # type: ignore[no-untyped-call]
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
         found = self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]

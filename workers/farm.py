@@ -11,8 +11,11 @@ import contextlib
 import shutil
 import socket
 from collections.abc import Callable
+from functools import partial
 
 from pipeline.errors import ImpastoError
+from pipeline.methods.base import PROCESS_BYTES
+from pipeline.processors import usable_processors
 from pipeline.video.probe import probe_guarded
 from workers.blobs.base import Blobs
 from workers.blobs.open import open_blobs
@@ -32,7 +35,7 @@ from workers.live.worker import LiveWorkers
 from workers.model import Json
 from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
-from workers.pools.machine import Machine, this_machine
+from workers.pools.machine import THREADS_HERE, Machine, this_machine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewRunner, PreviewService
 from workers.projects.projects import Projects
@@ -193,14 +196,14 @@ def open_farm(settings: FarmSettings, *, private: bool = False) -> Farm:
     check_installed(settings)
     blobs = open_blobs(settings)
     machine = None if settings.workers else this_machine()
-    pool, live_workers = _pool(settings, blobs, machine, overview=not private), _live_workers(settings, blobs)
+    pool, live_workers = _pool(settings, blobs, machine, private), _live_workers(settings, blobs)
     farm = Farm(settings, pool, live_workers, preview_runner=_preview_runner(settings, blobs), private=private)
     if machine is not None:
         machine.live_sessions = lambda: farm.live.sessions
     return farm
 
 
-def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, overview: bool) -> Pool | None:
+def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, private: bool) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "ray":
@@ -210,16 +213,32 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, overvie
     from workers.execution.decoders import IDLE, Decoders
     from workers.execution.handover import Handover
     from workers.execution.renderer import Renderer, Shared
+    from workers.pools.child_main import child_renderer
+    from workers.pools.child_runner import ChildRunner
     from workers.pools.local_pool import LocalPool
 
-    shared = Shared(Decoders(blobs, idle=IDLE * settings.most_workers), Handover())
+    children = _children(settings)
+    if machine is not None:
+        machine.memory_bytes = max(0, machine.memory_bytes - children * PROCESS_BYTES)
+    shared = Shared(Decoders(blobs, idle=IDLE * (settings.most_workers - children)), Handover())
+    in_child = partial(child_renderer, settings.for_workers, blobs, overview=not private, one_job=private)
 
     def renderer() -> Renderer:
-        return Renderer(blobs, settings.scratch, warms_up=settings.warm_up, overview=overview, shared=shared)
+        return Renderer(blobs, settings.scratch, warms_up=settings.warm_up, overview=not private, shared=shared)
 
     return LocalPool(
-        renderer, settings.most_workers, machine, settings.task_memory_bytes, close=shared.decoders.close
+        renderer, settings.most_workers, machine, settings.task_memory_bytes, close=shared.decoders.close,
+        children=children, make_child=lambda: ChildRunner(in_child),
     )  # fmt: skip
+
+
+def _children(settings: FarmSettings) -> int:
+    """How many attempts of a local pool run in child processes: those that the machine has processors for, without the
+    first `THREADS_HERE`. Their processes take at most a quarter of the memory."""
+    if settings.child_workers is not None:
+        return min(settings.child_workers, settings.most_workers)
+    most = min(settings.most_workers, usable_processors()) - THREADS_HERE
+    return max(0, min(most, this_machine().memory_bytes // (4 * PROCESS_BYTES)))
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

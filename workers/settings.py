@@ -10,8 +10,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
+from pipeline.processors import usable_processors
 from pipeline.video.media import Limits
-from workers.pools.machine import usable_cpus
 
 
 class FarmSettings(BaseModel):
@@ -60,6 +60,9 @@ class FarmSettings(BaseModel):
     """Where attempts run: in this process, on a Ray cluster, or nowhere (jobs are only accepted and shown)."""
     workers: int = Field(default=0, ge=0, le=256)
     """Attempts that run at once; 0: as many as the machine has processors and memory for."""
+    child_workers: int | None = Field(default=None, ge=0, le=256)
+    """How many of these attempts run in processes of their own (local pool), so that they do not wait for the lock of
+    Python's interpreter; None: those beyond two, if there are processors for them."""
     role: Literal["serve", "worker"] = "serve"
     """Shown to operators: whether the process answers requests, too."""
     ray_address: str = "local"
@@ -132,7 +135,7 @@ class FarmSettings(BaseModel):
     @property
     def most_workers(self) -> int:
         """Maximum number of attempts that run at once."""
-        return self.workers or usable_cpus()
+        return self.workers or usable_processors()
 
     @property
     def for_workers(self) -> FarmSettings:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import psutil
 
+from pipeline.processors import usable_processors
 from service.access.depends import Admin, Context
 from service.ops.load_history import LoadSample
 from service.ops.machine import existing, work_places
 from service.routing import Router
-from workers.pools.machine import usable_cpus
 
 router = Router(prefix="/v1/ops", tags=["ops"])
 
@@ -48,4 +48,4 @@ def get_machine(context: Context, _caller: Admin) -> MachineOut:
         usage = shutil.disk_usage(existing(path))
         disks.append(DiskOut(place, usage.free, usage.total))
     memory = psutil.virtual_memory().total
-    return MachineOut(socket.gethostname(), usable_cpus(), memory, tuple(disks), context.load.samples)
+    return MachineOut(socket.gethostname(), usable_processors(), memory, tuple(disks), context.load.samples)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline import processors
 from pipeline.methods.abstraction import Abstraction
 from pipeline.methods.base import Resources
 from tests.conftest import ROOT
@@ -19,7 +20,6 @@ from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
 from workers.model import OutputSpec, TaskOrder, TaskOutcome
-from workers.pools import machine as machines
 from workers.pools.base import Report, Tell
 from workers.pools.local_pool import LocalPool
 from workers.pools.machine import Machine, this_machine
@@ -78,7 +78,7 @@ def test_a_task_that_needs_more_than_the_machine_has_runs_alone() -> None:
 
 
 def test_limits_of_the_container_count(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(machines, "_CGROUP", tmp_path)
+    monkeypatch.setattr(processors, "_CGROUP", tmp_path)
     (tmp_path / "cpu.max").write_text("50000 100000\n")
     (tmp_path / "memory.max").write_text(f"{2 * GIB}\n")
     assert (this_machine().cpus, this_machine().memory_bytes) == (1, int(1.5 * GIB) - 512 * MIB)

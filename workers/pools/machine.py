@@ -10,23 +10,24 @@ them. - Live sessions come first: tasks get the processors that they leave free.
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import psutil
 
 from pipeline.methods.base import PROCESS_BYTES, Resources
+from pipeline.processors import container_limit, usable_processors
 
 LIVE_CPUS = 2.0
 """Processors that a live session keeps busy: it analyses a frame while it paints the previous one."""
+THREADS_HERE = 2
+"""Attempts that run at once in threads of one process, before others get processes of their own: two threads wait
+little for the interpreter lock, share decoders, and pass artefacts on in memory."""
 UNUSED = 0.25
 """Part of the memory that tasks leave to the system, the service and its caches."""
 LEAST_BYTES = 64 << 20
 """Least memory that a task counts with."""
-_CGROUP = Path("/sys/fs/cgroup")
 
 
 @dataclass(frozen=True)
@@ -105,24 +106,9 @@ class Machine:
 def this_machine() -> Machine:
     """The processors and memory that this process may use: those of its container, if it runs in one."""
     memory = min(psutil.virtual_memory().total, _container_bytes())
-    return Machine(usable_cpus(), max(0, int((1 - UNUSED) * memory) - PROCESS_BYTES))
-
-
-def usable_cpus() -> int:
-    """Processors that this process may use: its affinity, and the limit of its container."""
-    mask = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    quota, _, period = _read("cpu.max").partition(" ")
-    return max(1, min(mask, -(-int(quota) // int(period)))) if quota.isdecimal() else mask
+    return Machine(usable_processors(), max(0, int((1 - UNUSED) * memory) - PROCESS_BYTES))
 
 
 def _container_bytes() -> int:
-    limit = _read("memory.max")
+    limit = container_limit("memory.max")
     return int(limit) if limit.isdecimal() else 1 << 62
-
-
-def _read(name: str) -> str:
-    """A limit of the control group of this container (version 2); empty if there is none."""
-    try:
-        return (_CGROUP / name).read_text().strip()
-    except OSError:
-        return ""

@@ -18,7 +18,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.background import Background, DeferringBackground
+from pipeline.background import Background, DeferringBackground, LaterBackground
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
@@ -29,11 +29,15 @@ from pipeline.methods.abstraction.resample_state import resample_state
 from pipeline.methods.abstraction.sharp_compositor import SharpCompositor
 from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.methods.tasks import Clock, no_clock
+from pipeline.processors import usable_processors
 
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""
 THIRD_THREAD_FROM_PX = 480
 """Shorter side of the frames from which a third thread pays, px."""
+
+MANY_PROCESSORS = 4
+"""Number of processors from which two further threads pay."""
 
 
 class AbstractionSession:
@@ -128,9 +132,10 @@ class PipelinedRunner:
     """Runs the analyzer on a thread of its own, ahead of the other stages on the caller's thread. A context manager.
 
     In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
-    processor waiting. In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take
-    a tenth longer); there the analyzer's thread, when it is ahead, takes some of the compositor's work, and otherwise
-    leaves edges and lines to the other stages.
+    processor waiting. From `MANY_PROCESSORS` on, edges and lines have a thread of their own, and another one takes a
+    half of the compositor's rows. In smaller frames threads would compete for the interpreter lock (at 352x288, three
+    threads take a tenth longer); there the analyzer's thread, when it is ahead, takes some of the compositor's work,
+    and otherwise leaves edges and lines to the other stages.
     """
 
     def __init__(self, session: AbstractionSession) -> None:
@@ -139,18 +144,22 @@ class PipelinedRunner:
         large = min(session.sizes.output) >= THIRD_THREAD_FROM_PX
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
         self._deferring = None if large else DeferringBackground()
+        many = large and usable_processors() >= MANY_PROCESSORS
+        self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if many else None
+        self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if many else None
         self._analysed = self._composited = 0  # frames; each counted by one thread only
 
     def __enter__(self) -> PipelinedRunner:
         self.session.compositor.background = Background()
-        self.session.analyzer.background = self._deferring or self.session.background
+        later = LaterBackground(self._lines) if self._lines else self._deferring
+        self.session.analyzer.background = later or self.session.background
         return self
 
     def __exit__(self, *failure: object) -> None:
         self.session.compositor.background = self.session.analyzer.background = self.session.background
-        self._analyzer.shutdown(cancel_futures=True)
-        if self._regions:
-            self._regions.shutdown(cancel_futures=True)
+        for thread in (self._analyzer, self._regions, self._lines, self._helper):
+            if thread is not None:
+                thread.shutdown(cancel_futures=True)
 
     def run(
         self, frames: Iterable[Frame], masks: Mapping[int, Plane] | None = None, first: int = 0
@@ -187,7 +196,7 @@ class PipelinedRunner:
     def _composite(self, waiting: deque[_Waiting]) -> CompositedFrame:
         """Finish the next frame."""
         ahead = len(waiting) > AHEAD // 2 and waiting[AHEAD // 2].analysis.done()
-        self.session.compositor.background.helper = self._analyzer if ahead and not self._regions else None
+        self.session.compositor.background.helper = self._analyzer if ahead and not self._regions else self._helper
         analysis, regions = waiting.popleft()
         self._composited += 1
         self.session.compositor.prepare(analysis.result())

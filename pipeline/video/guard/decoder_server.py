@@ -80,12 +80,23 @@ class _DecoderServer:
                 self._control = None
                 socket.send_fds(self._open(), [b"!"], fds)
 
+    def share(self) -> int:
+        """File descriptor of the connection to the server, which is started if it is not running."""
+        with self._lock:
+            return self._open().fileno()
+
+    def adopt(self, fd: int) -> None:
+        """Use the server of another process, whose connection this file descriptor is."""
+        with self._lock:
+            self._control, self._pid = socket.socket(fileno=fd), os.getpid()
+
     def stop(self) -> None:
         """Kill a server that does not start children. The next child gets a new server."""
         with self._lock:
-            if self._control is not None and self._process is not None and self._pid == os.getpid():
-                self._process.kill()
-                self._process.wait()
+            if self._control is not None and self._pid == os.getpid():
+                if self._process is not None:
+                    self._process.kill()
+                    self._process.wait()
                 self._control.close()
             self._control = None
 
@@ -112,6 +123,16 @@ _SERVER = _DecoderServer()
 def start_decoder_server() -> None:
     """Start the decoder server of this process in the background, so that the first file opens sooner."""
     _SERVER.start()
+
+
+def share_decoder_server() -> int:
+    """File descriptor through which a child process, which inherits it, can use the decoder server of this process."""
+    return _SERVER.share()
+
+
+def adopt_decoder_server(fd: int) -> None:
+    """Use the decoder server of the parent, whose `share_decoder_server` has returned `fd`."""
+    _SERVER.adopt(fd)
 
 
 class DecoderProcess:

@@ -15,6 +15,7 @@ import pytest
 from pipeline.frames import Frame
 from pipeline.methods import method
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession, plan, sizes
+from pipeline.methods.abstraction import session as abstraction_session
 from pipeline.methods.abstraction.session import PipelinedRunner
 from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.methods.local import LocalContext, run_plan
@@ -85,7 +86,11 @@ def test_a_restored_session_continues_with_the_same_bytes(at: int) -> None:
         np.testing.assert_array_equal(two.step(frame), wanted)
 
 
-def test_pipelining_does_not_change_the_bytes() -> None:
+@pytest.mark.parametrize("processors", [2, 8])
+@pytest.mark.parametrize("from_px", [100, 1000], ids=["large frames", "small frames"])
+def test_pipelining_does_not_change_the_bytes(from_px: int, processors: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(abstraction_session, "THIRD_THREAD_FROM_PX", from_px)
+    monkeypatch.setattr(abstraction_session, "usable_processors", lambda: processors)
     with PipelinedRunner(AbstractionSession(PARAMS, SIZE)) as runner:
         made = [painting.frame for painting in runner.run(frames())]
     np.testing.assert_array_equal(np.stack(made), np.stack(stepped()))
