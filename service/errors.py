@@ -184,6 +184,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "going-away": (503, "The service stops"),
     "worker-lost": (503, "The worker died"),
     "no-room": (503, "No machine has what this needs"),
+    "worker-died": (500, "A worker process has ended"),
     "device-error": (503, "No compute device works"),
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),

@@ -18,10 +18,10 @@ from impasto.cli.app import run
 from impasto.ops import Ops
 from impasto.problems import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
+from pipeline.processors import usable_processors
 from tests.conftest import TINY_FRAMES
 from tests.ports import free_port
 from workers.errors import IdempotencyMismatch, NotFound
-from workers.pools.machine import usable_cpus
 from workers.process.descriptors import MAX_DESCRIPTORS
 
 Serve = Callable[..., str]
@@ -166,7 +166,7 @@ def test_operators_inspect_and_control_the_fleet(
     assert run(["ops", "status", "--json", *at]) == 0
     found = json.loads(capsys.readouterr().out)
     (worker,) = found["workers"]
-    assert (worker["role"], worker["state"], len(worker["slots"])) == ("serve", "live", usable_cpus())
+    assert (worker["role"], worker["state"], len(worker["slots"])) == ("serve", "live", usable_processors())
     node = found["nodes"][0]["name"]
     for place in ("queue", worker["id"], node):
         assert run(["ops", "drain", place, "--reason", "a test", *at]) == 0
@@ -196,7 +196,7 @@ def test_a_worker_exports_its_metrics(tmp_path: Path, serve: Serve) -> None:
         text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
         worker.terminate()
         assert worker.wait(30) == 0
-    assert f"impasto_workers {usable_cpus()}.0" in text and 'impasto_ready{part="pool"} 1.0' in text
+    assert f"impasto_workers {usable_processors()}.0" in text and 'impasto_ready{part="pool"} 1.0' in text
 
 
 def test_a_worker_raises_its_open_file_limit(home: Path) -> None:
