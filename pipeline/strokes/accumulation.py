@@ -28,6 +28,10 @@ on, they show different ones."""
 SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
 """Sides of two windows for mean colours, as fractions of the frame's shorter side: about a fine stroke and a hand. Then
 the factor on the change in the larger window, which small misalignments of texture do not affect."""
+TORN = np.float32(0.75)
+"""Difference of the flow between neighbouring pixels, px, from which on it does not follow one surface. It shrinks a
+leg that has moved far to a thin line on the wall behind it, which windows would take for a misaligned texture."""
+_CELLS_AROUND = np.ones((3, 3), np.uint8)
 ATTENTION = np.float32(4)
 """Relative increase of a change at full attention. A hand, a small face or a mouth that follows late leaves a smear."""
 
@@ -224,15 +228,18 @@ def _surface_change(picture: Frame, before: Frame, flow: Flow) -> Plane:
     """`changes` between a picture and the earlier one at p + flow, at half of the size: float32 (h // 2, w // 2)."""
     height, width = picture.shape[:2]
     difference = np.empty((max(1, height // 2), max(1, width // 2), 3), np.float32)
-    _mean_difference(picture, before, flow, difference)
-    return _largest_change(difference)
+    torn = np.empty(difference.shape[:2], np.float32)
+    _mean_difference(picture, before, flow, difference, torn)
+    return np.asarray(cv2.max(_largest_change(difference), cv2.dilate(torn, _CELLS_AROUND)), np.float32)
 
 
 @kernel
-def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.float32]) -> None:
-    """Mean over each cell of `out` of the difference between the picture and the earlier one at p + flow."""
+def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.float32], torn: Plane) -> None:
+    """Mean over each cell of `out` of the difference between the picture and the earlier one at p + flow; and its
+    largest channel in the cells of `torn` where the flow is torn, 0 elsewhere."""
     height, width = picture.shape[:2]
     rows, columns = out.shape[:2]
+    one, two, three = np.uintp(1), np.uintp(2), np.uintp(3)
     steps, now, past = flow.reshape(-1), picture.reshape(-1), before.reshape(-1)
     edges = np.empty(columns + 1, np.intp)
     for column in range(columns + 1):
@@ -242,22 +249,28 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
         for column in range(columns):
             first_x, last_x = edges[column], edges[column + 1]
             red, green, blue = np.float32(0), np.float32(0), np.float32(0)
+            origin = two * np.uintp(first_y * width + first_x)
+            origin_x, origin_y, far = steps[origin], steps[origin + one], np.float32(0)
             for y in range(first_y, last_y):
                 for x in range(first_x, last_x):
                     pixel = np.uintp(y * width + x)
-                    place = np.uintp(3) * pixel
-                    dx, dy = steps[np.uintp(2) * pixel], steps[np.uintp(2) * pixel + np.uintp(1)]
+                    place = three * pixel
+                    dx, dy = steps[two * pixel], steps[two * pixel + one]
+                    far = max(far, abs(dx - origin_x), abs(dy - origin_y))
                     if dx == 0 and dy == 0:
-                        red += np.float32(np.int32(now[place]) - np.int32(past[place]))
-                        green += np.float32(np.int32(now[place + np.uintp(1)]) - np.int32(past[place + np.uintp(1)]))
-                        blue += np.float32(np.int32(now[place + np.uintp(2)]) - np.int32(past[place + np.uintp(2)]))
-                        continue
-                    left, right, top, bottom, a, b = _neighbours(dx, dy, y, x, height, width)
-                    red += np.float32(picture[y, x, 0]) - _interpolated(before, left, right, top, bottom, a, b, 0)
-                    green += np.float32(picture[y, x, 1]) - _interpolated(before, left, right, top, bottom, a, b, 1)
-                    blue += np.float32(picture[y, x, 2]) - _interpolated(before, left, right, top, bottom, a, b, 2)
+                        r = np.float32(np.int32(now[place]) - np.int32(past[place]))
+                        g = np.float32(np.int32(now[place + one]) - np.int32(past[place + one]))
+                        b = np.float32(np.int32(now[place + two]) - np.int32(past[place + two]))
+                    else:
+                        left, right, top, bottom, a, c = _neighbours(dx, dy, y, x, height, width)
+                        r = np.float32(now[place]) - _interpolated(before, left, right, top, bottom, a, c, 0)
+                        g = np.float32(now[place + one]) - _interpolated(before, left, right, top, bottom, a, c, 1)
+                        b = np.float32(now[place + two]) - _interpolated(before, left, right, top, bottom, a, c, 2)
+                    red, green, blue = red + r, green + g, blue + b
             share = np.float32(1) / np.float32((last_y - first_y) * (last_x - first_x))
-            out[row, column, 0], out[row, column, 1], out[row, column, 2] = red * share, green * share, blue * share
+            red, green, blue = red * share, green * share, blue * share
+            out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
+            torn[row, column] = max(abs(red), abs(green), abs(blue)) if far > TORN else np.float32(0)
 
 
 @kernel

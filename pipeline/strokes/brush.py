@@ -27,6 +27,8 @@ Direction: TypeAlias = NDArray[np.float32]
 
 JITTER_RANGE = 80.0
 """Largest change of a colour channel by jitter 1, gray levels; half of it is common to all three channels."""
+BLACK = 24.0
+"""Largest channel of a colour, 0..255, below which jitter is smaller: the bars of a letterboxed film stay black."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,8 @@ def shifted(
     if jitter.any():
         noise = draws(ids, seed, Purpose.COLOUR) * 2 - 1
         stray = np.float32(0.5) * (noise[:, 3:] + noise[:, :3] - noise[:, :3].mean(axis=1, keepdims=True))
-        colours = np.clip(colours + stray * (jitter[:, None] * np.float32(JITTER_RANGE)), 0, 255)
+        range_of = np.minimum(colours.max(axis=1), np.float32(BLACK)) * np.float32(JITTER_RANGE / BLACK)
+        colours = np.clip(colours + stray * (jitter * range_of)[:, None], 0, 255)
     return colours
 
 

@@ -15,7 +15,7 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.jit import kernel
 from pipeline.segmentation.motion import zero_still_flow
-from pipeline.strokes.accumulation import changes
+from pipeline.strokes.accumulation import TORN, changes
 
 MOVING_SHARE = 0.25
 """Least weight of the new picture where the past is resampled at fractional positions, so that it does not blur."""
@@ -141,12 +141,32 @@ def denoise(
     noise = float(np.partition(difference, difference.size // 2, axis=None)[difference.size // 2])
     tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
     changed = changes(now, advected, attention)
+    _raise_where_torn(changed, np.asarray(most, np.float32), back)
     least_share = np.clip((changed - np.float32(LIKELY)) / np.float32(PLAIN - LIKELY), 0, 1)
     slow = np.float32(TEXTURE_SHARE) * np.clip((changed - np.float32(LEAST)) / np.float32(LEAST), 0, 1)
     out = np.empty_like(now)
     limits = np.float32(tolerance), np.float32(TEXTURE_SHARE)
     _blend(np.ascontiguousarray(now), advected, back, difference, np.maximum(least_share, slow), limits, out)
     return out, np.asarray(changed > np.float32(PLAIN), np.bool_)
+
+
+@kernel
+def _raise_where_torn(changed: Plane, difference: Plane, back: Flow) -> None:
+    """Raise the change to the difference of the pixel itself where the flow is torn, in place: see `TORN`."""
+    height, width = changed.shape
+    steps = back.reshape(-1)
+    for y in range(height):
+        for x in range(width):
+            if difference[y, x] <= changed[y, x]:
+                continue
+            at = np.uintp(2 * (y * width + x))
+            dx, dy, far = steps[at], steps[at + np.uintp(1)], np.float32(0)
+            for j, i in ((y, x - 1), (y, x + 1), (y - 1, x), (y + 1, x)):
+                if 0 <= j < height and 0 <= i < width:
+                    other = np.uintp(2 * (j * width + i))
+                    far = max(far, abs(steps[other] - dx), abs(steps[other + np.uintp(1)] - dy))
+            if far > TORN:
+                changed[y, x] = difference[y, x]
 
 
 def denoise_directions(

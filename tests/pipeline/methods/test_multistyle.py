@@ -276,6 +276,18 @@ def test_hands_and_small_heads_follow_smaller_changes_at_once() -> None:
     assert other[32:48, 42:58].all()
 
 
+def test_a_line_where_the_flow_is_torn_is_not_denoised() -> None:
+    """The flow leads from one column of a light wall to a dark leg that has moved away."""
+    wall, past = (np.full((160, 240, 3), 200, np.float32) for _ in range(2))
+    past[:, 20:40] = 110
+    back = np.zeros((160, 240, 2), np.float32)
+    back[:, 20:40, 0] = 30
+    back[:, 150, 0] = -120
+    denoised, other = denoise(wall, past, back, 3)
+    assert denoised.min() == 200
+    assert other[:, 150].all() and not other[:, 145].any()
+
+
 @cache
 def flights() -> list[Frame]:
     """A red ball, eleven pixels wide, moves fast in front of a wall, with sensor noise."""

@@ -81,3 +81,15 @@ def test_nothing_is_accumulated_across_a_cut() -> None:
     past = [Painting(flat(0), flat(), None), Painting(flat(0), flat(), None)]
     assert (accumulate(Painting(flat(200), flat(), None), past) == 200).all()
     assert (accumulate(Painting(flat(200), flat(), way(0, 0)), past) == 100).all(), "the second is beyond the cut"
+
+
+def test_a_thing_that_moves_too_far_leaves_no_line() -> None:
+    """A leg that was at the left, to which the flow leads from two columns of a wall: too thin for a window."""
+    wall = np.full((240, 360, 3), 220, np.uint8)
+    leg = wall.copy()
+    leg[:, 40:60] = 130
+    back = np.zeros((240, 360, 2), np.float32)
+    back[:, 30:70, 0] = 60
+    back[:, 200:202, 0] = -152, -148
+    found = accumulate(Painting(wall, wall, back), [Painting(leg, leg, None)])
+    assert found.min() == 220

@@ -123,6 +123,16 @@ def test_colour_shift_and_jitter() -> None:
     assert stray.tobytes() != (tint(aims, seeds, Brush(jitter=0.5), seed=1) - aims).tobytes()
 
 
+def test_black_paint_has_no_jitter() -> None:
+    seeds = Seeds(np.zeros((400, 2), np.float32), np.arange(400, dtype=np.uint64))
+    black, dark, gray = (
+        np.abs(tint(np.full((400, 3), value, np.float32), seeds, Brush(jitter=0.5)) - value).mean()
+        for value in (0, 12, 48)
+    )
+    assert black == 0
+    assert dark == pytest.approx(gray / 2, rel=0.1)
+
+
 def test_slopes_remove_steps_of_a_slanted_silhouette() -> None:
     """The end of the stroke, measured per row to a fraction of a px, lies on a straight line."""
     y, x = np.mgrid[: ODD[0], : ODD[1]].astype(float)
