@@ -15,7 +15,6 @@ from functools import partial
 
 from pipeline.errors import ImpastoError
 from pipeline.methods.base import PROCESS_BYTES
-from pipeline.processors import usable_processors
 from pipeline.video.probe import probe_guarded
 from workers.blobs.base import Blobs
 from workers.blobs.open import open_blobs
@@ -35,7 +34,7 @@ from workers.live.worker import LiveWorkers
 from workers.model import Json
 from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
-from workers.pools.machine import THREADS_HERE, Machine, this_machine
+from workers.pools.machine import Machine, child_workers, this_machine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewRunner, PreviewService
 from workers.projects.projects import Projects
@@ -233,12 +232,11 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, private
 
 
 def _children(settings: FarmSettings) -> int:
-    """How many attempts of a local pool run in child processes: those that the machine has processors for, without the
-    first `THREADS_HERE`. Their processes take at most a quarter of the memory."""
+    """How many attempts of a local pool run in child processes."""
     if settings.child_workers is not None:
         return min(settings.child_workers, settings.most_workers)
-    most = min(settings.most_workers, usable_processors()) - THREADS_HERE
-    return max(0, min(most, this_machine().memory_bytes // (4 * PROCESS_BYTES)))
+    here = this_machine()
+    return child_workers(min(settings.most_workers, int(here.cpus)), here.memory_bytes)
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

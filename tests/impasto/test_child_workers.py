@@ -36,7 +36,6 @@ def test_number_of_children(
     processors: int, gib: int, workers: int, children: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     memory = int(0.75 * (gib << 30)) - PROCESS_BYTES
-    monkeypatch.setattr(farms, "usable_processors", lambda: processors)
     monkeypatch.setattr("workers.settings.usable_processors", lambda: processors)
     monkeypatch.setattr(farms, "this_machine", lambda: Machine(processors, memory))
     assert farms._children(FarmSettings(workers=workers)) == children

@@ -103,6 +103,12 @@ class Machine:
         self._changed.notify_all()
 
 
+def child_workers(attempts: int, memory_bytes: int) -> int:
+    """How many of the attempts that run at once have child processes: those beyond `THREADS_HERE`, as long as the
+    processes take at most a quarter of the memory."""
+    return max(0, min(attempts - THREADS_HERE, memory_bytes // (4 * PROCESS_BYTES)))
+
+
 def this_machine() -> Machine:
     """The processors and memory that this process may use: those of its container, if it runs in one."""
     memory = min(psutil.virtual_memory().total, _container_bytes())
