@@ -245,6 +245,7 @@ def test_works_deleted_elsewhere_leave_the_list(watched: Watched, service: str, 
     page.goto(f"{service}/#/jobs")
     card = page.locator(".work", has_text="Deleted elsewhere")
     expect(card.get_by_role("button", name="Delete Deleted elsewhere")).to_be_visible()
+    until(page, lambda: card.locator("img").evaluate_all("(all) => all.length && all.every((one) => one.naturalWidth)"))
     HTTP.delete(f"{service}/v1/jobs/{job}").raise_for_status()
     expect(card).to_have_count(0)
     watched.check()
