@@ -1,7 +1,7 @@
 """A runner whose orders run in a process of its own.
 
-Threads of one process share Python's interpreter lock. Patches hold it for 11 of 44 seconds of processor time, so that
-sixteen threads are hardly faster than two. A pool of threads therefore runs attempts beyond the first ones in children:
+Threads of one process share Python's interpreter lock. The method patches holds it for 11 of 44 seconds of processor
+time, so that one process keeps at most four processors busy. A pool of threads therefore runs attempts beyond the first ones in children:
 a thread of this process sends an order, passes reports on, and waits for the outcome. If a child crashes, for example
 in native code, only its attempt fails, and the next order gets a new child.
 """

@@ -97,7 +97,9 @@ class LocalPool:
     ) -> None:
         self.capacity = workers
         self._make_runner, self._close = make_runner, close
-        self._children, self._make_child = children, make_child or make_runner
+        self._unstarted = children
+        """Number of child processes that may still be started."""
+        self._make_child = make_child or make_runner
         self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._waiting: deque[TaskOrder] = deque()
         self._idle: list[_Worker] = []
@@ -128,12 +130,12 @@ class LocalPool:
         with self._lock:
             given_up = {self._busy.get(attempt_id) for attempt_id in self._abandoned}
             names = [worker.name for worker in self._workers if worker.alive and worker.name not in given_up]
-            names += [f"impasto-worker-{self._count + k}" for k in range(self._children)]  # not started yet
+            names += [f"impasto-worker-{self._count + k}" for k in range(self._unstarted)]  # not started yet
         return tuple(Slot(name, self._node) for name in names)
 
     def start(self, listen: Listen) -> None:
         self._listen = listen
-        for _ in range(self.capacity - self._children):
+        for _ in range(self.capacity - self._unstarted):
             self._add_worker(child=False)
         self._warming.start()
 
@@ -148,7 +150,7 @@ class LocalPool:
                 self._idle.pop(0).orders.put(order)
                 return
             self._waiting.append(order)
-            starts, self._children = self._children > 0, max(0, self._children - 1)
+            starts, self._unstarted = self._unstarted > 0, max(0, self._unstarted - 1)
         if starts:
             self._add_worker(child=True)
 
@@ -239,7 +241,7 @@ class LocalPool:
                     return worker.orders.get()  # an order has just come
                 self._idle.remove(worker)
                 self._workers.remove(worker)
-                self._children += 1
+                self._unstarted += 1
             return None
 
     def _was_abandoned(self, attempt_id: str) -> bool:
