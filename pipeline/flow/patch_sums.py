@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.intrinsics import Intrinsic
+from pipeline.intrinsics import LANES, Arguments, Intrinsic, Vectors
 
-PATCH_PX = 8
+PATCH_PX = LANES
 """Side of a patch, px."""
 _HALF = PATCH_PX // 2
 
@@ -59,88 +59,52 @@ class PatchSums(Intrinsic):
         return by_x, by_y, differences, squares
 
     def generator(self) -> Any:
-        from numba.core import cgutils
         from numba.core import types as numba_types
 
         types: Any = numba_types
-        unpacked: Any = cgutils.unpack_tuple
 
         def patch_sums(_typing: Any, pictures: Any, at: Any, stride: Any, place: Any, wide: Any, weights: Any) -> Any:
             def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-                pixels = [
-                    context.make_array(kind)(context, builder, array).data
-                    for kind, array in zip(signature.args[0], unpacked(builder, args[0]), strict=True)
-                ]
-                numbers = [context.cast(builder, args[k], signature.args[k], types.intp) for k in range(1, 5)]
-                made = _Instructions(builder).sums(pixels, numbers, unpacked(builder, args[5]))
-                return context.make_tuple(builder, signature.return_type, made)
+                given = Arguments(context, builder, signature, args)
+                return context.make_tuple(builder, signature.return_type, self._instructions(Vectors(builder), given))
 
             return types.UniTuple(types.float32, 4)(pictures, at, stride, place, wide, weights), generate
 
         return patch_sums
 
-
-class _Instructions:
-    """Generates the instructions of `PatchSums`."""
-
-    def __init__(self, builder: Any) -> None:
-        from llvmlite import ir
-
-        self._ir, self._builder = ir, builder
-        self._floats = ir.VectorType(ir.FloatType(), PATCH_PX)
-
-    def sums(self, pixels: list[Any], numbers: list[Any], weights: list[Any]) -> list[Any]:
-        build = self._builder
-        first, dx, dy, second = pixels
-        at, stride, place, wide = numbers
-        factors = [self._all(weight) for weight in weights]
-        zero = self._ir.Constant(self._floats, [0.0] * PATCH_PX)
-        gradients, differences = zero, zero
-        upper = self._loaded(second, place), self._loaded(second, self._plus(place, 1))
+    def _instructions(self, on: Vectors, given: Arguments) -> list[Any]:
+        build = on.build
+        first, dx, dy, second = given.datas(0)
+        at, stride, place, wide = (given.number(place) for place in range(1, 5))
+        weights = [on.all(weight) for weight in given.parts(5)]
+        gradients, differences = on.zero, on.zero
+        upper = on.loaded(second, place), on.loaded(second, on.plus(place, 1))
         for _ in range(PATCH_PX):
             place = build.add(place, wide)
-            lower = self._loaded(second, place), self._loaded(second, self._plus(place, 1))
-            parts = [build.fmul(w, row) for w, row in zip(factors, (*upper, *lower), strict=True)]
+            lower = on.loaded(second, place), on.loaded(second, on.plus(place, 1))
+            parts = [build.fmul(weight, row) for weight, row in zip(weights, (*upper, *lower), strict=True)]
             d = build.fadd(build.fadd(build.fadd(parts[0], parts[1]), parts[2]), parts[3])
-            d = build.fsub(d, self._loaded(first, at))
-            by_x, by_y = build.fmul(d, self._loaded(dx, at)), build.fmul(d, self._loaded(dy, at))
-            gradients = build.fadd(gradients, self._halves_added(by_x, by_y))
-            differences = build.fadd(differences, self._halves_added(d, build.fmul(d, d)))
+            d = build.fsub(d, on.loaded(first, at))
+            by_x, by_y = build.fmul(d, on.loaded(dx, at)), build.fmul(d, on.loaded(dy, at))
+            gradients = build.fadd(gradients, _halves_added(on, by_x, by_y))
+            differences = build.fadd(differences, _halves_added(on, d, build.fmul(d, d)))
             at, upper = build.add(at, stride), lower
-        return [*self._totals(gradients), *self._totals(differences)]
+        return [*_totals(on, gradients), *_totals(on, differences)]
 
-    def _plus(self, number: Any, step: int) -> Any:
-        return self._builder.add(number, self._ir.Constant(number.type, step))
 
-    def _all(self, value: Any) -> Any:
-        """A vector of eight times the value."""
-        number = self._ir.IntType(32)
-        none = self._ir.Constant(self._floats, self._ir.Undefined)
-        one = self._builder.insert_element(none, value, self._ir.Constant(number, 0))
-        places = self._ir.Constant(self._ir.VectorType(number, PATCH_PX), [0] * PATCH_PX)
-        return self._builder.shuffle_vector(one, none, places)
+def _halves_added(on: Vectors, one: Any, other: Any) -> Any:
+    """The left halves of two vectors plus their right halves."""
+    left, right = (
+        on.chosen(one, other, [*range(start, start + _HALF), *range(PATCH_PX + start, PATCH_PX + start + _HALF)])
+        for start in (0, _HALF)
+    )
+    return on.build.fadd(left, right)
 
-    def _loaded(self, array: Any, index: Any) -> Any:
-        """Eight elements of an array."""
-        place = self._builder.bitcast(self._builder.gep(array, [index]), self._floats.as_pointer())
-        return self._builder.load(place, align=4)
 
-    def _halves_added(self, one: Any, other: Any) -> Any:
-        """The left halves of two vectors plus their right halves."""
-        return self._builder.fadd(self._chosen(one, other, 0), self._chosen(one, other, _HALF))
-
-    def _chosen(self, one: Any, other: Any, start: int) -> Any:
-        places = [*range(start, start + _HALF), *range(PATCH_PX + start, PATCH_PX + start + _HALF)]
-        kind = self._ir.VectorType(self._ir.IntType(32), PATCH_PX)
-        return self._builder.shuffle_vector(one, other, self._ir.Constant(kind, places))
-
-    def _totals(self, sums: Any) -> list[Any]:
-        """The sums of both halves of a vector."""
-        lanes = [
-            self._builder.extract_element(sums, self._ir.Constant(self._ir.IntType(32), k)) for k in range(PATCH_PX)
-        ]
-        add = self._builder.fadd
-        return [add(add(a, c), add(b, d)) for a, b, c, d in (lanes[:_HALF], lanes[_HALF:])]
+def _totals(on: Vectors, sums: Any) -> list[Any]:
+    """The sums of both halves of a vector."""
+    lanes, add = [on.element(sums, place) for place in range(PATCH_PX)], on.build.fadd
+    return [add(add(a, c), add(b, d)) for a, b, c, d in (lanes[:_HALF], lanes[_HALF:])]
 
 
 patch_sums = PatchSums()
