@@ -21,7 +21,7 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, FirstPainting, ResidualLayer
-from pipeline.methods.patches.scan import RUN, WorkingGrid, run_key, runs
+from pipeline.methods.patches.scan import RUN, WorkingGrid, painting_runs, run_key
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.segmentation.mattes import LabelMattes
 from pipeline.warp.panorama import Placement, full_map
@@ -41,9 +41,7 @@ def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
     every = patch_tracks(context) if context.params.temporal == "on" else []
     fades, chained = cross_fades(context.params), context.params.temporal == "strokes"
     tasks: list[Task] = []
-    for start, stop, begin, end in runs(
-        context, RUN // context.params.frames_per_painting * context.params.frames_per_painting
-    ):
+    for start, stop, begin, end in painting_runs(context):
         after = list[str]()
         if chained and start > begin:
             after.append(tasks[-1].key)

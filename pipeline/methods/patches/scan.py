@@ -66,12 +66,32 @@ def run_scan(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
 # -- runs of frames
 
 
-def runs(context: PlanContext[PatchesParams], length: int = RUN) -> Iterator[tuple[int, int, int, int]]:
+def runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int, int, int]]:
     """(start, stop, shot's begin, shot's end) of every run of frames, in order. A run does not cross a cut."""
+    for begin, end in shots(context):
+        for start in range(begin, end, RUN):
+            yield start, min(start + RUN, end), begin, end
+
+
+def painting_runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int, int, int]]:
+    """As `runs`, for painting: the runs of a shot have nearly equal lengths, so that no worker waits long for the last
+    one of another. Where each painting is shown for several frames, all but the last have the greatest possible length,
+    because the cross-fade to the next run needs it."""
+    shown = context.params.frames_per_painting
+    for begin, end in shots(context):
+        if shown == 1:
+            count = -(-(end - begin) // RUN)
+            starts = [begin + round((end - begin) * k / count) for k in range(count)]
+        else:
+            starts = list(range(begin, end, RUN // shown * shown))
+        for start, stop in pairwise([*starts, end]):
+            yield start, stop, begin, end
+
+
+def shots(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int]]:
+    """First frame of every shot, and the frame after its last."""
     scan = context.results["scan"]["video"]
-    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
-        for start in range(begin, end, length):
-            yield start, min(start + length, end), begin, end
+    return pairwise([0, *scan["cuts"], scan["frames"]])
 
 
 def run_key(start: int) -> str:
