@@ -65,6 +65,22 @@ def steepen_wide(colours: NDArray[np.float32], steps: int) -> None:
     _mix_wide(colours, steepen(picture, steps), most - least, wide_most - wide_least)
 
 
+def steepened_wide(picture: Frame, steps: int, share: float) -> Frame:
+    """The picture with its wide edges made steeper, uint8 (h, w, 3); narrow edges and texture keep their colours.
+
+    Args:
+        picture: uint8 (h, w, 3), RGB.
+        steps: as for `steepen`.
+        share: factor on the share of the steepened colours, 0..1.
+    """
+    light = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
+    most, least = _range(light)
+    wide_most, wide_least = _range(light, _WIDE_SQUARE)
+    out = picture.copy()
+    _mix_wide_bytes(out, steepen(picture, steps), most - least, wide_most - wide_least, np.float32(share))
+    return out
+
+
 def _range(light: Light, square: NDArray[np.uint8] = _SQUARE) -> tuple[Light, Light]:
     """Largest and smallest lightness in 3x3 px, or in another square: uint8 (h, w) each."""
     return np.asarray(cv2.dilate(light, square), np.uint8), np.asarray(cv2.erode(light, square), np.uint8)
@@ -83,16 +99,37 @@ def _rounded(colours: NDArray[np.float32], out: Frame) -> None:
 def _mix_wide(colours: NDArray[np.float32], steep: Frame, near: Light, wide: Light) -> None:
     """Mix in the steepened colours. `near`, `wide`: range of lightness in 3x3 and in 7x7 px."""
     height, width = near.shape
-    (narrowest, limit), (low, high) = WIDE_RANGES, WIDE_CONTRAST
     for y in range(height):
         for x in range(width):
-            ratio, contrast = np.float32(near[y, x]) / max(wide[y, x], 1), np.float32(wide[y, x])
-            if ratio >= limit or contrast <= low:
-                continue
-            share = np.float32(WIDE_SHARE) * min((limit - ratio) / (limit - narrowest), np.float32(1))
-            share *= min((contrast - low) / (high - low), np.float32(1))
-            for c in range(3):
-                colours[y, x, c] += np.float32(share) * (steep[y, x, c] - colours[y, x, c])
+            share = _wide_share(near[y, x], wide[y, x])
+            if share > 0:
+                for c in range(3):
+                    colours[y, x, c] += share * (steep[y, x, c] - colours[y, x, c])
+
+
+@kernel
+def _mix_wide_bytes(picture: Frame, steep: Frame, near: Light, wide: Light, factor: np.float32) -> None:
+    """The same for a picture of bytes, with a factor on the share."""
+    height, width = near.shape
+    for y in range(height):
+        for x in range(width):
+            share = factor * _wide_share(near[y, x], wide[y, x])
+            if share > 0:
+                for c in range(3):
+                    before, after = np.float32(picture[y, x, c]), np.float32(steep[y, x, c])
+                    picture[y, x, c] = np.uint8(before + share * (after - before) + np.float32(0.5))
+
+
+@kernel
+def _wide_share(near: int, wide: int) -> np.float32:
+    """Share of the steepened colours, 0..1. `near`, `wide`: range of lightness in 3x3 and in 7x7 px."""
+    (narrowest, limit), (low, high) = WIDE_RANGES, WIDE_CONTRAST
+    ratio, contrast = np.float32(near) / max(wide, 1), np.float32(wide)
+    if ratio >= limit or contrast <= low:
+        return np.float32(0)
+    share = np.float32(WIDE_SHARE) * min((limit - ratio) / (limit - narrowest), np.float32(1))
+    share *= min((contrast - low) / (high - low), np.float32(1))
+    return np.float32(share)
 
 
 @kernel

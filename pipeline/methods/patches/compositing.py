@@ -24,10 +24,16 @@ from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPAC
 from pipeline.methods.patches.scan import RUN, WorkingGrid, painting_runs, run_key
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.segmentation.mattes import LabelMattes
+from pipeline.strokes.steepen import steepened_wide
 from pipeline.warp.panorama import Placement, full_map
 
 CUBIC_REACH = 2
 """Pixels on either side of a position that bicubic interpolation reads."""
+SHARPENING, SHARPENING_STEPS = 0.4, 1
+"""Largest share, and steps, of the steepening of wide edges in the frames of a run, see `steepened_wide`."""
+SHARPENED_LINES = 480, 720
+"""Shorter sides of frames, px, up to which they are not sharpened, because it adds flicker and their edges are narrow
+enough, and from which on they are sharpened in full."""
 PERIOD_FADE_FRAMES = 3.0
 """Half length of the cross-fade between two periods of a patch, frames."""
 
@@ -87,9 +93,9 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     for index, frame in frames_to_paint(context, task):
         with context.clock("composite"):
             if index == start and first_key(start) in task.after:
-                painting = _first_painting(paint, start, context)
+                painting = _sharpened(_first_painting(paint, start, context), context.params)
             elif frame is not None:
-                painting = paint(index, frame)
+                painting = _sharpened(paint(index, frame), context.params)
             if index == _fade_from(task, context.params):
                 _prepare_cross_fade(paint, stop, context)
         context.emit(index, painting)
@@ -103,6 +109,14 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
             pictures.add(index, LabelMattes(maps.require(index), frame), maps.uncertainty(index))
         pictures.save(task.key)
     return {}
+
+
+def _sharpened(painting: Frame, params: PatchesParams) -> Frame:
+    """A frame as it is emitted. Patches and residual layer are sampled between pixels, again in every frame, and faded
+    into each other, which makes edges wider from the first to the last frame of a run."""
+    fewest, full = SHARPENED_LINES
+    share = SHARPENING * min((min(painting.shape[:2]) - fewest) / (full - fewest), 1.0)
+    return steepened_wide(painting, SHARPENING_STEPS, share) if params.temporal == "on" and share > 0 else painting
 
 
 def frames_to_paint(context: TaskContext[PatchesParams], task: Task) -> Iterator[tuple[int, Frame | None]]:

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.strokes.steepen import LEAST_STEP, steepen, steepen_wide
+from pipeline.strokes.steepen import LEAST_STEP, steepen, steepen_wide, steepened_wide
 
 
 def blurred_edge(sigma_px: float) -> Frame:
@@ -73,3 +73,12 @@ def test_narrow_and_faint_edges_of_a_painting_keep_their_colours() -> None:
         before = canvas.copy()
         steepen_wide(canvas, 2)
         np.testing.assert_array_equal(canvas, before)
+
+
+def test_a_wide_edge_of_a_frame_becomes_narrower_by_a_share() -> None:
+    frame = np.rint(painting(2.0)[..., :3]).astype(np.uint8)
+    half, all_of_it = (steepened_wide(frame, 2, share) for share in (0.5, 1.0))
+    assert ramp_px(all_of_it) <= ramp_px(frame) - 2
+    changed, less = (np.abs(made.astype(int) - frame) for made in (all_of_it, half))
+    assert (np.abs(2 * less - changed) <= 2).all() and changed.max() > 20
+    np.testing.assert_array_equal(steepened_wide(frame, 2, 0.0), frame)
