@@ -133,9 +133,9 @@ class PipelinedRunner:
 
     In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
     processor waiting. From `MANY_PROCESSORS` on, edges and lines have a thread of their own, and another one takes a
-    half of the compositor's rows. In smaller frames threads would compete for the interpreter lock (at 352x288, three
-    threads take a tenth longer); there the analyzer's thread, when it is ahead, takes some of the compositor's work,
-    and otherwise leaves edges and lines to the other stages.
+    half of the compositor's rows; on fewer, the analyzer's thread takes some of the compositor's work when it is ahead.
+    In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take a tenth longer);
+    there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages.
     """
 
     def __init__(self, session: AbstractionSession) -> None:
@@ -196,7 +196,7 @@ class PipelinedRunner:
     def _composite(self, waiting: deque[_Waiting]) -> CompositedFrame:
         """Finish the next frame."""
         ahead = len(waiting) > AHEAD // 2 and waiting[AHEAD // 2].analysis.done()
-        self.session.compositor.background.helper = self._analyzer if ahead and not self._regions else self._helper
+        self.session.compositor.background.helper = self._helper or (self._analyzer if ahead else None)
         analysis, regions = waiting.popleft()
         self._composited += 1
         self.session.compositor.prepare(analysis.result())
