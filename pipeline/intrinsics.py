@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -10,16 +11,16 @@ LANES = 8
 """Numbers in a vector: those of a register of AVX, two of SSE or NEON."""
 
 
-class Intrinsic:
+class Intrinsic(ABC):
     """A function that kernels call. A subclass has two versions of it: `__call__`, for calls outside of kernels, and
     the instructions, from `generator`.
 
     Numba is imported at the first use in a kernel, as in `pipeline.jit`.
     """
 
+    @abstractmethod
     def generator(self) -> Any:
         """A function as Numba's decorator `intrinsic` takes it."""
-        raise NotImplementedError
 
     @cached_property
     def _numba_type_(self) -> Any:
@@ -45,6 +46,7 @@ class Arguments:
         return self._context.cast(self._builder, self._args[place], self._kinds[place], types.intp)
 
     def scalar(self, place: int) -> Any:
+        """A float or a flag, as it is."""
         return self._args[place]
 
     def parts(self, place: int) -> list[Any]:

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from pipeline.flow.dis_refinement import refine
-from pipeline.flow.dis_search import BORDER_PX, make_dense, search_patches, sum_gradients
+from pipeline.flow.dis_search import BORDER_PX, PASSES, make_dense, search_patches, sum_gradients
 from pipeline.flow.gray import Gray
 from pipeline.flow.patch_sums import PATCH_PX
 from pipeline.frames import Flow, Plane
@@ -26,14 +26,14 @@ Preset = Literal["ultrafast", "fast", "sparse", "half", "medium"]
 
 
 @dataclass(frozen=True)
-class Effort:
-    """Where the search stops, and how hard it tries.
+class DisParams:
+    """The finest scale, and the work at each scale.
 
     Attributes:
         finest_scale: 0 = the full size, 1 = half of the sides, ...
         stride_px: distance of patches, px of their scale.
-        steps: most steps of gradient descent for a patch.
-        refinements: iterations of the variational refinement of a scale.
+        steps: maximum number of steps of gradient descent for a patch, half of them in each of two passes.
+        refinements: outer iterations of the variational refinement; 0 = none.
     """
 
     finest_scale: int
@@ -42,12 +42,12 @@ class Effort:
     refinements: int
 
 
-PRESETS: dict[Preset, Effort] = {
-    "ultrafast": Effort(2, 4, 12, 0),
-    "fast": Effort(2, 4, 16, 5),
-    "sparse": Effort(1, 4, 8, 2),
-    "half": Effort(1, 3, 8, 2),
-    "medium": Effort(1, 3, 25, 5),
+PRESETS: dict[Preset, DisParams] = {
+    "ultrafast": DisParams(2, 4, 12, 0),
+    "fast": DisParams(2, 4, 16, 5),
+    "sparse": DisParams(1, 4, 8, 2),
+    "half": DisParams(1, 3, 8, 2),
+    "medium": DisParams(1, 3, 25, 5),
 }
 FINER_STRIDE_PX = 5
 """Distance of the patches at a further scale, px: at 4 px, it would cost as much as twice the sides."""
@@ -68,19 +68,19 @@ def dis(previous: Gray, current: Gray, preset: Preset = "fast", finer: bool = Fa
 
     Source: kroeger2016dis, with the parameters of OpenCV's presets.
     """
-    effort = PRESETS[preset]
+    params = PRESETS[preset]
     if finer:
-        effort = replace(effort, finest_scale=effort.finest_scale - 1, stride_px=max(effort.stride_px, FINER_STRIDE_PX))
+        params = replace(params, finest_scale=params.finest_scale - 1, stride_px=max(params.stride_px, FINER_STRIDE_PX))
     coarsest = _coarsest_scale(previous.shape)
-    effort = replace(effort, finest_scale=min(effort.finest_scale, coarsest))
-    scales = zip(*(_pyramid(picture, effort.finest_scale, coarsest) for picture in (previous, current)), strict=True)
+    params = replace(params, finest_scale=min(params.finest_scale, coarsest))
+    scales = zip(*(_pyramid(picture, params.finest_scale, coarsest) for picture in (previous, current)), strict=True)
     flow: tuple[Plane, Plane] | None = None
     for first, second in reversed(list(scales)):
-        flow = _improved(first, second, flow, effort)
+        flow = _improved(first, second, flow, params)
     assert flow is not None
     height, width = previous.shape
     enlarged = np.asarray(cv2.resize(cv2.merge(flow), (width, height)), np.float32)
-    return np.multiply(enlarged, np.float32(1 << effort.finest_scale), out=enlarged)
+    return np.multiply(enlarged, np.float32(1 << params.finest_scale), out=enlarged)
 
 
 def _coarsest_scale(shape: tuple[int, ...]) -> int:
@@ -103,7 +103,7 @@ def _shrunk(picture: Gray, factor: int) -> Gray:
     return np.ascontiguousarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _improved(first: Gray, second: Gray, coarser: tuple[Plane, Plane] | None, effort: Effort) -> tuple[Plane, Plane]:
+def _improved(first: Gray, second: Gray, coarser: tuple[Plane, Plane] | None, params: DisParams) -> tuple[Plane, Plane]:
     """Flow at one scale, px of it, from that of the next coarser one; None = no motion."""
     height, width = size = first.shape
     if coarser is None:
@@ -111,18 +111,18 @@ def _improved(first: Gray, second: Gray, coarser: tuple[Plane, Plane] | None, ef
     else:
         x, y = (2 * np.asarray(cv2.resize(plane, (width, height)), np.float32) for plane in coarser)
     dx, dy = (np.asarray(slope, np.int16) for slope in cv2.spatialGradient(first))
-    lines, columns = ((side - PATCH_PX) // effort.stride_px + 1 for side in size)
+    lines, columns = ((side - PATCH_PX) // params.stride_px + 1 for side in size)
     sums, found_x, found_y = (np.empty(shape, np.float32) for shape in ((5, lines, columns), *[(lines, columns)] * 2))
-    sum_gradients(dx, dy, effort.stride_px, np.empty((5, height, columns), np.float32), sums)
+    sum_gradients(dx, dy, params.stride_px, np.empty((5, height, columns), np.float32), sums)
     border = BORDER_PX, BORDER_PX, BORDER_PX, BORDER_PX
     bordered = np.asarray(cv2.copyMakeBorder(second, *border, cv2.BORDER_REPLICATE))
     one, across, down, other = (picture.astype(np.float32).reshape(-1) for picture in (first, dx, dy, bordered))
-    steps = effort.steps // 2  # a pass
-    search_patches((one, across, down, other), size, effort.stride_px, steps, (x, y), sums, (found_x, found_y))
+    steps = params.steps // PASSES
+    search_patches((one, across, down, other), size, params.stride_px, steps, (x, y), sums, (found_x, found_y))
     make_dense(
-        first.reshape(-1), second.reshape(-1), size, (found_x, found_y), effort.stride_px,
+        first.reshape(-1), second.reshape(-1), size, (found_x, found_y), params.stride_px,
         np.empty(first.size, np.float32), (x.reshape(-1), y.reshape(-1)),
     )  # fmt: skip
-    if effort.refinements:
-        refine(first, second, x, y, effort.refinements)
+    if params.refinements:
+        refine(first, second, x, y, params.refinements)
     return x, y

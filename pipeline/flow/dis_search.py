@@ -15,6 +15,8 @@ from pipeline.jit import kernel_without_overlap
 
 BORDER_PX = 2 * PATCH_PX
 """Border of the second picture in which patches may lie, px."""
+PASSES = 2
+"""Passes over the patches: forwards, then backwards."""
 STRIPES = 8
 """Stripes of rows of patches; displacements spread within each."""
 _LEAST_DETERMINANT = 0.001

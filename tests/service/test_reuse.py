@@ -130,13 +130,14 @@ def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_
         counted = Counter(name.partition("/")[0] for name, reused in found.items() if reused)
         assert {step["name"]: step["reused"] for step in second["steps"] if step["reused"]} == counted
     ran = {name for name, reused in found.items() if not reused}
-    start = f"{SHOT_FRAMES + 12:07d}"
-    of_first_shot = {name for name in found if "/s0000000-" in name} | {"paint/run-0000000", "paint/run-0000012"}
+    start, half = f"{SHOT_FRAMES + 12:07d}", SHOT_FRAMES // 2  # a shot is painted in two runs of equal length
+    of_first_shot = {name for name in found if "/s0000000-" in name} | {"paint/run-0000000", f"paint/run-{half:07d}"}
     assert not ran & {"scan/video", *of_first_shot}
     assert {name for name in ran if name.startswith(("cluster/", "correct/"))} == {
         f"correct/{which}" for which in (f"front-{start}-{start}", f"back-{start}-{start}", f"run-{start}")
     }
-    assert {"scan/inputs", f"register/run-{start}", f"paint/run-{start}", "assemble/assemble"} <= ran
+    painted = f"paint/run-{SHOT_FRAMES + half:07d}"
+    assert {"scan/inputs", f"register/run-{start}", painted, "assemble/assemble"} <= ran
     with service(tmp_path / "other", reuse_s=0) as http:  # rendered as a whole
         value = corrected(http, document(upload(http, clip, "two.mkv")), drawn)
         whole = rendered(http, http.post("/v1/projects", json={"document": value}).json()["id"])

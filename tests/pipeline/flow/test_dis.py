@@ -31,13 +31,13 @@ def noise(height: int, width: int) -> tuple[Gray, Gray]:
 def opencvs(previous: Gray, current: Gray, preset: Preset, finer: bool) -> NDArray[np.float32]:
     """The flow of OpenCV's implementation. Its own choice of the finest scale reads beyond its buffers for thin
     pictures, so that it is limited here: the coarsest scale still fits a patch."""
-    effort = PRESETS[preset]
+    params = PRESETS[preset]
     solver = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     coarsest = int(min(np.log2(max(previous.shape) / 32) + 0.5, np.log2(min(previous.shape) // PATCH_PX)))
-    solver.setFinestScale(max(0, min(effort.finest_scale - finer, coarsest)))
-    solver.setPatchStride(max(effort.stride_px, FINER_STRIDE_PX) if finer else effort.stride_px)
-    solver.setGradientDescentIterations(effort.steps)
-    solver.setVariationalRefinementIterations(effort.refinements)
+    solver.setFinestScale(max(0, min(params.finest_scale - finer, coarsest)))
+    solver.setPatchStride(max(params.stride_px, FINER_STRIDE_PX) if finer else params.stride_px)
+    solver.setGradientDescentIterations(params.steps)
+    solver.setVariationalRefinementIterations(params.refinements)
     return solver.calc(previous, current, None)  # type: ignore[call-overload, no-any-return]
 
 
