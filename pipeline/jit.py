@@ -28,8 +28,8 @@ def kernel(function: F) -> F:
 
 
 def kernel_without_overlap(function: F) -> F:
-    """As `kernel`, for a function whose array arguments never share memory. Knowing this, the compiler vectorises loops
-    over many arrays, which it otherwise leaves as they are."""
+    """Compile `function` as `kernel` does. Its array arguments must never share memory: the compiler relies on that,
+    and then also vectorises loops over many arrays."""
     return cast(F, JitKernel(function, overlap=False))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.intrinsics import LANES, Arguments, Intrinsic, Vectors
+from pipeline.strokes.bristles import SUBROWS
 
 TIP, PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
 """Share of a stroke's length in which it tapers, at either end."""
@@ -188,7 +189,7 @@ class Shade(Intrinsic):
                     a = _ZERO
             light, ridge = _ZERO, _ONE - t * t * t * t
             if g > _ZERO:
-                row = int(np.float32(8192) + t * spread * np.float32(4)) + offsets[0]
+                row = int(np.float32(8192) + t * spread * np.float32(SUBROWS)) + offsets[0]
                 column = int(np.float32(8192) + along * pull) + offsets[1]
                 trace = tile[256 * (row & 255) + (column & 255)]
                 light = g * streaks * (trace - _HALF)
@@ -241,7 +242,7 @@ class Shade(Intrinsic):
 
         def haired() -> Any:
             across, lengthwise = (on.short(number) for number in self._offsets(on, given))
-            row = build.fadd(on.constant(8192.0), build.fmul(build.fmul(t, spread), on.constant(4.0)))
+            row = build.fadd(on.constant(8192.0), build.fmul(build.fmul(t, spread), on.constant(float(SUBROWS))))
             column = build.fadd(on.constant(8192.0), build.fmul(along, pull))
             low = on.ir.Constant(on.numbers, [255] * LANES)
             row, column = (

@@ -74,9 +74,12 @@ def runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int, int, i
 
 
 def painting_runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int, int, int]]:
-    """As `runs`, for painting: the runs of a shot have nearly equal lengths, so that no worker waits long for the last
-    one of another. Where each painting is shown for several frames, all but the last have the greatest possible length,
-    because the cross-fade to the next run needs it."""
+    """(start, stop, shot's begin, shot's end) of every run of frames that one task paints, in order.
+
+    The runs of a shot have nearly equal lengths, so that no worker waits long for another one's last run. Where each
+    painting is shown for several frames, all but the last have the greatest possible length instead, because the
+    cross-fade to the next run needs it.
+    """
     shown = context.params.frames_per_painting
     for begin, end in shots(context):
         if shown == 1:
