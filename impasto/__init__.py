@@ -6,7 +6,6 @@ is `impasto`.
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
@@ -16,8 +15,9 @@ if TYPE_CHECKING:
     from impasto.live.client import LiveClient
     from impasto.settings import DEFAULT_SERVER
 
+    __version__: str
+
 __all__ = ["DEFAULT_SERVER", "Client", "LiveClient", "__version__", "render"]
-__version__ = version("impasto")
 _HOMES = {
     "DEFAULT_SERVER": "impasto.settings",
     "Client": "impasto.client",
@@ -27,7 +27,11 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Import on first use: `import impasto` alone loads neither httpx nor NumPy."""
+    """Import on first use: `import impasto` alone loads neither httpx nor NumPy, and reads no metadata."""
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("impasto")
     if name not in _HOMES:
         raise AttributeError(f"module 'impasto' has no attribute {name!r}")
     return resolve_name(f"{_HOMES[name]}:{name}")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Literal, NoReturn
-
-from pydantic import JsonValue
+from typing import TYPE_CHECKING, Literal, NoReturn
 
 from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.frames import MIN_SIDE_PX
+
+if TYPE_CHECKING:
+    from pydantic import JsonValue
 
 Kind = Literal["video", "image", "archive", "json"]
 

@@ -15,7 +15,7 @@ from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import open_container, video_stream
 from pipeline.video.damage import damage_of
-from pipeline.video.guard.decoder_server import start_decoder
+from pipeline.video.guard.decoder_process import start_decoder
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
     Limits,
@@ -26,7 +26,6 @@ from pipeline.video.media import (
     unreadable,
 )
 from pipeline.video.sequence import Sequence, open_still, open_zip
-from pipeline.video.shot import check_pictures, read_shot
 from pipeline.video.shot_files import ShotFiles, is_shot
 
 
@@ -98,6 +97,8 @@ def _check_members(path: Path, limits: Limits) -> None:
 
 def _check_shot(path: Path, limits: Limits) -> None:
     """Check the layout of a shot and the header of every picture in it."""
+    from pipeline.video.shot import check_pictures, read_shot  # a third of the decoder server's imports, seldom needed
+
     with closing(ShotFiles(path, limits)) as files, closing(open_zip(path, limits)) as frames:
         layout = read_shot(files)
         check_size(*frames.geometry.size, limits)

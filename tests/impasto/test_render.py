@@ -123,9 +123,9 @@ def test_a_render_uses_the_whole_machine_unless_a_number_of_workers_is_given(
 ) -> None:
     used: list[int] = []
 
-    def watched(settings: FarmSettings, *, private: bool) -> Farm:
+    def watched(settings: FarmSettings, **options: Any) -> Farm:
         used.append(settings.workers)
-        return open_farm(settings, private=private)
+        return open_farm(settings, **options)
 
     monkeypatch.setattr("workers.farm.open_farm", watched)
     render(tiny_clip, "-o", f"{tmp_path}/whole/")

@@ -8,7 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from pipeline.arrays import AnyArray
-from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
+from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
 from pipeline.video.writer import Format

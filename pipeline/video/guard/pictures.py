@@ -10,7 +10,7 @@ from pathlib import Path
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.video.exr import Exr
-from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
+from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
 

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.video.guard.decoder_server import DecoderDied, DecoderProcess, start_decoder
+from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.index import Index
 from pipeline.video.media import Limits
 
-_FOREVER = 1 << 62
+FOREVER = 1 << 62
+"""End of a read of all frames."""
 _THUMBNAILS = 16
 """Thumbnails in one answer."""
 
@@ -28,11 +29,15 @@ class GuardedReader:
 
     It costs a fork at the start and a copy of each frame. Not thread-safe; close it.
 
+    Args:
+        niceness: added to the niceness of the decoder's process.
+
     Raises: as `VideoReader`; also UnreadableMedia if the decoder hangs, crashes or needs too much memory.
     """
 
-    def __init__(self, path: Path, limits: Limits | None = None) -> None:
+    def __init__(self, path: Path, limits: Limits | None = None, niceness: int = 0) -> None:
         limits = limits or Limits()
+        self._niceness = niceness
         self._task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
         self._shared_bytes = 3 * limits.pixels
         self._child = self._begin()
@@ -81,25 +86,30 @@ class GuardedReader:
         """Frames [start, stop) in order; fewer if the video ends earlier. Start another read only after this one."""
         if start < 0 or (stop is not None and stop < start):
             raise ValueError(f"no frames [{start}, {stop})")
-        return self._frames(start, stop if stop is not None else _FOREVER)
+        return self._frames(start, stop if stop is not None else FOREVER)
 
     def read_thumbnails(self, start: int = 0, stop: int | None = None) -> Iterator[Plane]:
         """Thumbnails (`pipeline.segmentation.cuts.thumbnail`) of the frames [start, stop), computed by the decoder's
         process, so that no frame is copied to this one. Otherwise as `read`."""
-        last = stop if stop is not None else _FOREVER
-        question: Message = {"start": start, "stop": last}
+        for answer, found in self._thumbnails(start, stop if stop is not None else FOREVER):
+            self._note(answer)
+            yield from found
+
+    def _thumbnails(self, start: int, stop: int) -> Iterator[tuple[Message, NDArray[np.float32]]]:
+        """The decoder's answers with the thumbnails in them; the last one has none."""
+        question: Message = {"start": start, "stop": stop}
         while True:
             more = {"thumbnails": _THUMBNAILS}
-            answer = self._asked(question | more, {"start": start, "stop": last} | more)
-            self._note(answer)
+            answer = self._asked(question | more, {"start": start, "stop": stop} | more)
             if answer.get("end"):
+                yield answer, np.empty((0, 0, 0, 3), np.float32)
                 return
             found = np.asarray(self._child.array(tuple(answer["shape"]), "f4"), np.float32)
             start, question = start + len(found), {}
-            yield from found
+            yield answer, found
 
     def _begin(self) -> DecoderProcess:
-        return start_decoder("video", self._task, self._shared_bytes)
+        return start_decoder("video", self._task, self._shared_bytes, niceness=self._niceness)
 
     def _frames(self, start: int, stop: int) -> Iterator[Frame]:
         question: Message = {"start": start, "stop": stop}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import gc
 import mmap
 import os
 import resource
@@ -214,6 +213,7 @@ def _set_limits(first: Message) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_NOFILE, (_OPEN_FILES, _OPEN_FILES))
+    os.nice(int(first["niceness"]))
     if first["role"] == "probe":
         seconds = int(first["seconds"]) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
@@ -230,7 +230,6 @@ def serve(control: socket.socket) -> None:
     cv2.setNumThreads(1)
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # children are not waited for
     mine = os.getpid()
-    gc.freeze()
     while True:
         data, fds, _flags, _from = socket.recv_fds(control, 1, 2)
         if not data:

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
 from pipeline.segmentation.cuts import thumbnail
 from pipeline.video.exr import read_exr, write_exr
-from pipeline.video.guard import decoder_server, roles
-from pipeline.video.guard.decoder_server import _SERVER, DecoderProcess
+from pipeline.video.guard import decoder_process, roles
+from pipeline.video.guard.decoder_process import DecoderProcess
+from pipeline.video.guard.decoder_server import SERVER
 from pipeline.video.guard.files import GuardedImages, guarded_join
 from pipeline.video.guard.pictures import _DECODER, guarded_exr, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
@@ -268,14 +269,14 @@ def test_a_decoder_server_that_dies_during_a_request_is_replaced(clip: Path, mon
     GuardedReader(clip).close()
     (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
     server.suspend()
-    asked, stuck = _SERVER.fork, [server]
+    asked, stuck = SERVER.fork, [server]
 
     def ask_and_kill(*fds: int) -> None:
         asked(*fds)
         if stuck:
             stuck.pop().kill()
 
-    monkeypatch.setattr(_SERVER, "fork", ask_and_kill)
+    monkeypatch.setattr(SERVER, "fork", ask_and_kill)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
 
@@ -284,14 +285,14 @@ def test_a_decoder_server_that_hangs_is_replaced(clip: Path, monkeypatch: pytest
     GuardedReader(clip).close()
     (server,) = [p for p in psutil.Process().children() if "pipeline.video.guard.server_main" in " ".join(p.cmdline())]
     server.suspend()
-    usual_s, stop = decoder_server.START_S, decoder_server._SERVER.stop
+    usual_s, stop = decoder_process.START_S, SERVER.stop
 
     def stop_and_wait_as_usual() -> None:
-        monkeypatch.setattr(decoder_server, "START_S", usual_s)
+        monkeypatch.setattr(decoder_process, "START_S", usual_s)
         stop()
 
-    monkeypatch.setattr(decoder_server, "START_S", 1.0)
-    monkeypatch.setattr(decoder_server._SERVER, "stop", stop_and_wait_as_usual)
+    monkeypatch.setattr(decoder_process, "START_S", 1.0)
+    monkeypatch.setattr(SERVER, "stop", stop_and_wait_as_usual)
     with GuardedReader(clip) as reader:
         assert len(list(reader.read())) == 12
     assert not server.is_running()
