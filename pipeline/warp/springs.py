@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
-from pipeline.jit import kernel
+from pipeline.jit import kernel, kernel_without_overlap
 
 MOST_ITERATIONS = 10
 STEP = 1.4
@@ -28,6 +28,14 @@ _STIFFNESS = 2
 
 Positions = NDArray[np.float32]
 """float32 (h, w, 2): position (x, y) of each pixel of a rectangle in the target, px."""
+
+
+Planes = NDArray[np.float32]
+"""float32 (2, h, w): planes of x and y, px."""
+Row = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""x and y of a row."""
+Sums = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
+"""Force along x and y, and stiffness, of a row."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +79,7 @@ class Relaxed:
         """Move positions, float32 (h, w, 2), with the grid."""
         corners, within = self.cells(positions)
         out = np.empty_like(positions)
-        _lay(positions, corners, within, self.shifts.reshape(-1, 2), self.shifts.shape[1], out)
+        _move(positions, corners, within, self.shifts.reshape(-1, 2), self.shifts.shape[1], out)
         return out
 
     def cells(self, positions: Positions) -> tuple[NDArray[np.int32], Positions]:
@@ -102,13 +110,13 @@ def relax(sheets: Sequence[Sheet], cell: float = 1.0, most: int = MOST_ITERATION
     shifts = np.zeros((rows, columns, 2), np.float32)
     grid = Relaxed(shifts, origin, cell, 0.0, 0.0, 0)
     laid = [_Laid.of(sheet, grid) for sheet in sheets]
-    total = np.empty((rows, columns, 3), np.float32)
-    energy, force, step = _pull(laid, shifts, total)
+    total = np.zeros((rows, columns, 3), np.float32)
+    energy, force, moved = _pull(laid, shifts, total)
     before, best, kept, done = energy, energy, shifts, 0
     while done < most and force > 0:
-        shifts = shifts + np.float32(STEP) * step
+        shifts = moved
         done += 1
-        energy, now, step = _pull(laid, shifts, total)
+        energy, now, moved = _pull(laid, shifts, total)
         if energy < best:
             best, kept = energy, shifts
         if now >= force:
@@ -122,23 +130,31 @@ class _Laid:
     """A sheet on a grid, and its work arrays.
 
     Attributes:
+        targets: float32 (2, h, w), the sheet's targets as planes of x and y.
         corners: int32 (h, w), flat index of the first corner of each pixel's cell.
         within: float32 (h, w, 2), position (x, y) in that cell, 0..1.
-        positions: float32 (h, w, 2), current positions, px.
+        positions: float32 (2, h, w), planes of the current x and y, px.
         force: float32 (h, w, 3), force on each pixel along x and y, and sum of its stiffnesses.
+        rows, energies: see `_strain`.
     """
 
     sheet: Sheet
+    targets: Planes
     corners: NDArray[np.int32]
     within: Positions
-    positions: Positions
+    positions: Planes
     force: NDArray[np.float32]
+    rows: NDArray[np.float32]
+    energies: NDArray[np.float64]
 
     @classmethod
     def of(cls, sheet: Sheet, grid: Relaxed) -> _Laid:
-        shape = sheet.inside.shape
+        height, width = sheet.inside.shape
         corners, within = grid.cells(sheet.targets)
-        return cls(sheet, corners, within, np.empty((*shape, 2), np.float32), np.empty((*shape, 3), np.float32))
+        targets = np.ascontiguousarray(np.moveaxis(sheet.targets, -1, 0), np.float32)
+        positions, force = np.empty((2, height, width), np.float32), np.empty((height, width, 3), np.float32)
+        rows, energies = np.empty((7, 3, width), np.float32), np.empty(width)
+        return cls(sheet, targets, corners, within, positions, force, rows, energies)
 
 
 def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -152,23 +168,23 @@ def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.fl
 def _pull(
     laid: Sequence[_Laid], shifts: NDArray[np.float32], total: NDArray[np.float32]
 ) -> tuple[float, float, NDArray[np.float32]]:
-    """Energy, norm of the forces on the corners, and the resulting step, float32 (rows, columns, 2).
+    """Energy, norm of the forces on the corners, and the shifts after a step, float32 (rows, columns, 2).
 
     Args:
-        total: work array, float32 (rows, columns, 3).
+        total: work array, float32 (rows, columns, 3), 0.
     """
-    total.fill(0)
     energy, columns = 0.0, shifts.shape[1]
     for one in laid:
         sheet = one.sheet
-        _lay(sheet.targets, one.corners, one.within, shifts.reshape(-1, 2), columns, one.positions)
-        one.force.fill(0)
+        _lay(one.targets, one.corners, one.within, shifts.reshape(-1, 2), columns, one.positions)
         energy += _strain(
-            one.positions, sheet.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), one.force
-        )
+            one.positions, one.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), one.force, one.rows,
+            one.energies,
+        )  # fmt: skip
         _gather(one.corners, one.within, sheet.inside, one.force, columns, total.reshape(-1, 3))
-    step = np.zeros_like(shifts)
-    return energy, float(np.sqrt(_steps(total, step))), step
+    moved = np.empty_like(shifts)
+    force = _step(total, shifts, moved)
+    return energy, math.sqrt(force), moved
 
 
 def distortion(sheet: Sheet, positions: Positions) -> Plane:
@@ -197,7 +213,7 @@ def _locate(
 
 
 @kernel
-def _lay(
+def _move(
     targets: Positions, corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32], columns: int,
     out: Positions,
 ) -> None:  # fmt: skip
@@ -213,6 +229,22 @@ def _lay(
                 out[y, x, c] = targets[y, x, c] + top + b * (low - top)
 
 
+@kernel_without_overlap
+def _lay(
+    targets: NDArray[np.float32], corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32],
+    columns: int, out: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """`_move` for targets and results that are planes of x and y, float32 (2, h, w)."""
+    for y in range(corners.shape[0]):
+        for x in range(corners.shape[1]):
+            first, a, b = corners[y, x], within[y, x, 0], within[y, x, 1]
+            below = first + columns
+            for c in range(2):
+                top = shifts[first, c] + a * (shifts[first + 1, c] - shifts[first, c])
+                low = shifts[below, c] + a * (shifts[below + 1, c] - shifts[below, c])
+                out[c, y, x] = targets[c, y, x] + top + b * (low - top)
+
+
 @kernel
 def _bound(targets: Positions, inside: Mask, ends: NDArray[np.float32]) -> None:
     for y in range(inside.shape[0]):
@@ -223,47 +255,116 @@ def _bound(targets: Positions, inside: Mask, ends: NDArray[np.float32]) -> None:
                     ends[2 + c] = max(ends[2 + c], targets[y, x, c])
 
 
-@kernel
+@kernel_without_overlap
 def _strain(
-    laid: Positions, targets: Positions, inside: Mask, stiffness: Plane, rest: np.float32, force: NDArray[np.float32]
-) -> float:
-    """Add each pixel's force (half of -dE/dx) and stiffness to `force`, initially zero; return the energy.
+    laid: Planes, targets: Planes, inside: Mask, stiffness: Plane, rest: np.float32, force: NDArray[np.float32],
+    rows: NDArray[np.float32], energies: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Compute each pixel's force (half of -dE/dx) and sum of stiffnesses; return the energy.
 
-    Each neighbour spring is visited once, from the first of its pixels in scan order.
+    Each neighbour spring is visited once, from the first of its pixels in scan order: to the right, and to the three
+    neighbours below. A row is visited direction by direction, so that the compiler vectorises the loops.
+
+    Args:
+        force: float32 (h, w, 3), receives the forces.
+        rows: work array, float32 (7, 3, w): the forces of a row's springs by direction, their sums, and twice the
+            forces that a row passes on to the next.
+        energies: work array, float64 (w,), energy of each column.
     """
     height, width = inside.shape
-    energy = 0.0
     diagonal = rest * np.float32(1.4142135)
+    sums = rows[4, 0], rows[4, 1], rows[4, 2]
+    rows[5], energies[:] = 0, 0
     for y in range(height):
-        for x in range(width):
-            if not inside[y, x]:
-                continue
-            px, py, k = laid[y, x, 0], laid[y, x, 1], stiffness[y, x]
-            ex, ey = targets[y, x, 0] - px, targets[y, x, 1] - py
-            fx, fy, stiff = k * ex, k * ey, k
-            energy += k * (ex * ex + ey * ey)
-            for n in range(4):
-                ny, nx = (y, x + 1) if n == 0 else (y + 1, x + n - 2)
-                if ny >= height or nx < 0 or nx >= width or not inside[ny, nx]:
-                    continue
-                ax, ay = laid[ny, nx, 0] - px, laid[ny, nx, 1] - py
-                length = np.sqrt(ax * ax + ay * ay)
-                strain = length - (rest if n % 2 == 0 else diagonal)
-                energy += strain * strain
-                pull = strain / max(length, np.float32(1e-6))
-                fx += pull * ax
-                fy += pull * ay
-                stiff += np.float32(1.0)
-                force[ny, nx, 0] -= pull * ax
-                force[ny, nx, 1] -= pull * ay
-                force[ny, nx, _STIFFNESS] += np.float32(1.0)
-            force[y, x, 0] += fx
-            force[y, x, 1] += fy
-            force[y, x, _STIFFNESS] += stiff
+        row, position = (targets[0, y], targets[1, y]), (laid[0, y], laid[1, y])
+        _anchor(row, position, inside[y], stiffness[y], sums, energies)
+        for n in range(4 if y + 1 < height else 1):
+            below, right = (0, 1) if n == 0 else (1, n - 2)
+            a, b = max(0, -right), width - max(0, right)  # pixels with a neighbour there
+            c, d = a + right, b + right
+            _stretch(
+                (laid[0, y, a:b], laid[1, y, a:b]), (laid[0, y + below, c:d], laid[1, y + below, c:d]),
+                (inside[y, a:b], inside[y + below, c:d]), rest if n % 2 == 0 else diagonal,
+                (rows[n, 0, a:b], rows[n, 1, a:b], rows[n, 2, a:b]), (sums[0][a:b], sums[1][a:b], sums[2][a:b]),
+                energies[a:b],
+            )  # fmt: skip
+        came, goes = rows[5 + y % 2], rows[5 + (y + 1) % 2]
+        _add_row(rows, came, force[y])
+        if y + 1 < height:
+            _pass_on(rows, goes)
+    energy = 0.0
+    for x in range(width):
+        energy += energies[x]
     return energy
 
 
-@kernel
+@kernel_without_overlap
+def _anchor(
+    targets: Row, position: Row, inside: NDArray[np.bool_], stiffness: NDArray[np.float32], sums: Sums,
+    energies: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Springs of a row's pixels to their targets."""
+    zero = np.float32(0)
+    for x in range(len(inside)):
+        ex, ey, k = targets[0][x] - position[0][x], targets[1][x] - position[1][x], stiffness[x]
+        here = inside[x]
+        sums[0][x] = k * ex if here else zero
+        sums[1][x] = k * ey if here else zero
+        sums[2][x] = k if here else zero
+        energies[x] += np.float64(k * (ex * ex + ey * ey)) if here else 0.0
+
+
+@kernel_without_overlap
+def _stretch(
+    here: Row, there: Row, inside: tuple[NDArray[np.bool_], NDArray[np.bool_]], rest: np.float32, forces: Sums,
+    sums: Sums, energies: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Springs from the pixels of a row to others: their forces and stiffnesses, which are added to the sums, too."""
+    zero = np.float32(0)
+    for x in range(len(energies)):
+        both = inside[0][x] & inside[1][x]
+        ax, ay = there[0][x] - here[0][x], there[1][x] - here[1][x]
+        length = np.sqrt(ax * ax + ay * ay)
+        strain = length - rest
+        pull = strain / max(length, np.float32(1e-6))
+        fx, fy, one = pull * ax if both else zero, pull * ay if both else zero, np.float32(1) if both else zero
+        forces[0][x], forces[1][x], forces[2][x] = fx, fy, one
+        sums[0][x] += fx
+        sums[1][x] += fy
+        sums[2][x] += one
+        energies[x] += np.float64(strain * strain) if both else 0.0
+
+
+@kernel_without_overlap
+def _add_row(rows: NDArray[np.float32], came: NDArray[np.float32], force: NDArray[np.float32]) -> None:
+    """The forces on a row: of the springs from the row above, from the left, and of its own springs."""
+    right, sums = rows[0], rows[4]
+    for c in range(3):
+        sign = np.float32(-1) if c < 2 else np.float32(1)
+        for x in range(force.shape[0]):
+            before = came[c, x]
+            if x > 0:
+                before += sign * right[c, x - 1]
+            force[x, c] = before + sums[c, x]
+
+
+@kernel_without_overlap
+def _pass_on(rows: NDArray[np.float32], goes: NDArray[np.float32]) -> None:
+    """The forces of a row's springs on the next row: from the left, from above, and from the right."""
+    width = goes.shape[1]
+    for c in range(3):
+        sign = np.float32(-1) if c < 2 else np.float32(1)
+        for x in range(width):
+            total = np.float32(0)
+            if x > 0:
+                total += sign * rows[3, c, x - 1]
+            total += sign * rows[2, c, x]
+            if x + 1 < width:
+                total += sign * rows[1, c, x + 1]
+            goes[c, x] = total
+
+
+@kernel_without_overlap
 def _gather(
     corners: NDArray[np.int32], within: Positions, inside: Mask, force: NDArray[np.float32], columns: int,
     total: NDArray[np.float32],
@@ -284,16 +385,24 @@ def _gather(
                 total[below + 1, c] += high * a
 
 
-@kernel
-def _steps(total: NDArray[np.float32], step: NDArray[np.float32]) -> float:
-    """Divide each corner's force by its stiffness; return the sum of squared forces."""
+@kernel_without_overlap
+def _step(total: NDArray[np.float32], shifts: NDArray[np.float32], moved: NDArray[np.float32]) -> float:
+    """Move each corner by `STEP` times its force divided by its stiffness; return the sum of squared forces.
+
+    Args:
+        total: force and stiffness of each corner, which are set to 0.
+        moved: receives the new shifts.
+    """
     result = 0.0
     for i in range(total.shape[0]):
         for j in range(total.shape[1]):
-            if total[i, j, _STIFFNESS] > 0:
-                step[i, j, 0] = total[i, j, 0] / total[i, j, _STIFFNESS]
-                step[i, j, 1] = total[i, j, 1] / total[i, j, _STIFFNESS]
-                result += total[i, j, 0] * total[i, j, 0] + total[i, j, 1] * total[i, j, 1]
+            fx, fy, stiff = total[i, j, 0], total[i, j, 1], total[i, j, _STIFFNESS]
+            moved[i, j, 0], moved[i, j, 1] = shifts[i, j, 0], shifts[i, j, 1]
+            if stiff > 0:
+                moved[i, j, 0] += np.float32(STEP) * (fx / stiff)
+                moved[i, j, 1] += np.float32(STEP) * (fy / stiff)
+                result += fx * fx + fy * fy
+            total[i, j, 0] = total[i, j, 1] = total[i, j, _STIFFNESS] = 0
     return result
 
 
