@@ -61,8 +61,8 @@ class FarmSettings(BaseModel):
     workers: int = Field(default=0, ge=0, le=256)
     """Attempts that run at once; 0: as many as the machine has processors and memory for."""
     child_workers: int | None = Field(default=None, ge=0, le=256)
-    """How many of these attempts run in processes of their own (local pool), so that they do not wait for the lock of
-    Python's interpreter; None: those beyond two, if there are processors for them."""
+    """How many of these attempts run in processes of their own (local pool), so that a crash in native code ends one
+    attempt only; None: those beyond two, if there are processors for them."""
     role: Literal["serve", "worker"] = "serve"
     """Shown to operators: whether the process answers requests, too."""
     ray_address: str = "local"

@@ -1,9 +1,8 @@
 """A runner whose orders run in a process of its own.
 
-Threads of one process share Python's interpreter lock. The method patches holds it for 11 of 44 seconds of processor
-time, so that one process keeps at most four processors busy. A pool of threads therefore runs attempts beyond the first
-ones in children: a thread of this process sends an order, passes reports on, and waits for the outcome. If a child
-crashes, for example in native code, only its attempt fails, and the next order gets a new child.
+A pool of threads runs attempts beyond the first ones in children: a thread of this process sends an order, passes
+reports on, and waits for the outcome. If a child crashes, for example in native code, only its attempt fails, and the
+next order gets a new child.
 """
 
 from __future__ import annotations
