@@ -39,12 +39,13 @@ class Cascade:
     Args:
         path: XML file of OpenCV, whose weak classifiers are stumps with upright Haar features.
 
-    Raises: OSError, ValueError.
+    Raises: OSError, ValueError, IndexError.
 
     Attributes:
         side: side of the smallest window, px.
         stumps: the weak classifiers of all stages.
         stages: int32 (n + 1,), the first stump of each stage, and their number; float32 (n,), votes that it needs.
+        corners: corners of all rectangles for a stride and a step, see `_corners`; the last few are kept.
     """
 
     def __init__(self, path: Path) -> None:
