@@ -1,4 +1,5 @@
-"""What `impasto render` begins before its imports, which keep one processor busy for half a second."""
+"""`impasto render` starts the decoder server and reads the video's thumbnails while its imports keep one processor busy
+for half a second."""
 
 from __future__ import annotations
 

@@ -20,7 +20,8 @@ FAILED = 2
 Image = tuple[NDArray[np.int32], NDArray[np.int32], int]
 """Integral images of a picture and of its squares, flat, and the number of numbers in a row of either."""
 Row = tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float64]]
-"""By window of a row, and `LANES` more: factor of its features, state. Then memory for `LANES` sums of votes."""
+"""Factors of the features of a row's windows, and the windows' states, either with `LANES` spare places; work array of
+`LANES` sums of votes."""
 Stages = tuple[NDArray[np.int32], Stumps, NDArray[np.int32], NDArray[np.float32]]
 """Corners and stumps as `add_votes` takes them, and the stages of the cascade."""
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
 from pipeline.jit import kernel, kernel_without_overlap
+from pipeline.warp.spring_forces import Planes, strain
 
 MOST_ITERATIONS = 10
 STEP = 1.4
@@ -28,14 +29,6 @@ _STIFFNESS = 2
 
 Positions = NDArray[np.float32]
 """float32 (h, w, 2): position (x, y) of each pixel of a rectangle in the target, px."""
-
-
-Planes = NDArray[np.float32]
-"""float32 (2, h, w): planes of x and y, px."""
-Row = tuple[NDArray[np.float32], NDArray[np.float32]]
-"""x and y of a row."""
-Sums = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
-"""Force along x and y, and stiffness, of a row."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +71,10 @@ class Relaxed:
     def moved(self, positions: Positions) -> Positions:
         """Move positions, float32 (h, w, 2), with the grid."""
         corners, within = self.cells(positions)
-        out = np.empty_like(positions)
-        _move(positions, corners, within, self.shifts.reshape(-1, 2), self.shifts.shape[1], out)
-        return out
+        targets = _planes(positions)
+        out = np.empty_like(targets)
+        _lay(targets, corners, within, self.shifts.reshape(-1, 2), self.shifts.shape[1], out)
+        return np.ascontiguousarray(np.moveaxis(out, 0, -1))
 
     def cells(self, positions: Positions) -> tuple[NDArray[np.int32], Positions]:
         """For each position, px: flat index of the first corner of its cell, and position (x, y) in that cell, 0..1."""
@@ -135,7 +129,7 @@ class _Laid:
         within: float32 (h, w, 2), position (x, y) in that cell, 0..1.
         positions: float32 (2, h, w), planes of the current x and y, px.
         force: float32 (h, w, 3), force on each pixel along x and y, and sum of its stiffnesses.
-        rows, energies: see `_strain`.
+        rows, energies: see `strain`.
     """
 
     sheet: Sheet
@@ -151,10 +145,13 @@ class _Laid:
     def of(cls, sheet: Sheet, grid: Relaxed) -> _Laid:
         height, width = sheet.inside.shape
         corners, within = grid.cells(sheet.targets)
-        targets = np.ascontiguousarray(np.moveaxis(sheet.targets, -1, 0), np.float32)
-        positions, force = np.empty((2, height, width), np.float32), np.empty((height, width, 3), np.float32)
+        targets, force = _planes(sheet.targets), np.empty((height, width, 3), np.float32)
         rows, energies = np.empty((7, 3, width), np.float32), np.empty(width)
-        return cls(sheet, targets, corners, within, positions, force, rows, energies)
+        return cls(sheet, targets, corners, within, np.empty_like(targets), force, rows, energies)
+
+
+def _planes(positions: Positions) -> Planes:
+    return np.ascontiguousarray(np.moveaxis(positions, -1, 0), np.float32)
 
 
 def _bounds(sheets: Sequence[Sheet]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -177,7 +174,7 @@ def _pull(
     for one in laid:
         sheet = one.sheet
         _lay(one.targets, one.corners, one.within, shifts.reshape(-1, 2), columns, one.positions)
-        energy += _strain(
+        energy += strain(
             one.positions, one.targets, sheet.inside, sheet.stiffness, np.float32(sheet.rest), one.force, one.rows,
             one.energies,
         )  # fmt: skip
@@ -212,29 +209,17 @@ def _locate(
             within[y, x, 0], within[y, x, 1] = u - np.float32(j), v - np.float32(i)
 
 
-@kernel
-def _move(
-    targets: Positions, corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32], columns: int,
-    out: Positions,
-) -> None:  # fmt: skip
-    """Move each target by the bilinear mean of the shifts at the corners of its cell; `shifts` float32 (rows * columns,
-    2)."""
-    for y in range(corners.shape[0]):
-        for x in range(corners.shape[1]):
-            first, a, b = corners[y, x], within[y, x, 0], within[y, x, 1]
-            below = first + columns
-            for c in range(2):
-                top = shifts[first, c] + a * (shifts[first + 1, c] - shifts[first, c])
-                low = shifts[below, c] + a * (shifts[below + 1, c] - shifts[below, c])
-                out[y, x, c] = targets[y, x, c] + top + b * (low - top)
-
-
 @kernel_without_overlap
 def _lay(
-    targets: NDArray[np.float32], corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32],
-    columns: int, out: NDArray[np.float32],
+    targets: Planes, corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32], columns: int,
+    out: Planes,
 ) -> None:  # fmt: skip
-    """`_move` for targets and results that are planes of x and y, float32 (2, h, w)."""
+    """Move each target by the bilinear mean of the shifts at the corners of its cell.
+
+    Args:
+        targets, out: float32 (2, h, w).
+        shifts: float32 (rows * columns, 2).
+    """
     for y in range(corners.shape[0]):
         for x in range(corners.shape[1]):
             first, a, b = corners[y, x], within[y, x, 0], within[y, x, 1]
@@ -253,115 +238,6 @@ def _bound(targets: Positions, inside: Mask, ends: NDArray[np.float32]) -> None:
                 for c in range(2):
                     ends[c] = min(ends[c], targets[y, x, c])
                     ends[2 + c] = max(ends[2 + c], targets[y, x, c])
-
-
-@kernel_without_overlap
-def _strain(
-    laid: Planes, targets: Planes, inside: Mask, stiffness: Plane, rest: np.float32, force: NDArray[np.float32],
-    rows: NDArray[np.float32], energies: NDArray[np.float64],
-) -> float:  # fmt: skip
-    """Compute each pixel's force (half of -dE/dx) and sum of stiffnesses; return the energy.
-
-    Each neighbour spring is visited once, from the first of its pixels in scan order: to the right, and to the three
-    neighbours below. A row is visited direction by direction, so that the compiler vectorises the loops.
-
-    Args:
-        force: float32 (h, w, 3), receives the forces.
-        rows: work array, float32 (7, 3, w): the forces of a row's springs by direction, their sums, and twice the
-            forces that a row passes on to the next.
-        energies: work array, float64 (w,), energy of each column.
-    """
-    height, width = inside.shape
-    diagonal = rest * np.float32(1.4142135)
-    sums = rows[4, 0], rows[4, 1], rows[4, 2]
-    rows[5], energies[:] = 0, 0
-    for y in range(height):
-        row, position = (targets[0, y], targets[1, y]), (laid[0, y], laid[1, y])
-        _anchor(row, position, inside[y], stiffness[y], sums, energies)
-        for n in range(4 if y + 1 < height else 1):
-            below, right = (0, 1) if n == 0 else (1, n - 2)
-            a, b = max(0, -right), width - max(0, right)  # pixels with a neighbour there
-            c, d = a + right, b + right
-            _stretch(
-                (laid[0, y, a:b], laid[1, y, a:b]), (laid[0, y + below, c:d], laid[1, y + below, c:d]),
-                (inside[y, a:b], inside[y + below, c:d]), rest if n % 2 == 0 else diagonal,
-                (rows[n, 0, a:b], rows[n, 1, a:b], rows[n, 2, a:b]), (sums[0][a:b], sums[1][a:b], sums[2][a:b]),
-                energies[a:b],
-            )  # fmt: skip
-        came, goes = rows[5 + y % 2], rows[5 + (y + 1) % 2]
-        _add_row(rows, came, force[y])
-        if y + 1 < height:
-            _pass_on(rows, goes)
-    energy = 0.0
-    for x in range(width):
-        energy += energies[x]
-    return energy
-
-
-@kernel_without_overlap
-def _anchor(
-    targets: Row, position: Row, inside: NDArray[np.bool_], stiffness: NDArray[np.float32], sums: Sums,
-    energies: NDArray[np.float64],
-) -> None:  # fmt: skip
-    """Springs of a row's pixels to their targets."""
-    zero = np.float32(0)
-    for x in range(len(inside)):
-        ex, ey, k = targets[0][x] - position[0][x], targets[1][x] - position[1][x], stiffness[x]
-        here = inside[x]
-        sums[0][x] = k * ex if here else zero
-        sums[1][x] = k * ey if here else zero
-        sums[2][x] = k if here else zero
-        energies[x] += np.float64(k * (ex * ex + ey * ey)) if here else 0.0
-
-
-@kernel_without_overlap
-def _stretch(
-    here: Row, there: Row, inside: tuple[NDArray[np.bool_], NDArray[np.bool_]], rest: np.float32, forces: Sums,
-    sums: Sums, energies: NDArray[np.float64],
-) -> None:  # fmt: skip
-    """Springs from the pixels of a row to others: their forces and stiffnesses, which are added to the sums, too."""
-    zero = np.float32(0)
-    for x in range(len(energies)):
-        both = inside[0][x] & inside[1][x]
-        ax, ay = there[0][x] - here[0][x], there[1][x] - here[1][x]
-        length = np.sqrt(ax * ax + ay * ay)
-        strain = length - rest
-        pull = strain / max(length, np.float32(1e-6))
-        fx, fy, one = pull * ax if both else zero, pull * ay if both else zero, np.float32(1) if both else zero
-        forces[0][x], forces[1][x], forces[2][x] = fx, fy, one
-        sums[0][x] += fx
-        sums[1][x] += fy
-        sums[2][x] += one
-        energies[x] += np.float64(strain * strain) if both else 0.0
-
-
-@kernel_without_overlap
-def _add_row(rows: NDArray[np.float32], came: NDArray[np.float32], force: NDArray[np.float32]) -> None:
-    """The forces on a row: of the springs from the row above, from the left, and of its own springs."""
-    right, sums = rows[0], rows[4]
-    for c in range(3):
-        sign = np.float32(-1) if c < 2 else np.float32(1)
-        for x in range(force.shape[0]):
-            before = came[c, x]
-            if x > 0:
-                before += sign * right[c, x - 1]
-            force[x, c] = before + sums[c, x]
-
-
-@kernel_without_overlap
-def _pass_on(rows: NDArray[np.float32], goes: NDArray[np.float32]) -> None:
-    """The forces of a row's springs on the next row: from the left, from above, and from the right."""
-    width = goes.shape[1]
-    for c in range(3):
-        sign = np.float32(-1) if c < 2 else np.float32(1)
-        for x in range(width):
-            total = np.float32(0)
-            if x > 0:
-                total += sign * rows[3, c, x - 1]
-            total += sign * rows[2, c, x]
-            if x + 1 < width:
-                total += sign * rows[1, c, x + 1]
-            goes[c, x] = total
 
 
 @kernel_without_overlap

@@ -1,4 +1,4 @@
-"""What `impasto render` begins before its imports: the thumbnails of the right file."""
+"""`impasto render` reads thumbnails while it imports its modules: those of the right file."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ class DecoderServer:
 
 
 SERVER = DecoderServer()
-"""That of this process."""
+"""The decoder server of this process."""
 
 
 def start_decoder_server() -> None:
