@@ -14,8 +14,9 @@ from pipeline.video.guard.decoder_process import DecoderProcess
 from pipeline.video.guard.reader import FOREVER, GuardedReader
 from pipeline.video.guard.wire import Message
 
-NICENESS = 10
-"""Added to the niceness of the decoder, so that it takes no time from the start of the command."""
+NICENESS = 5
+"""Added to the niceness of the decoder, so that it takes little time from the start of the command. More would delay it
+on a machine that is busy with other work."""
 _MOST_ANSWERS = 128
 """Answers that wait, each of 16 thumbnails: 14 MB; the decoder waits when there are more."""
 _CHECK_S = 0.2
