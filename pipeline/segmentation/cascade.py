@@ -27,7 +27,9 @@ _TOLERANCE = np.float32(1e-5)
 _STRIDES_PX = 64
 """Rows of integral images are multiples of this long, so that the corners of features are seldom computed anew."""
 _CORNERS_KEPT = 16
+"""Number of tables of corners, for different rows and steps, that a cascade keeps."""
 _STRIPE_PX = 32
+"""Columns of windows for each stripe of rows into which OpenCV divides a search."""
 
 Window = tuple[int, int, int, int]
 """Left, top, width and height, px."""

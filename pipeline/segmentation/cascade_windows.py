@@ -12,10 +12,9 @@ from pipeline.segmentation.stump_votes import Stumps, add_votes
 
 FLAT = 0.1
 """1 / standard deviation of a window's gray levels, from which on it is too flat to be tested."""
-REJECTED, TESTED = 0, 1
-"""States of a window: to be left out; in the test. Between the stages it is also `FAILED`."""
-FAILED = 2
-"""State of a window that the first stage has just rejected."""
+REJECTED, TESTED, FAILED = 0, 1, 2
+"""States of a window: no further stage tests it; the next stage tests it; the first stage has just rejected it, and the
+next window of the row must be rejected with it."""
 
 Image = tuple[NDArray[np.int32], NDArray[np.int32], int]
 """Integral images of a picture and of its squares, flat, and the number of numbers in a row of either."""
@@ -92,8 +91,8 @@ def search(image: Image, area: tuple[int, int, int, int], stages: Stages, row: R
 
 @kernel_without_overlap
 def _normalise(image: Image, area: tuple[int, int, int, int], y: int, windows: int, row: Row) -> None:
-    """Factors of the windows of a row, 1 / (pixels * standard deviation), without their outermost pixels; and which are
-    not flat."""
+    """Compute the factors of the windows of a row, 1 / (pixels * standard deviation), from all but their outermost
+    pixels, and reject the windows that are too flat."""
     sums, squares, stride = image
     factors, states, _ = row
     step, side = area[2:]
