@@ -2,10 +2,13 @@
 
 An edge in a video is several pixels wide, and its pixels are mixtures of the colours on both sides. Segmentation makes
 thin regions of them, so that an edge is drawn as a staircase of two or three small steps. Here each row and each column
-of such a region is divided between its two neighbours, in proportion to the mixture: the border then lies where a sharp
-edge of the same mean colour would lie. Thin regions of a colour that is no mixture, such as a lip or a wire, are kept.
-So are rows or columns that are divided along a short piece of an edge only: with undivided ones above and below, they
-would be teeth, which change from frame to frame.
+of such regions is divided between the two regions beside them, in proportion to the mixture: the border then lies where
+a sharp edge of the same mean colour would lie. Thin regions of a colour that is no mixture, such as a lip or a wire,
+are kept.
+
+Rows that are divided between others that are not, or the reverse, would be teeth, which change from frame to frame.
+Along an edge that is about as wide as the limit, the majority of the rows nearby therefore decides, and rows that are
+divided along a short piece of an edge only are left as they are.
 
 Departure: this is not part of zhang2011online, whose frames have 352 x 288 px.
 """
@@ -21,19 +24,35 @@ from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Means
 
-_LONGEST_CHAIN = 3
+_USUAL_CHAIN = 3
 """Largest total extent of adjacent thin regions that are divided together, relative to that of one region."""
+_WIDE_REGION, _WIDE_CHAIN = 5 / 3, 4.5
+"""Largest extent of one region, and of adjacent ones, relative to the same, where the majority of the rows is within
+the usual limits."""
 _LEAST_SHARE = np.float32(0.06)
 """A mixture has at least this share of either colour; otherwise the region is one of the two itself."""
 _LARGEST_DEVIATION = np.float32(0.3)
 """Largest distance of a mixture from the straight line between the two colours, relative to their distance."""
 _SHORTEST_PIECE = 4.5
 """Smallest number of adjacent rows or columns that are divided, relative to the largest extent of a thin region."""
+_VOTE, _MEMORY = 256, 16
+"""Vote of a row for dividing; number of rows, in each direction, over which votes are averaged."""
 _UNDIVIDED = 255
 """Length of a pixel that is not divided."""
+_SPLIT, _USUAL, _WIDE = 0, 1, 2
+"""Kinds of spans: parts of a chain that is no mixture or too wide, which do not vote; a chain within the usual limits,
+which votes for dividing; a wider one, which votes against it."""
 
+SPAN = np.dtype([("begin", "<i4"), ("end", "<i4"), ("border", "<i4"), ("kind", "<i4")])
+"""Pixels [begin, end) of a row, of which those before `border` join the region on the left."""
+Spans = NDArray[np.void]
+"""SPAN (n,), row after row, from left to right."""
+Firsts = NDArray[np.int32]
+"""int32 (rows + 1,), index of the first span of each row."""
 Lengths = NDArray[np.uint8]
 """uint8 (h, w): extent of the adjacent thin regions that were divided at a pixel, px, or `_UNDIVIDED`."""
+Limits = tuple[int, int, int, int]
+"""Largest extents, px: of a region and of a chain; of a region and of a chain where the majority is within these."""
 
 
 def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
@@ -42,91 +61,218 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
     Args:
         labels: int32 (h, w).
         means: float32 (labels, 3), mean colour of each region in 8-bit CIELAB.
-        widest_px: largest extent of a divided row or column of a region, px; regions side by side that are mixtures of
-            the same two colours may have three times that extent together. 0 returns `labels` itself.
+        widest_px: usual largest extent of a divided row or column of a region, px; regions side by side that are
+            mixtures of the same two colours may have three times that extent together. 0 returns `labels` itself.
     """
     if widest_px <= 0:
         return labels
-    widest_px = min(widest_px, (_UNDIVIDED - 1) // _LONGEST_CHAIN)
-    shortest = min(round(_SHORTEST_PIECE * widest_px), _UNDIVIDED)
-    across, widths = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
-    _divide_rows(labels, means, widest_px, across, widths)
-    _undo_short_pieces(widths, shortest)
-    down, heights = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
-    _divide_columns(labels, means, widest_px, down, heights)
-    turned = np.asarray(cv2.transpose(heights), np.uint8)
-    _undo_short_pieces(turned, shortest)
-    heights = np.asarray(cv2.transpose(turned), np.uint8)
-    out = labels.copy()
-    _take_shorter(across, widths, down, heights, out)
-    _remove_ticks(out, np.minimum(widths, heights))
+    widest_px = min(widest_px, int((_UNDIVIDED - 1) / _WIDE_CHAIN))
+    out, lengths = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
+    _divide(labels, means, widest_px, out, lengths)
+    turned = np.asarray(cv2.transpose(labels), np.int32)
+    _divide(turned, means, widest_px, out.T, lengths.T)
+    _remove_ticks(out, lengths)
     return out
 
 
-@kernel
-def _undo_short_pieces(lengths: Lengths, shortest: int) -> None:
-    """Mark divided pixels as undivided where fewer than `shortest` adjacent rows are divided, in place.
+def _divide(labels: Labels, means: Means, widest_px: int, out: Labels, lengths: Lengths) -> None:
+    """Divide the thin regions of each row, in `out`, where `lengths` has no shorter extent yet."""
+    limits = widest_px, _USUAL_CHAIN * widest_px, round(_WIDE_REGION * widest_px), int(_WIDE_CHAIN * widest_px)
+    spans, firsts = _find_spans(labels, means, limits)
+    spans, firsts = _follow_majority(labels, means, limits, spans, firsts)
+    _write(labels, spans, firsts, round(_SHORTEST_PIECE * widest_px), out, lengths)
 
-    Rows are adjacent where their divided pixels touch, also diagonally, or where a single row lies between them.
-    """
-    height, width = lengths.shape
-    above = np.zeros((height, width), np.uint8)  # adjacent divided rows down to this one
-    below = np.zeros((height, width), np.uint8)  # the same from the other side
-    divided, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
-    runs, ends = np.empty((height * (width // 2 + 1), 2), np.int32), np.empty(height + 1, np.int32)
+
+@kernel
+def _find_spans(labels: Labels, means: Means, limits: Limits) -> tuple[Spans, Firsts]:
+    """The spans of all rows that may be divided: chains of thin regions that are mixtures, or parts of them."""
+    height, width = labels.shape
+    wide = limits[2]
+    changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
+    spans, firsts = np.empty(height * (width // 2 + 1), SPAN), np.empty(height + 1, np.int32)
     count = 0
     for y in range(height):
-        ends[y] = count
-        for x in range(width):  # this vectorises
-            divided[x] = lengths[y, x] != _UNDIVIDED
-        used = nonzero_positions(divided, places)
-        for k in range(used):
-            if k == 0 or places[k] != places[k - 1] + 1:
-                runs[count, 0] = places[k]
-                count += 1
-            runs[count - 1, 1] = places[k] + 1
-        _count_rows(runs[ends[y] : count], above[max(y - 1, 0)], above[max(y - 2, 0)], above[y])
-    ends[height] = count
-    for y in range(height - 1, -1, -1):
-        row = runs[ends[y] : ends[y + 1]]
-        _count_rows(row, below[min(y + 1, height - 1)], below[min(y + 2, height - 1)], below[y])
-        for k in range(len(row)):
-            start, stop = row[k]
-            if np.int32(above[y, start]) + np.int32(below[y, start]) - 1 < shortest:
-                lengths[y, start:stop] = _UNDIVIDED
+        firsts[y] = count
+        row = labels[y]
+        for x in range(1, width):  # this vectorises
+            changes[x] = row[x] != row[x - 1]
+        start = 0  # of the region before the next change
+        chain = -1  # first pixel of the thin regions since the last wide one; -1 = the row's first region
+        for x in places[: nonzero_positions(changes, places)]:
+            if chain < 0 or x - start > wide:
+                if 0 < chain < start:
+                    count = _add_chain(row, chain, start, means, limits, spans, count)
+                chain = x
+            start = x
+        if 0 < chain < start:
+            count = _add_chain(row, chain, start, means, limits, spans, count)
+    firsts[height] = count
+    return spans, firsts
 
 
 @kernel
-def _count_rows(
-    runs: NDArray[np.int32], near: NDArray[np.uint8], far: NDArray[np.uint8], out: NDArray[np.uint8]
-) -> None:
-    """For each run [start, stop) of divided pixels of a row, write the number of adjacent rows up to it to `out`.
+def _add_chain(
+    row: NDArray[np.int32], begin: int, end: int, means: Means, limits: Limits, spans: Spans, count: int
+) -> int:
+    """Append the thin regions [begin, end) of a row as one span, or as its parts; returns the new number of spans."""
+    region, chain, _, wide_chain = limits
+    kind = _USUAL if end - begin <= chain else _WIDE
+    start = begin
+    for x in range(begin + 1, end + 1):
+        if row[x] != row[x - 1]:
+            if x - start > region:
+                kind = _WIDE
+            start = x
+    border = _border(row, begin, end, means) if end - begin <= wide_chain else -1
+    if border >= 0:
+        return _add(spans, count, begin, end, border, kind)
+    return count if kind == _USUAL else _add_parts(row, begin, end, means, limits, spans, count)
 
-    `near` and `far`: those numbers for the row before and for the row before that; 0 where nothing is divided.
+
+@kernel
+def _add_parts(
+    row: NDArray[np.int32], begin: int, end: int, means: Means, limits: Limits, spans: Spans, count: int
+) -> int:
+    """Append the parts of [begin, end) between regions that are wider than usual, unless they are no mixtures."""
+    region, chain = limits[0], limits[1]
+    start = part = begin
+    for x in range(begin + 1, end + 1):
+        if row[x] == row[x - 1]:
+            continue
+        wide = x - start > region
+        stop = start if wide else x
+        if (wide or x == end) and part < stop <= part + chain:
+            border = _border(row, part, stop, means)
+            if border >= 0:
+                count = _add(spans, count, part, stop, border, _SPLIT)
+        if wide:
+            part = x
+        start = x
+    return count
+
+
+@kernel
+def _add(spans: Spans, count: int, begin: int, end: int, border: int, kind: int) -> int:
+    spans[count]["begin"], spans[count]["end"] = begin, end
+    spans[count]["border"], spans[count]["kind"] = border, kind
+    return count + 1
+
+
+@kernel
+def _border(row: NDArray[np.int32], begin: int, end: int, means: Means) -> int:
+    """Place that divides pixels [begin, end) of a row between the regions beside them; -1 if one is no mixture."""
+    one, two = row[begin - 1], row[end]
+    first, share = np.float32(0), np.float32(0)
+    for x in range(begin, end):
+        if x == begin or row[x] != row[x - 1]:
+            share = _share(means, one, row[x], two)
+        if share < 0:
+            return -1
+        first += np.float32(1) - share
+    return begin + int(np.rint(first))
+
+
+@kernel
+def _share(means: Means, one: int, between: int, two: int) -> np.float32:
+    """Share of the colour `two` in the mixture `between` of `one` and `two`; -1 = it is no mixture of them."""
+    square = along = off = np.float32(0)
+    for c in range(3):
+        span, part = means[two, c] - means[one, c], means[between, c] - means[one, c]
+        square += span * span
+        along += span * part
+        off += part * part
+    share = along / max(square, np.float32(1))
+    mixed = _LEAST_SHARE <= share <= np.float32(1) - _LEAST_SHARE
+    if not mixed or off - along * share > _LARGEST_DEVIATION * _LARGEST_DEVIATION * square:
+        return np.float32(-1)
+    return share
+
+
+@kernel
+def _follow_majority(
+    labels: Labels, means: Means, limits: Limits, spans: Spans, firsts: Firsts
+) -> tuple[Spans, Firsts]:
+    """The spans after the vote. Where dividing loses, a usual span is left out, and a wide one replaced by its parts.
+
+    The vote of a span counts less with each row between. Rows are adjacent as in `_write`.
     """
-    for k in range(len(runs)):
-        start, stop = runs[k]
-        left, right = max(start - 1, 0), min(stop + 1, out.size)
-        most = 0
-        for x in range(left, right):
-            most = max(most, int(near[x]))
-        if most == 0:
-            for x in range(left, right):
-                most = max(most, int(far[x]))
-        out[start:stop] = np.uint8(min(most + 1, 254))
+    height, count = len(firsts) - 1, firsts[-1]
+    above, below = np.empty(count, np.int32), np.empty(count, np.int32)  # mean votes up to the row, from either side
+    for y in range(height):
+        _average_votes(spans, firsts, y, -1, above)
+    for y in range(height - 1, -1, -1):
+        _average_votes(spans, firsts, y, 1, below)
+    out, starts = np.empty_like(spans), np.empty(height + 1, np.int32)
+    used = 0
+    for y in range(height):
+        starts[y] = used
+        for k in range(firsts[y], firsts[y + 1]):
+            span = spans[k]
+            if span["kind"] == _SPLIT or above[k] + below[k] >= _VOTE:
+                out[used] = span
+                used += 1
+            elif span["kind"] == _WIDE:
+                used = _add_parts(labels[y], span["begin"], span["end"], means, limits, out, used)
+    starts[height] = used
+    return out, starts
 
 
 @kernel
-def _take_shorter(across: Labels, widths: Lengths, down: Labels, heights: Lengths, out: Labels) -> None:
-    """Write the divided rows, `across`, and columns, `down`, to `out`; where both divide a pixel, the shorter one."""
-    height, width = out.shape
-    divided, places = np.zeros(width, np.uint8), np.empty(width, np.int32)
+def _average_votes(spans: Spans, firsts: Firsts, y: int, step: int, means: NDArray[np.int32]) -> None:
+    """Write the running mean of the votes of adjacent rows for each span of row `y`; `step` leads to the row before."""
+    for k in range(firsts[y], firsts[y + 1]):
+        kind = spans[k]["kind"]
+        if kind == _SPLIT:
+            means[k] = -1
+            continue
+        vote = _VOTE if kind == _USUAL else 0
+        before = _most_adjacent(spans, firsts, k, y, step, means)
+        means[k] = vote if before < 0 else ((_MEMORY - 1) * before + vote + _MEMORY // 2) // _MEMORY
+
+
+@kernel
+def _most_adjacent(spans: Spans, firsts: Firsts, k: int, y: int, step: int, values: NDArray[np.int32]) -> int:
+    """Largest value of the spans that touch span `k` of row `y`, also diagonally, in the row before, or else in the one
+    before that; -1 = there are none."""
+    begin, end = spans[k]["begin"], spans[k]["end"]
+    most = -1
+    for other in (y + step, y + 2 * step):
+        if most < 0 and 0 <= other < len(firsts) - 1:
+            low, high = firsts[other], firsts[other + 1]
+            while low < high:  # the first span that does not end before this one
+                middle = (low + high) // 2
+                if spans[middle]["end"] < begin:
+                    low = middle + 1
+                else:
+                    high = middle
+            while low < firsts[other + 1] and spans[low]["begin"] <= end:
+                most = max(most, int(values[low]))
+                low += 1
+    return most
+
+
+@kernel
+def _write(labels: Labels, spans: Spans, firsts: Firsts, shortest: int, out: Labels, lengths: Lengths) -> None:
+    """Write the divided rows to `out`, where they are shorter than `lengths`.
+
+    Rows of a piece of fewer than `shortest` adjacent ones are not divided.
+    Rows are adjacent where their spans touch, also diagonally, or where a single row lies between them.
+    """
+    height, count = len(firsts) - 1, firsts[-1]
+    above, below = np.empty(count, np.int32), np.empty(count, np.int32)  # adjacent rows up to this one
     for y in range(height):
-        row, column = widths[y], heights[y]
-        for x in range(width):  # this vectorises
-            divided[x] = min(row[x], column[x]) != _UNDIVIDED
-        for x in places[: nonzero_positions(divided, places)]:
-            out[y, x] = down[y, x] if column[x] < row[x] else across[y, x]
+        for k in range(firsts[y], firsts[y + 1]):
+            above[k] = max(_most_adjacent(spans, firsts, k, y, -1, above), 0) + 1
+    for y in range(height - 1, -1, -1):
+        for k in range(firsts[y], firsts[y + 1]):
+            below[k] = max(_most_adjacent(spans, firsts, k, y, 1, below), 0) + 1
+            if above[k] + below[k] - 1 < shortest:
+                continue
+            begin, end, border = spans[k]["begin"], spans[k]["end"], spans[k]["border"]
+            for x in range(begin, end):
+                if end - begin < lengths[y, x]:
+                    lengths[y, x] = end - begin
+                    out[y, x] = labels[y, begin - 1] if x < border else labels[y, end]
 
 
 @kernel
@@ -148,95 +294,3 @@ def _remove_ticks(out: Labels, lengths: Lengths) -> None:
                 row[x] = row[x - 1]
             elif along:
                 row[x] = above[x]
-
-
-@kernel
-def _divide_rows(labels: Labels, means: Means, widest: int, out: Labels, lengths: Lengths) -> None:
-    """Divide the thin regions of each row; `lengths` receives the total extent of adjacent divided regions."""
-    height, width = labels.shape
-    changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
-    for y in range(height):
-        row = labels[y]
-        for x in range(1, width):  # this vectorises
-            changes[x] = row[x] != row[x - 1]
-        count = nonzero_positions(changes, places)
-        start = 0  # of the run before the next change
-        chain = -1  # first pixel of the thin regions since the last wide one; -1 = the row's first region
-        for k in range(count):
-            if chain < 0 or places[k] - start > widest:
-                if 0 < chain < start:
-                    _divide_chain(row, chain, start, means, widest, out[y], lengths[y])
-                chain = places[k]
-            start = places[k]
-        if 0 < chain < start:
-            _divide_chain(row, chain, start, means, widest, out[y], lengths[y])
-
-
-@kernel
-def _divide_columns(labels: Labels, means: Means, widest: int, out: Labels, lengths: Lengths) -> None:
-    """Divide the columns, like `_divide_rows`. All columns are processed together, from top to bottom."""
-    height, width = labels.shape
-    changes, places = np.zeros(width, np.uint8), np.empty(width + 1, np.int32)
-    starts, chains = np.zeros(width, np.int32), np.full(width, -1, np.int32)
-    for y in range(1, height):
-        row, above = labels[y], labels[y - 1]
-        for x in range(width):  # this vectorises
-            changes[x] = row[x] != above[x]
-        for x in places[: nonzero_positions(changes, places)]:
-            if chains[x] < 0 or y - starts[x] > widest:
-                if 0 < chains[x] < starts[x]:
-                    _divide_chain(labels[:, x], chains[x], starts[x], means, widest, out[:, x], lengths[:, x])
-                chains[x] = y
-            starts[x] = y
-    for x in range(width):
-        if 0 < chains[x] < starts[x]:
-            _divide_chain(labels[:, x], chains[x], starts[x], means, widest, out[:, x], lengths[:, x])
-
-
-@kernel
-def _divide_chain(
-    line: NDArray[np.int32], begin: int, end: int, means: Means, widest: int, out: NDArray[np.int32],
-    lengths: Lengths,
-) -> None:  # fmt: skip
-    """Divide the thin regions of pixels [begin, end) of a line, unless their total extent is too large."""
-    if end - begin <= _LONGEST_CHAIN * widest:
-        _divide(line, begin, end, means, out, lengths)
-
-
-@kernel
-def _divide(
-    line: NDArray[np.int32], begin: int, end: int, means: Means, out: NDArray[np.int32], lengths: Lengths
-) -> None:
-    """Divide pixels [begin, end) of a line between the regions beside them, unless one is no mixture of these.
-
-    Pixels of a shorter extent in the other direction are left out.
-    """
-    one, two = line[begin - 1], line[end]
-    first, share = np.float32(0), np.float32(0)
-    for x in range(begin, end):
-        if x == begin or line[x] != line[x - 1]:
-            share = _share(means, one, line[x], two)
-        if share < 0:
-            return
-        first += np.float32(1) - share
-    border = begin + int(np.rint(first))
-    for x in range(begin, end):
-        if end - begin < lengths[x]:
-            out[x] = one if x < border else two
-            lengths[x] = end - begin
-
-
-@kernel
-def _share(means: Means, one: int, between: int, two: int) -> np.float32:
-    """Share of the colour `two` in the mixture `between` of `one` and `two`; -1 = it is no mixture of them."""
-    square = along = off = np.float32(0)
-    for c in range(3):
-        span, part = means[two, c] - means[one, c], means[between, c] - means[one, c]
-        square += span * span
-        along += span * part
-        off += part * part
-    share = along / max(square, np.float32(1))
-    mixed = _LEAST_SHARE <= share <= np.float32(1) - _LEAST_SHARE
-    if not mixed or off - along * share > _LARGEST_DEVIATION * _LARGEST_DEVIATION * square:
-        return np.float32(-1)
-    return share

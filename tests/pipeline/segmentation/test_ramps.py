@@ -47,6 +47,19 @@ def test_a_wide_edge_of_many_mixtures_is_divided_as_a_whole_or_not_at_all() -> N
     np.testing.assert_array_equal(divide_ramps(wide, four, 3), wide)
 
 
+@pytest.mark.parametrize(("most", "others", "divided"), [(3, 5, True), (5, 3, False)])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_the_majority_of_the_rows_along_an_edge_decides(
+    most: int, others: int, divided: bool, transposed: bool
+) -> None:
+    """Single rows of another extent are no teeth: 5 px are too wide for a limit of 3, unless most rows have less."""
+    rows = [stripes(10, others if y % 4 == 1 else most, 20, height=1)[0, :30] for y in range(60)]
+    labels = np.ascontiguousarray(np.array(rows).T if transposed else rows)
+    out = divide_ramps(labels, means_of(DARK, (130, 128, 128), LIGHT), 3)
+    kept = (out == 2).any(axis=0 if transposed else 1)
+    assert set(kept) == {not divided}
+
+
 @pytest.mark.parametrize(
     "means",
     [means_of(LIGHT, DARK, LIGHT), means_of(DARK, RED, LIGHT), means_of(LIGHT, DARK, (180, 128, 128))],
