@@ -81,7 +81,7 @@ def test_two_farms_share_the_work_and_give_the_bytes_of_one(
     assert len(doers) == 2, "both have worked"
 
 
-@pytest.mark.parametrize("seed", [7, 8])
+@pytest.mark.parametrize("seed", [1, 4])
 def test_injected_faults_in_every_component_lose_no_work(
     real: FarmSettings, tmp_path: Path, expected: list[bytes], postgres: Postgres, s3: Swift, seed: int
 ) -> None:

@@ -6,6 +6,7 @@ The painter keeps at most the few previous paintings of temporal accumulation.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -35,6 +36,7 @@ from pipeline.methods.multistyle.styles import (
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.face_contrast import raise_contrast
+from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker, moved
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
@@ -61,6 +63,34 @@ BROAD_SIGMA, BROAD_WEIGHT = 6.0, 0.15
 to a clear edge."""
 DEFAULT_WEIGHT = 0.012
 """Weight of the default direction relative to a clear edge."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the analyzer finds in a frame before it places strokes.
+
+    Attributes:
+        frame: uint8 (h, w, 3).
+        picture: uint8 (h', w', 3), the denoised picture at the working size.
+        field: float32 (2, h", w"), the orientation field.
+        motion: None = a shot begins.
+        changed: bool (h', w'), see `FrameMotion`.
+        detail: float32, a grid over the frame, 0..1; None = 0.
+        features: float32, a grid over the frame, 0..1: eyes and mouths; None = none.
+        faces: the faces of the frame.
+        values, style: parameters of the style, and those of the layers.
+    """
+
+    frame: Frame
+    picture: Frame
+    field: OrientationField
+    motion: FrameMotion | None
+    changed: Mask | None
+    detail: Plane | None
+    features: Plane | None
+    faces: Faces
+    values: Values
+    style: LayerStyle
 
 
 class StrokeAnalyzer:
@@ -104,42 +134,54 @@ class StrokeAnalyzer:
             frame: uint8 (h, w, 3).
             placed: regions of the design in this frame; None = no design.
         """
+        return self.place_strokes(self.observe(frame, placed))
+
+    def observe(self, frame: Frame, placed: RegionPlacement | None = None) -> Observation:
+        """The first half of `step`. It uses no state of `place_strokes`, which may work on the previous frames in
+        another thread at the same time."""
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         forward, back = self._flow(gray, fresh)
+        self.gray = gray
         detail = self._detail(frame, gray, forward, fresh)
         attention, features = self._attention(detail is not None)
+        faces = self.importance.faces.copy()
         with self.clock("denoise"):
             picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, attention)
-            raise_contrast(picture, self.importance.faces, self.size)
+            raise_contrast(picture, faces, self.size)
         changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
         with self.clock("style"):
             values = self._values(placed)
             style = layer_style(values, detail, min(self.size))
         motion = None if forward is None or back is None else FrameMotion(forward, back, changed)
-        with self.clock("strokes"):
-            layers = self.strokes.step(picture, style, motion, detail, self.number)
-            layers += self._on_faces(frame, style, motion)
-        self.gray, self.number = gray, self.number + 1
-        field16 = to_half(field.transpose(1, 2, 0))
-        technique = {name: self._stored(values, name) for name in PIXEL_FIELDS}
-        rims = self.rims.step(picture, back, changed) if np.max(values["paper"]) > 0 else None
-        flow16 = None if back is None else _coarse(back)
-        features16 = None if features is None else to_half(features)
-        return StrokeAnalysis(self.number, picture, field16, layers, flow16, technique, rims, features16)
+        return Observation(frame, picture, field, motion, changed, detail, features, faces, values, style)
 
-    def _on_faces(self, frame: Frame, style: LayerStyle, motion: FrameMotion | None) -> tuple[StrokeLayer, ...]:
+    def place_strokes(self, seen: Observation) -> StrokeAnalysis:
+        """The second half of `step`. Observations come in the order of their frames."""
+        back = None if seen.motion is None else seen.motion.back
+        with self.clock("strokes"):
+            layers = self.strokes.step(seen.picture, seen.style, seen.motion, seen.detail, self.number)
+            layers += self._on_faces(seen)
+        self.number += 1
+        field16 = to_half(seen.field.transpose(1, 2, 0))
+        technique = {name: self._stored(seen.values, name) for name in PIXEL_FIELDS}
+        rims = self.rims.step(seen.picture, back, seen.changed) if np.max(seen.values["paper"]) > 0 else None
+        flow16 = None if back is None else _coarse(back)
+        features16 = None if seen.features is None else to_half(seen.features)
+        return StrokeAnalysis(self.number, seen.picture, field16, layers, flow16, technique, rims, features16)
+
+    def _on_faces(self, seen: Observation) -> tuple[StrokeLayer, ...]:
         """The layer of fine strokes on faces, if there are any."""
-        faces = self.importance.faces
+        frame, faces, motion = seen.frame, seen.faces, seen.motion
         if len(faces):
             frame, faces = frame.copy(), faces.copy()
             raise_contrast(frame, faces, self.size)
             faces["strength"] *= self.params.face_detail
         forward, revealed = (None, None) if motion is None else (motion.forward, self.strokes.revealed(motion))
         birth = 0 if self.params.temporal == "off" else self.number
-        layer = self.face_layer.step(frame, faces, style, forward, revealed, birth)
+        layer = self.face_layer.step(frame, faces, seen.style, forward, revealed, birth)
         return () if layer is None else (layer,)
 
     def _values(self, placed: RegionPlacement | None) -> Values:

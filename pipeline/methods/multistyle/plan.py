@@ -14,15 +14,19 @@ result is the same, byte for byte, as that of one session over the whole video.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import pairwise
 
 from pipeline.arrays import Arrays, State, part
+from pipeline.frames import Frame
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.multistyle import region_maps
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
-from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
+from pipeline.methods.multistyle.analyzer import Observation, StrokeAnalyzer
 from pipeline.methods.multistyle.design import Design, parse
+from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.orientation_picture import DIRECTIONS, archive, orientation_picture
 from pipeline.methods.multistyle.painter import Painter, accumulated_frames
@@ -37,6 +41,8 @@ LONG_SHOT_RUNS = 20
 BEHIND = 4
 """Runs that are analysed before the first one is painted, if workers are free for either. So the analyses that wait are
 few, and at the end enough is left to paint for several workers."""
+OBSERVED_AHEAD = 1
+"""Frames that are observed before their strokes are placed."""
 ANALYSIS_SHARE = 0.35
 """Cost of the analysis of a frame as a fraction of analysis and painting."""
 
@@ -119,8 +125,8 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     placed = region_maps.placed(design, task, context)
     kept: State = {}
     count = 0
-    for frame in context.frames("video", start, stop):
-        analysis = analyzer.step(frame, placed(start + count))
+    for seen in _observed(analyzer, context.frames("video", start, stop), map(placed, range(start, stop))):
+        analysis = analyzer.place_strokes(seen)
         kept |= {f"{count}.{name}": array for name, array in analysis.pack().items()}
         count += 1
         context.progress(count / (stop - start))
@@ -133,6 +139,20 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     if analyzer.design is None:
         return {"frames": count}
     return {"frames": count, "laplace_residual": analyzer.design.residual, "laplace_cycles": analyzer.design.cycles}
+
+
+def _observed(
+    analyzer: StrokeAnalyzer, frames: Iterator[Frame], placed: Iterator[RegionPlacement | None]
+) -> Iterator[Observation]:
+    """Observations of the frames, made by a thread that is `OBSERVED_AHEAD` frames ahead."""
+    with ThreadPoolExecutor(1, "impasto-observe") as thread:
+        ahead = deque[Future[Observation]]()
+        for frame, regions in zip(frames, placed, strict=False):
+            ahead.append(thread.submit(analyzer.observe, frame, regions))
+            if len(ahead) > OBSERVED_AHEAD:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
 
 
 def _frames_of(kept: State, first: int, stop: int) -> State:
