@@ -17,6 +17,7 @@ from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
+from pipeline.selection import upper_medians
 
 BLOCK_PX = 32
 """Side of the blocks without any motion that `warp_back` copies."""
@@ -36,9 +37,7 @@ FADE_TOLERANCE = 10.0
 
 def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
     """Median of vectors (..., 2), px, separately for x and y; the upper median for an even number: float32 (2,)."""
-    rows = flow.reshape(-1, 2)
-    middle = len(rows) // 2
-    return np.asarray(np.partition(rows, middle, axis=0)[middle], np.float32)
+    return upper_medians(flow.reshape(-1, 2).T)
 
 
 def zero_still_flow(

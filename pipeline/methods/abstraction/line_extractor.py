@@ -19,6 +19,7 @@ from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import FINEST_LINE_PX, Sizes
 from pipeline.segmentation.faces import FaceCrop
+from pipeline.selection import nth_smallest
 
 TAU = 0.99
 """Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
@@ -148,5 +149,5 @@ def _feature_gain(response: Plane, weight: Plane) -> np.float32:
     if not inside.size:
         return np.float32(1)
     place = int((1 - FEATURE_SHARE) * (inside.size - 1))
-    strong = max(np.partition(inside, place)[place], np.float32(1e-3))
+    strong = max(nth_smallest(inside, place), np.float32(1e-3))
     return np.float32(np.clip(np.float32(FEATURE_RESPONSE) / strong, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN))
