@@ -10,6 +10,7 @@ from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
 from pipeline.frames import Flow, Frame, Labels
 from pipeline.lines.coherent import Ink
+from pipeline.lines.colour_stripes import spare_stripes
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -18,6 +19,7 @@ from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, shrink_m
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.motion import past_weights, warp_enlarged
 from pipeline.segmentation.ramps import divide_ramps
+from pipeline.segmentation.segmenter import Segmentation
 from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.simplify import simplify_borders
@@ -77,24 +79,29 @@ class SharpCompositor(Compositor):
 
     def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
-        analysis, colours = coloured.analysis, coloured.colours
+        analysis, regions, colours = coloured.analysis, coloured.regions, coloured.colours
         with self.clock("paint"):
-            labels = divide_ramps(coloured.regions.labels, coloured.regions.means, self.widest_ramp_px)
-            ink = None if analysis.ink is None else analysis.ink.result()
-            borders = self._borders(labels, analysis, ink)
+            labels = divide_ramps(regions.labels, regions.means, self.widest_ramp_px)
+            ink, drawn = (None, None) if analysis.ink is None else self._ink(analysis.ink.result(), regions)
+            borders = self._borders(labels, analysis, drawn)
             flat = fill_regions(borders, colours, self.sizes.output, self.background)
             self.picture = self._blend(flat, labels, analysis)
             frame = self.picture.copy()
             if ink is not None:
                 overlay(frame, ink, INK, self.params.line_opacity, self.background)
-        return CompositedFrame(frame, coloured.regions, labels, colours, ink, borders)
+        return CompositedFrame(frame, regions, labels, colours, ink, borders)
 
-    def _borders(self, labels: Labels, analysis: FrameAnalysis, ink: Ink | None) -> Borders:
+    def _ink(self, ink: Ink, regions: Segmentation) -> tuple[Ink, Ink]:
+        """The ink without that on thin coloured regions, and the same at the size of the labels."""
+        drawn = shrink_mask(ink, self.sizes)
+        left = spare_stripes(ink, drawn, regions.labels, regions.areas, regions.means)
+        return left, drawn if left is ink else shrink_mask(left, self.sizes)
+
+    def _borders(self, labels: Labels, analysis: FrameAnalysis, drawn: Ink | None) -> Borders:
         borders = find_borders(labels)
         if analysis.flow is not None:
             borders = align_borders(borders, labels, analysis.lab, analysis.flow)
-        if ink is not None:
-            drawn = shrink_mask(ink, self.sizes)
+        if drawn is not None:
             borders = tuck_borders(borders, labels, drawn, max(LEAST_REACH_PX, math.ceil(self.limit_px)))
         borders = smooth_borders(borders, self.sigma_px, self.limit_px)
         if not self.simple_sigma_px:
