@@ -103,10 +103,13 @@ def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
 
 
 def _practice() -> Iterator[Frame]:
-    """A bright square that moves over a ramp: edges, motion and more than one region."""
+    """A bright square that moves over a ramp, and a narrow orange stripe on a white one: edges, motion, several regions,
+    and ink that is taken off."""
     width, height = SIZE
     for index in range(FRAMES):
         frame = np.empty((height, width, 3), np.uint8)
         frame[...] = np.linspace(20, 120, width, dtype=np.uint8)[:, None]
+        frame[100:220, 200:300] = 240
+        frame[110:210, 249:252] = (220, 120, 20)
         frame[16:48, 20 + 2 * index : 52 + 2 * index] = (230, 180, 60)
         yield frame
