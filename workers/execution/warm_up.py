@@ -103,8 +103,8 @@ def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
 
 
 def _practice() -> Iterator[Frame]:
-    """A bright square that moves over a ramp, and a narrow orange stripe on a white one: edges, motion, several regions,
-    and ink that is taken off."""
+    """A bright square that moves over a ramp, and a narrow orange stripe on a white one: edges, motion, more than one
+    region, and ink that is taken off."""
     width, height = SIZE
     for index in range(FRAMES):
         frame = np.empty((height, width, 3), np.uint8)

@@ -71,7 +71,7 @@ class Compositor:
             picture = flat(labels, coloured.colours, background=background)
             ink = None if analysis.ink is None else analysis.ink.result()
             if ink is not None:
-                ink = spare_stripes(ink, ink, regions.labels, regions.areas, regions.means)
+                ink, _ = spare_stripes(ink, ink, regions.labels, regions.areas, regions.means)
                 overlay(picture, ink, INK, self.params.line_opacity, background)
             self.picture = self._fade(picture, analysis)
         return CompositedFrame(self.picture, regions, labels, coloured.colours, ink)

@@ -94,8 +94,7 @@ class SharpCompositor(Compositor):
     def _ink(self, ink: Ink, regions: Segmentation) -> tuple[Ink, Ink]:
         """The ink without that on thin coloured regions, and the same at the size of the labels."""
         drawn = shrink_mask(ink, self.sizes)
-        left = spare_stripes(ink, drawn, regions.labels, regions.areas, regions.means)
-        return left, drawn if left is ink else shrink_mask(left, self.sizes)
+        return spare_stripes(ink, drawn, regions.labels, regions.areas, regions.means)
 
     def _borders(self, labels: Labels, analysis: FrameAnalysis, drawn: Ink | None) -> Borders:
         borders = find_borders(labels)

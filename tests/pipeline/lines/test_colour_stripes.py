@@ -23,7 +23,10 @@ def inked_stripe(left: Colour, stripe: Colour, right: Colour, width: int = 4, en
     drawn[:, 28:32] = 255
     means = np.array([(0, 0, 0), left, stripe, right], np.float32)
     ink = np.repeat(np.repeat(drawn, enlarged, 0), enlarged, 1)
-    return ink, spare_stripes(ink, drawn, labels, np.bincount(labels.ravel()).astype(np.int32), means)
+    areas = np.bincount(labels.ravel()).astype(np.int32)
+    left, drawn_left = spare_stripes(ink, drawn, labels, areas, means)
+    np.testing.assert_array_equal(left[::enlarged, ::enlarged], drawn_left)
+    return ink, left
 
 
 @pytest.mark.parametrize("enlarged", [1, 2, 3])
@@ -62,5 +65,5 @@ def test_ink_elsewhere_is_kept() -> None:
     ink: NDArray[np.uint8] = np.zeros(labels.shape, np.uint8)
     ink[:, 28:32] = ink[:, 5:8] = 255
     means = np.array([(0, 0, 0), WHITE, ORANGE], np.float32)
-    after = spare_stripes(ink, ink, labels, np.array([0, 2240, 160], np.int32), means)
+    after, _ = spare_stripes(ink, ink, labels, np.array([0, 2240, 160], np.int32), means)
     assert (after[:, 5:8] == 255).all() and not after[:, 28:32].any()
