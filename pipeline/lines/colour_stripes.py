@@ -18,7 +18,7 @@ from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Means
 
 COVERED = (0.45, 0.6)
-"""Mean ink of a region, 0..1, from which on it is taken off partly, and completely."""
+"""Mean ink of a region, 0..1, from which on its ink is taken off partly, and completely."""
 CHROMA = (22.0, 34.0)
 """The same for the chroma of the region, CIELAB units."""
 LIGHTNESS = (80.0, 120.0)
@@ -28,8 +28,8 @@ OWN_COLOUR = (16.0, 28.0)
 DARKER = (0.0, 20.0)
 """The same for its lightness below theirs, 0..255: other ink on it belongs to what is beside it."""
 ALIKE = (0.2, 0.4)
-"""The same for the share of its border where the region on the other side is nearer to it than `OWN_COLOUR`: outlines
-of a coloured area keep their ink."""
+"""Share of its border, with regions nearer to it than `OWN_COLOUR`, from which on its ink is kept partly, and
+completely: it is the outline of a coloured area."""
 LEAST_PX = 12
 """Smallest region, px of the label map."""
 OVERHANG_PX = 2
