@@ -1,4 +1,4 @@
-"""Ink is taken off thin regions of their own colour, which it would cover: poured coffee, a red thread, a green stem.
+"""Removes ink from thin coloured regions that it would cover: poured coffee, a red thread, a green stem.
 
 The line response is largest inside a dark stripe, whatever its colour, so that a coloured stripe as narrow as a line
 would become a black line. Regions along outlines keep their ink: their colour is a mixture of those beside them.
@@ -18,29 +18,29 @@ from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Means
 
 COVERED = (0.45, 0.6)
-"""Mean ink of a region, 0..1, from which on its ink is taken off partly, and completely."""
+"""Mean ink of a region, 0..1: up to the first value its ink is kept, from the second one on all of it is removed."""
 CHROMA = (22.0, 34.0)
 """The same for the chroma of the region, CIELAB units."""
 LIGHTNESS = (80.0, 120.0)
-"""The same for its lightness, 0..255: dark stripes are lines."""
-OWN_COLOUR = (16.0, 28.0)
-"""The same for its distance, in a and b, from the mean colour of the regions beside it, CIELAB units."""
+"""The same for its lightness, 0..255: dark stripes stay lines."""
+HUE_DISTANCE = (16.0, 28.0)
+"""The same for the distance, in a and b, of its colour from the mean colour of its neighbours, CIELAB units."""
 DARKER = (0.0, 20.0)
-"""The same for its lightness below theirs, 0..255: other ink on it belongs to what is beside it."""
-ALIKE = (0.2, 0.4)
-"""Share of its border, with regions nearer to it than `OWN_COLOUR`, from which on its ink is kept partly, and
-completely: it is the outline of a coloured area."""
+"""The same for the difference by which its neighbours are lighter, 0..255. If they are darker, the line is theirs."""
+SIMILAR_BORDER = (0.2, 0.4)
+"""Share of a region's border with neighbours nearer than the first `HUE_DISTANCE`: up to the first value ink is
+removed, from the second one on it is kept, because the region is the outline of a coloured area."""
 LEAST_PX = 12
-"""Smallest region, px of the label map."""
+"""Smallest region from which ink is removed, px of the label map."""
 OVERHANG_PX = 2
-"""Width, px of the label map, by which a line is wider than the stripe that it covers."""
+"""Width, px of the label map, by which a line extends beyond the stripe that it covers."""
 Boxes = NDArray[np.int32]
 """int32 (n, 4): top, left, bottom (exclusive), right (exclusive), px."""
 _NEUTRAL = np.float32(128)
 """a and b of gray in 8-bit CIELAB."""
 
 
-def spare_stripes(ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32], means: Means) -> tuple[Ink, Ink]:
+def uncover_stripes(ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32], means: Means) -> tuple[Ink, Ink]:
     """`ink` and `drawn` without the ink on thin coloured regions: uint8, 0..255, the same objects if there are none.
 
     Args:
@@ -48,26 +48,35 @@ def spare_stripes(ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32]
         labels: int32 (h', w').
         areas: int32 (labels,), px; means: float32 (labels, 3), mean colour in 8-bit CIELAB; both of each region.
     """
-    chroma = np.hypot(means[:, 1] - _NEUTRAL, means[:, 2] - _NEUTRAL)
     share = _between(_inked(labels, drawn, len(means)) / np.maximum(255 * areas, 1), COVERED)
-    share *= _between(chroma, CHROMA) * _between(means[:, 0], LIGHTNESS)
+    share *= _between(_length(means[:, 1:] - _NEUTRAL), CHROMA) * _between(means[:, 0], LIGHTNESS)
     share[areas < LEAST_PX] = 0
-    asked = share > 0
-    if not asked.any():
+    candidates = share > 0
+    if not candidates.any():
         return ink, drawn
-    boxes = _boxes(labels, drawn, asked)
-    beside, alike = _beside(labels, means, asked, boxes)
-    apart = means - beside
-    share *= _between(np.hypot(apart[:, 1], apart[:, 2]), OWN_COLOUR)
-    share *= _between(-apart[:, 0], DARKER) * (1 - _between(alike, ALIKE))
-    spared = np.rint(255 * share).astype(np.uint8)
-    if not spared.any():
+    boxes = _boxes(labels, drawn, candidates)
+    neighbours, similar = _neighbours(labels, means, candidates, boxes)
+    share *= _between(_length(means[:, 1:] - neighbours[:, 1:]), HUE_DISTANCE)
+    share *= _between(neighbours[:, 0] - means[:, 0], DARKER) * (1 - _between(similar, SIMILAR_BORDER))
+    removed = np.rint(255 * share).astype(np.uint8)
+    if not removed.any():
         return ink, drawn
-    mask, left = np.zeros(labels.shape, np.uint8), (ink.copy(), drawn.copy())
-    box = _mark(labels, spared, boxes, mask)
-    for plane in left:
-        _take_off(plane, mask, box)
-    return left
+    mask = np.zeros(labels.shape, np.uint8)
+    box = _mark(labels, removed, boxes, mask)
+    rest = _reduced(ink, mask, box)
+    return rest, rest if drawn is ink else _reduced(drawn, mask, box)
+
+
+def _length(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Length of vectors (n, 2). `numpy.hypot` would depend on the C library."""
+    return np.asarray(np.sqrt((vectors * vectors).sum(axis=1)), np.float32)
+
+
+def _reduced(ink: Ink, mask: NDArray[np.uint8], box: tuple[int, int, int, int]) -> Ink:
+    """A copy of the ink, reduced by the mask in a box of it."""
+    rest = ink.copy()
+    _reduce(rest, mask, box)
+    return rest
 
 
 def _between(values: NDArray[np.floating], limits: tuple[float, float]) -> NDArray[np.floating]:
@@ -87,32 +96,33 @@ def _inked(labels: Labels, drawn: Ink, count: int) -> NDArray[np.int64]:
 
 
 @kernel
-def _boxes(labels: Labels, drawn: Ink, asked: NDArray[np.bool_]) -> Boxes:
-    """The box around the inked pixels of each region that is asked for."""
+def _boxes(labels: Labels, drawn: Ink, candidates: NDArray[np.bool_]) -> Boxes:
+    """The box around the inked pixels of each candidate."""
     height, width = labels.shape
-    boxes, places = np.zeros((len(asked), 4), np.int32), np.empty(width, np.int32)
+    boxes, places = np.zeros((len(candidates), 4), np.int32), np.empty(width, np.int32)
     boxes[:, 0], boxes[:, 1] = height, width
     for y in range(height):
         for x in places[: nonzero_positions(drawn[y], places)]:
             label = labels[y, x]
-            if asked[label]:
+            if candidates[label]:
                 boxes[label, 0], boxes[label, 2] = min(boxes[label, 0], y), y + 1
                 boxes[label, 1], boxes[label, 3] = min(boxes[label, 1], x), max(boxes[label, 3], x + 1)
     return boxes
 
 
 @kernel
-def _beside(labels: Labels, means: Means, asked: NDArray[np.bool_], boxes: Boxes) -> tuple[Means, NDArray[np.float32]]:
-    """The regions beside a region, in its box: their mean colour, weighted by the length of the borders, and the share
-    of its border, 0..1, with regions of about its own (a, b).
+def _neighbours(
+    labels: Labels, means: Means, candidates: NDArray[np.bool_], boxes: Boxes
+) -> tuple[Means, NDArray[np.float32]]:
+    """Mean colour of the neighbours of each candidate in its box, float32 (labels, 3), weighted by the length of the
+    borders; and the share of its border, 0..1, with neighbours of a similar (a, b), float32 (labels,).
 
-    Both are 0 for regions that are not asked for. Borders between regions that are do not count: a stripe may consist
-    of several.
+    Both are 0 for other regions. Other candidates are no neighbours, because a stripe may consist of several regions.
     """
     height, width = labels.shape
-    colours, alike = np.zeros((len(means), 3), np.float32), np.zeros(len(means), np.float32)
-    least = np.float32(OWN_COLOUR[0])
-    for own in np.nonzero(asked)[0]:
+    colours, similar = np.zeros((len(means), 3), np.float32), np.zeros(len(means), np.float32)
+    least = np.float32(HUE_DISTANCE[0])
+    for own in np.nonzero(candidates)[0]:
         top, left, bottom, right = boxes[own]
         length = np.float32(0)
         for y in range(top, bottom):
@@ -121,28 +131,31 @@ def _beside(labels: Labels, means: Means, asked: NDArray[np.bool_], boxes: Boxes
                     continue
                 for down, across in ((0, -1), (0, 1), (-1, 0), (1, 0)):
                     j, i = y + down, x + across
-                    if 0 <= j < height and 0 <= i < width and not asked[labels[j, i]]:
+                    if 0 <= j < height and 0 <= i < width and not candidates[labels[j, i]]:
                         other = means[labels[j, i]]
                         for c in range(3):
                             colours[own, c] += other[c]
                         length += np.float32(1)
-                        alike[own] += np.hypot(other[1] - means[own, 1], other[2] - means[own, 2]) < least
+                        a, b = other[1] - means[own, 1], other[2] - means[own, 2]
+                        similar[own] += a * a + b * b < least * least
         length = max(length, np.float32(1))
-        alike[own] /= length
+        similar[own] /= length
         for c in range(3):
             colours[own, c] /= length
-    return colours, alike
+    return colours, similar
 
 
 @kernel
 def _mark(
-    labels: Labels, spared: NDArray[np.uint8], boxes: Boxes, mask: NDArray[np.uint8]
+    labels: Labels, removed: NDArray[np.uint8], boxes: Boxes, mask: NDArray[np.uint8]
 ) -> tuple[int, int, int, int]:
-    """Write `spared` to the pixels of the regions in their boxes, and around them as far as a line may reach, where it
-    is larger than before; returns the box around all of these pixels."""
+    """Raise the mask to `removed` at the pixels of the regions in their boxes, and up to `OVERHANG_PX` around them.
+
+    Returns: the box around all of these pixels.
+    """
     height, width = labels.shape
     first_y, first_x, last_y, last_x = height, width, 0, 0
-    for own in np.nonzero(spared)[0]:
+    for own in np.nonzero(removed)[0]:
         top, left, bottom, right = boxes[own]
         for y in range(top, bottom):
             for x in range(left, right):
@@ -150,14 +163,14 @@ def _mark(
                     continue
                 for j in range(max(y - OVERHANG_PX, 0), min(y + OVERHANG_PX + 1, height)):
                     for i in range(max(x - OVERHANG_PX, 0), min(x + OVERHANG_PX + 1, width)):
-                        mask[j, i] = max(mask[j, i], spared[own])
+                        mask[j, i] = max(mask[j, i], removed[own])
         first_y, last_y = min(first_y, max(top - OVERHANG_PX, 0)), max(last_y, min(bottom + OVERHANG_PX, height))
         first_x, last_x = min(first_x, max(left - OVERHANG_PX, 0)), max(last_x, min(right + OVERHANG_PX, width))
     return first_y, first_x, last_y, last_x
 
 
 @kernel
-def _take_off(ink: Ink, mask: NDArray[np.uint8], box: tuple[int, int, int, int]) -> None:
+def _reduce(ink: Ink, mask: NDArray[np.uint8], box: tuple[int, int, int, int]) -> None:
     """Reduce the ink in a box of the mask, in place, by the mask, uint8 (h', w') of any size: 255 = completely."""
     (height, width), (rows, columns) = ink.shape, mask.shape
     top, left, bottom, right = box

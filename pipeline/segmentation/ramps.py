@@ -226,12 +226,12 @@ def _average_votes(spans: Spans, firsts: Firsts, y: int, step: int, means: NDArr
             means[k] = -1
             continue
         vote = _VOTE if kind == _USUAL else 0
-        before = _most_adjacent(spans, firsts, k, y, step, means)
+        before = _largest_adjacent(spans, firsts, k, y, step, means)
         means[k] = vote if before < 0 else ((_MEMORY - 1) * before + vote + _MEMORY // 2) // _MEMORY
 
 
 @kernel
-def _most_adjacent(spans: Spans, firsts: Firsts, k: int, y: int, step: int, values: NDArray[np.int32]) -> int:
+def _largest_adjacent(spans: Spans, firsts: Firsts, k: int, y: int, step: int, values: NDArray[np.int32]) -> int:
     """Largest value of the spans that touch span `k` of row `y`, also diagonally, in the row before, or else in the one
     before that; -1 = there are none."""
     begin, end = spans[k]["begin"], spans[k]["end"]
@@ -262,10 +262,10 @@ def _write(labels: Labels, spans: Spans, firsts: Firsts, shortest: int, out: Lab
     above, below = np.empty(count, np.int32), np.empty(count, np.int32)  # adjacent rows up to this one
     for y in range(height):
         for k in range(firsts[y], firsts[y + 1]):
-            above[k] = max(_most_adjacent(spans, firsts, k, y, -1, above), 0) + 1
+            above[k] = max(_largest_adjacent(spans, firsts, k, y, -1, above), 0) + 1
     for y in range(height - 1, -1, -1):
         for k in range(firsts[y], firsts[y + 1]):
-            below[k] = max(_most_adjacent(spans, firsts, k, y, 1, below), 0) + 1
+            below[k] = max(_largest_adjacent(spans, firsts, k, y, 1, below), 0) + 1
             if above[k] + below[k] - 1 < shortest:
                 continue
             begin, end, border = spans[k]["begin"], spans[k]["end"], spans[k]["border"]

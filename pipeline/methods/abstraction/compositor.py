@@ -12,7 +12,7 @@ from pipeline.background import Background, Pending
 from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Frame
 from pipeline.lines.coherent import Ink
-from pipeline.lines.colour_stripes import spare_stripes
+from pipeline.lines.colour_stripes import uncover_stripes
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
@@ -71,7 +71,7 @@ class Compositor:
             picture = flat(labels, coloured.colours, background=background)
             ink = None if analysis.ink is None else analysis.ink.result()
             if ink is not None:
-                ink, _ = spare_stripes(ink, ink, regions.labels, regions.areas, regions.means)
+                ink, _ = uncover_stripes(ink, ink, regions.labels, regions.areas, regions.means)
                 overlay(picture, ink, INK, self.params.line_opacity, background)
             self.picture = self._fade(picture, analysis)
         return CompositedFrame(self.picture, regions, labels, coloured.colours, ink)

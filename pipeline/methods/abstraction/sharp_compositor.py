@@ -10,7 +10,7 @@ from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import overlay
 from pipeline.frames import Flow, Frame, Labels
 from pipeline.lines.coherent import Ink
-from pipeline.lines.colour_stripes import spare_stripes
+from pipeline.lines.colour_stripes import uncover_stripes
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.compositor import INK, CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -94,7 +94,7 @@ class SharpCompositor(Compositor):
     def _ink(self, ink: Ink, regions: Segmentation) -> tuple[Ink, Ink]:
         """The ink without that on thin coloured regions, and the same at the size of the labels."""
         drawn = shrink_mask(ink, self.sizes)
-        return spare_stripes(ink, drawn, regions.labels, regions.areas, regions.means)
+        return uncover_stripes(ink, drawn, regions.labels, regions.areas, regions.means)
 
     def _borders(self, labels: Labels, analysis: FrameAnalysis, drawn: Ink | None) -> Borders:
         borders = find_borders(labels)

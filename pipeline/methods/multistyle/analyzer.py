@@ -67,13 +67,13 @@ DEFAULT_WEIGHT = 0.012
 
 @dataclass(frozen=True)
 class Observation:
-    """What the analyzer finds in a frame before it places strokes.
+    """Analysis of a frame without its strokes.
 
     Attributes:
         frame: uint8 (h, w, 3).
         picture: uint8 (h', w', 3), the denoised picture at the working size.
         field: float32 (2, h", w"), the orientation field.
-        motion: None = a shot begins.
+        motion: from the previous frame to this one and back; None = a shot begins.
         changed: bool (h', w'), see `FrameMotion`.
         detail: float32, a grid over the frame, 0..1; None = 0.
         features: float32, a grid over the frame, 0..1: eyes and mouths; None = none.
