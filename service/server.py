@@ -25,8 +25,10 @@ from workers.process.free_memory import limit_free_memory
 from workers.process.logs import set_up_logs
 from workers.process.starting import without_garbage_collection
 
-ACCEPTED_AT_ONCE = 64
-"""Maximum number of connections that asyncio accepts in one iteration of its loop, before the guard can close any."""
+ACCEPTED_AT_ONCE = 16
+"""Maximum number of connections that asyncio accepts in one iteration of its loop. A connection that the guard closes
+keeps its descriptor for four iterations (accepted, set up, announced to the guard, closed), so that up to four times
+as many exceed the guard's limit for a moment."""
 LISTEN_QUEUE = 1024
 """Maximum number of connections that wait in the kernel to be accepted."""
 GRACE_S = 10
