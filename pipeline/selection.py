@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,13 +24,26 @@ def nth_smallest(values: NDArray[np.float32], n: int) -> np.float32:
     return np.float32(_nth_smallest(np.ascontiguousarray(values, np.float32).reshape(-1).view(np.uint32), n))
 
 
-def upper_medians(planes: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """The median of each array, float32 (n,); of an even number of values the larger one of the two in the middle.
+def upper_median(values: NDArray[np.float32]) -> np.float32:
+    """The median of an array, float32, any shape, not empty, without NaN; of an even number of values the larger one of
+    the two in the middle."""
+    return nth_smallest(values, values.size // 2)
 
-    Args:
-        planes: float32, any shape, not empty, without NaN.
-    """
-    return np.array([nth_smallest(plane, plane.size // 2) for plane in planes], np.float32)
+
+def column_medians(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The `upper_median` of each column of an array (..., n), float32 (n,)."""
+    return np.asarray(_column_medians(np.ascontiguousarray(rows, np.float32).reshape(-1, rows.shape[-1])))
+
+
+@kernel
+def _column_medians(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    count, columns = rows.shape
+    medians, values = np.empty(columns, np.float32), np.empty(count, np.float32)
+    for column in range(columns):
+        for row in range(count):
+            values[row] = rows[row, column]
+        medians[column] = _nth_smallest(values.view(np.uint32), count // 2)
+    return medians
 
 
 @kernel

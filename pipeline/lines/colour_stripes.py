@@ -48,28 +48,13 @@ def uncover_stripes(ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int3
         labels: int32 (h', w').
         areas: int32 (labels,), px; means: float32 (labels, 3), mean colour in 8-bit CIELAB; both of each region.
     """
-    share = _between(_inked(labels, drawn, len(means)) / np.maximum(255 * areas, 1), COVERED)
-    share *= _between(_length(means[:, 1:] - _NEUTRAL), CHROMA) * _between(means[:, 0], LIGHTNESS)
-    share[areas < LEAST_PX] = 0
-    candidates = share > 0
-    if not candidates.any():
-        return ink, drawn
-    boxes = _boxes(labels, drawn, candidates)
-    neighbours, similar = _neighbours(labels, means, candidates, boxes)
-    share *= _between(_length(means[:, 1:] - neighbours[:, 1:]), HUE_DISTANCE)
-    share *= _between(neighbours[:, 0] - means[:, 0], DARKER) * (1 - _between(similar, SIMILAR_BORDER))
-    removed = np.rint(255 * share).astype(np.uint8)
-    if not removed.any():
+    removed, boxes = np.zeros(len(means), np.uint8), np.empty((len(means), 4), np.int32)
+    if not _find_stripes(labels, drawn, areas, means, removed, boxes):
         return ink, drawn
     mask = np.zeros(labels.shape, np.uint8)
     box = _mark(labels, removed, boxes, mask)
     rest = _reduced(ink, mask, box)
     return rest, rest if drawn is ink else _reduced(drawn, mask, box)
-
-
-def _length(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Length of vectors (n, 2). `numpy.hypot` would depend on the C library."""
-    return np.asarray(np.sqrt((vectors * vectors).sum(axis=1)), np.float32)
 
 
 def _reduced(ink: Ink, mask: NDArray[np.uint8], box: tuple[int, int, int, int]) -> Ink:
@@ -79,9 +64,48 @@ def _reduced(ink: Ink, mask: NDArray[np.uint8], box: tuple[int, int, int, int]) 
     return rest
 
 
-def _between(values: NDArray[np.floating], limits: tuple[float, float]) -> NDArray[np.floating]:
+@kernel
+def _find_stripes(
+    labels: Labels, drawn: Ink, areas: NDArray[np.int32], means: Means, removed: NDArray[np.uint8], boxes: Boxes
+) -> bool:  # fmt: skip
+    """Write the share of the ink that each region loses, 255 = all, to `removed`, which is 0 everywhere, and the boxes
+    of these regions. Returns whether there are any."""
+    share = np.zeros(len(means), np.float64)
+    inked = _inked(labels, drawn, len(means))
+    for own in range(len(means)):
+        if areas[own] >= LEAST_PX:
+            share[own] = (
+                _between(inked[own] / (255.0 * areas[own]), COVERED)
+                * _between(_chroma(means[own], _NEUTRAL, _NEUTRAL), CHROMA)
+                * _between(means[own, 0], LIGHTNESS)
+            )
+    candidates = share > 0
+    if not candidates.any():
+        return False
+    boxes[:] = _boxes(labels, drawn, candidates)
+    neighbours, similar = _neighbours(labels, means, candidates, boxes)
+    for stripe in np.nonzero(candidates)[0]:
+        own, beside = int(stripe), neighbours[stripe]
+        share[own] *= (
+            _between(_chroma(means[own], beside[1], beside[2]), HUE_DISTANCE)
+            * _between(beside[0] - means[own, 0], DARKER)
+            * (1.0 - _between(similar[own], SIMILAR_BORDER))
+        )
+        removed[own] = np.uint8(np.rint(255 * share[own]))
+    return bool(removed.any())
+
+
+@kernel
+def _between(value: float | np.float32, limits: tuple[float, float]) -> float:
     """0 up to the lower limit, rising to 1 at the upper one."""
-    return np.asarray(np.clip((values - limits[0]) / (limits[1] - limits[0]), 0, 1))
+    return float(min(max((value - limits[0]) / (limits[1] - limits[0]), 0.0), 1.0))
+
+
+@kernel
+def _chroma(colour: NDArray[np.float32], a: np.float32, b: np.float32) -> np.float32:
+    """Distance of a colour from (a, b) in the plane of a and b."""
+    across, down = colour[1] - a, colour[2] - b
+    return np.float32(np.sqrt(across * across + down * down))
 
 
 @kernel

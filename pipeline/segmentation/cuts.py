@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from pipeline.frames import Frame, Plane
-from pipeline.selection import upper_medians
+from pipeline.selection import column_medians
 
 THUMBNAIL = (32, 18)
 """(width, height) of thumbnails, px: small enough that motion within a shot changes them little."""
@@ -50,7 +50,7 @@ def light_steadiness(before: Plane, now: Plane) -> float:
 
     The median is used because a fade changes all places alike; a pan or a moving object does not.
     """
-    shift = upper_medians((now - before).reshape(-1, 3).T) * LAB_UNITS
+    shift = column_medians(now - before) * LAB_UNITS
     return float(np.exp(-((shift * shift).sum() / 0.8**2)))
 
 

@@ -58,6 +58,9 @@ class Piece(NamedTuple):
     bottom: int
 
 
+NO_HITS = np.empty((0, 4), np.int32)
+
+
 class FaceDetector:
     """Face detector. Its cascades are read from disk on first use and shared by all detectors of the process."""
 
@@ -111,10 +114,12 @@ class FaceDetector:
         turned, back = _posed(gray, piece.pose)
         rows = turned[piece.top : piece.bottom]
         found = accepted_windows(_cascade(kind), rows, step, piece.least, piece.most)
-        hits = np.array(found, np.float64).reshape(-1, 4)
+        if not found:
+            return NO_HITS
+        hits = np.array(found, np.float64)
         centres = (hits[:, :2] + hits[:, 2:] / 2 + (0, piece.top)) @ back[:, :2].T + back[:, 2]
         hits[:, :2] = centres - hits[:, 2:] / 2
-        return np.array(sorted(map(tuple, np.rint(hits).astype(np.int32))), np.int32).reshape(-1, 4)
+        return np.array(sorted(map(tuple, np.rint(hits).astype(np.int32))), np.int32)
 
 
 def pieces(size: tuple[int, int], least_px: int, count: int) -> list[Piece]:
@@ -195,10 +200,12 @@ def _posed(gray: Gray, pose: Pose) -> tuple[Gray, NDArray[np.float64]]:
 
 def _group(hits: NDArray[np.int32], least: int) -> tuple[Boxes, NDArray[np.int64]]:
     """Overlapping hits as one box each, and their numbers; groups of at most `least` hits are left out."""
+    if not len(hits):
+        return np.empty((0, 4)), np.empty(0, np.int64)
     rows = [tuple(int(v) for v in hit) for hit in hits]
     if least == 0:  # OpenCV does not group then
         rows, least = 2 * rows, 1
-    found, counts = cv2.groupRectangles(rows, least, _GROUP_EPS)
+    found, counts = cv2.groupRectangles(rows, least, _GROUP_EPS)  # empty tuples if no group is large enough
     boxes = np.array(found, np.float64).reshape(-1, 4)
     boxes[:, :2] += boxes[:, 2:] / 2
     order = np.lexsort(boxes.T)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State
 from pipeline.flow.gray import Gray
 from pipeline.frames import Flow, Plane
+from pipeline.jit import kernel
 from pipeline.segmentation.face_detector import LEAST_HITS, POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.new_places import LARGEST, NewPlaces
@@ -236,6 +237,8 @@ class FaceTracker:
 
     def _smooth(self) -> None:
         """Update boxes and strengths, and remove faces that are lost or outside the frame."""
+        if not len(self.faces):
+            return
         faces, centres = self.faces, self.faces["detected"][:, :2]
         current = faces["misses"] < np.clip(faces["detections"], _LEAST_MISSES, _MOST_MISSES)
         faces["box"] += self._gain * (faces["detected"] - faces["box"])
@@ -286,8 +289,15 @@ class FaceCrop(NamedTuple):
 
     def blend(self, plane: NDArray[np.uint8], other: NDArray[np.uint8]) -> None:
         """Move that part of a plane, uint8 (h, w), towards `other`, of the shape of `box`, by the weight."""
-        own = plane[self.box]
-        own[...] = np.rint(own + self.weight * (other.astype(np.float32) - own)).astype(np.uint8)
+        _blend(plane[self.box], other, self.weight)
+
+
+@kernel
+def _blend(own: NDArray[np.uint8], other: NDArray[np.uint8], weight: Plane) -> None:
+    for y in range(own.shape[0]):
+        for x in range(own.shape[1]):
+            mine = np.float32(own[y, x])
+            own[y, x] = np.uint8(np.rint(mine + weight[y, x] * (np.float32(other[y, x]) - mine)))
 
 
 def largeness(faces: Faces, size: tuple[int, int]) -> NDArray[np.float64]:

@@ -17,14 +17,15 @@ from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.regions import Lab8
-from pipeline.selection import upper_medians
+from pipeline.selection import column_medians
 
 BLOCK_PX = 32
 """Side of the blocks without any motion that `warp_back` copies."""
 WARPED_ROWS = 32
 """Rows of the whole width whose positions `warp_enlarged` computes at a time; more rows of narrower parts."""
-MOST = 0.7
-"""Share of moving blocks from which the whole frame is warped at once, which then costs less."""
+MOST, WHOLE_PX = 0.7, 1 << 17
+"""Share of moving blocks from which the whole frame is warped at once, which then costs less; and px of a
+flow up to which `backward_maps` always does so."""
 RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
 FAR = 255
@@ -37,7 +38,7 @@ FADE_TOLERANCE = 10.0
 
 def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
     """Median of vectors (..., 2), px, separately for x and y; the upper median for an even number: float32 (2,)."""
-    return upper_medians(flow.reshape(-1, 2).T)
+    return column_medians(flow)
 
 
 def zero_still_flow(
@@ -102,7 +103,8 @@ def backward_maps(flow: Flow) -> BackwardMaps:
         flow: float32 (h, w, 2), px.
     """
     parts = []
-    for rows, columns in _moving_spans(flow):
+    spans = [_everything(flow)] if flow.shape[0] * flow.shape[1] <= WHOLE_PX else _moving_spans(flow)
+    for rows, columns in spans:
         size = rows.stop - rows.start, columns.stop - columns.start
         part = MovingPart(rows, columns, np.empty((*size, 2), np.int16), np.empty(size, np.uint16))
         _fixed_point_maps(flow, (columns.start, rows.start), part.whole, part.fractions)

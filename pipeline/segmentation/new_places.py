@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Plane
+from pipeline.jit import kernel
 from pipeline.segmentation.motion import median_motion
 
 MAP_SIDE = 64
@@ -89,13 +89,13 @@ class NewPlaces:
             flow: from the previous frame to this one, px of the frame, on a grid of any size.
         """
         coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_LINEAR), np.float32)
-        x, y = positions(-coarse * np.divide(self._cells, self._size).astype(np.float32))
+        x, y = np.empty(coarse.shape[:2], np.float32), np.empty(coarse.shape[:2], np.float32)
+        _origins(coarse, np.divide(self._cells, self._size).astype(np.float32), x, y)
         new = cv2.remap(self.unsearched, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
         self.unsearched = np.asarray(new, np.float32)
-        relative = coarse - median_motion(coarse)
-        moves = (relative * relative).sum(axis=2) > np.float32((SLOWEST * self._least_px) ** 2)
         moved = cv2.remap(self.moving, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        self.moving = np.minimum(moved + np.float32(MOTION_GAIN) * moves, np.float32(MOST_MOTION))
+        self.moving = np.asarray(moved, np.float32)
+        _add_motion(coarse, median_motion(coarse), np.float32((SLOWEST * self._least_px) ** 2), self.moving)
 
     def next_rectangle(self, age: int) -> Rectangle | None:
         """The rectangle with the largest mean of a map; None if it is less than `LEAST_SHARE` in both.
@@ -106,15 +106,11 @@ class NewPlaces:
         return self._largest(self.moving) if new is None and age % MOTION_EVERY_FRAMES == 0 else new
 
     def _largest(self, plane: Plane) -> Rectangle | None:
-        sums = cv2.integral(plane, sdepth=cv2.CV_64F)
         best, found = LEAST_SHARE, None
         for w, h in self._shapes:
-            total = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
-            share = np.round(total / (w * h), 6)
-            if share.max() > best:
-                best = float(share.max())
-                row, column = np.unravel_index(int(share.argmax()), share.shape)
-                found = self._in_px(int(column), int(row), w, h)
+            share, row, column = _fullest(plane, w, h)
+            if share > best:
+                best, found = share, self._in_px(column, row, w, h)
         return found
 
     def searched(self, where: Rectangle) -> None:
@@ -159,3 +155,51 @@ class NewPlaces:
         return Rectangle(
             round(column * across), round(row * down), round((column + w) * across), round((row + h) * down)
         )
+
+
+@kernel
+def _origins(flow: Flow, scale: NDArray[np.float32], x: Plane, y: Plane) -> None:
+    """Where each cell was in the previous frame, in cells.
+
+    Args:
+        flow: from the previous frame, px of the frame; scale: cells per px, across and down.
+    """
+    for row in range(x.shape[0]):
+        for column in range(x.shape[1]):
+            x[row, column] = np.float32(column) - flow[row, column, 0] * scale[0]
+            y[row, column] = np.float32(row) - flow[row, column, 1] * scale[1]
+
+
+@kernel
+def _add_motion(flow: Flow, camera: NDArray[np.float32], slowest: np.float32, moving: Plane) -> None:
+    """Add `MOTION_GAIN` to the cells that move, up to `MOST_MOTION`.
+
+    Args:
+        camera: motion of the camera; slowest: square of the least speed relative to it.
+    """
+    for row in range(moving.shape[0]):
+        for column in range(moving.shape[1]):
+            across, down = flow[row, column, 0] - camera[0], flow[row, column, 1] - camera[1]
+            gain = np.float32(MOTION_GAIN) if across * across + down * down > slowest else np.float32(0)
+            moving[row, column] = min(moving[row, column] + gain, np.float32(MOST_MOTION))
+
+
+@kernel
+def _fullest(plane: Plane, width: int, height: int) -> tuple[float, int, int]:
+    """Largest mean of a rectangle of cells, rounded to six places, and the rectangle's first row and column: the first
+    of equal ones."""
+    rows, columns = plane.shape
+    sums = np.zeros((rows + 1, columns + 1), np.float64)
+    for y in range(rows):
+        total = 0.0
+        for x in range(columns):
+            total += plane[y, x]
+            sums[y + 1, x + 1] = sums[y, x + 1] + total
+    best, at_row, at_column = -1.0, 0, 0
+    for y in range(rows + 1 - height):
+        for x in range(columns + 1 - width):
+            total = sums[y + height, x + width] - sums[y, x + width] - sums[y + height, x] + sums[y, x]
+            share = np.rint(total / (width * height) * 1e6) / 1e6
+            if share > best:
+                best, at_row, at_column = share, y, x
+    return best, at_row, at_column

@@ -19,7 +19,7 @@ from pipeline.frames import Frame, Plane
 from pipeline.jit import kernel
 from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.shrink import shrink, size_within
-from pipeline.selection import upper_medians
+from pipeline.selection import column_medians, upper_median
 
 SIDE_PX = 256
 """Longer side of the picture in which hands are searched, px."""
@@ -103,11 +103,11 @@ def _person(lab: LabPlanes, face: int, box: NDArray[np.float64]) -> _Person | No
     cheeks = lab[:, rows, columns].reshape(3, -1).astype(np.float32)
     if cheeks.shape[1] < 4:
         return None
-    colour = upper_medians(cheeks)
+    colour = column_medians(cheeks.T)
     red, yellow = colour[1] - MIDDLE, colour[2] - MIDDLE
     if np.hypot(red, yellow) < LEAST_CHROMA or red < _LEAST_RED or yellow < _LEAST_YELLOW:
         return None
-    spread = _CHROMA_SPREAD * float(upper_medians([np.abs(cheeks[1:] - colour[1:, None])])[0])
+    spread = _CHROMA_SPREAD * float(upper_median(np.abs(cheeks[1:] - colour[1:, None])))
     spread = min(max(spread, _LEAST_SPREAD), _MOST_SPREAD)
     return _Person(face, colour, 2 * spread * spread, box)
 

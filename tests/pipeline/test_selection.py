@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.selection import nth_smallest, upper_medians
+from pipeline.selection import column_medians, nth_smallest, upper_median
 
 CHANCE = np.random.default_rng(4)
 
@@ -35,5 +35,9 @@ def test_an_array_with_steps_between_its_elements_is_read_as_it_looks() -> None:
 
 
 def test_the_median_of_an_even_number_is_the_upper_one() -> None:
-    rows = np.array([[4, 1, 3, 2], [0, 0, 0, 9]], np.float32)
-    np.testing.assert_array_equal(upper_medians(rows), [3, 0])
+    assert upper_median(np.array([4, 1, 3, 2], np.float32)) == 3
+
+
+def test_medians_of_columns() -> None:
+    values = CHANCE.normal(size=(11, 7, 3)).astype(np.float32)
+    np.testing.assert_array_equal(column_medians(values), np.median(values.reshape(-1, 3), axis=0))

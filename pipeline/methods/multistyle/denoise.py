@@ -15,7 +15,7 @@ from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.jit import kernel
 from pipeline.segmentation.motion import zero_still_flow
-from pipeline.selection import upper_medians
+from pipeline.selection import upper_median
 from pipeline.strokes.accumulation import TORN, changes
 
 MOVING_SHARE = 0.25
@@ -139,7 +139,7 @@ def denoise(
     red, green, blue = cv2.split(cv2.absdiff(now, advected))
     most = cv2.max(cv2.max(red, green), blue)
     difference = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
-    noise = float(upper_medians([difference])[0])
+    noise = float(upper_median(difference))
     tolerance = max(min(max(tolerance, MARGIN * noise), NOISY * tolerance), 0.01)
     changed = changes(now, advected, attention)
     _raise_where_torn(changed, np.asarray(most, np.float32), back)
