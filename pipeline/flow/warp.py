@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Plane
+from pipeline.jit import kernel
 
 
 def positions(flow: Flow) -> tuple[Plane, Plane]:
@@ -20,9 +21,15 @@ def positions(flow: Flow) -> tuple[Plane, Plane]:
 
 def scale_flow(flow: Flow, across: float, down: float) -> Flow:
     """Vectors (dx, dy) multiplied by (`across`, `down`), as for pictures of another size; a new array."""
-    height, width = flow.shape[:2]
-    factors = np.tile(np.array([across, down], np.float32), width)  # whole rows vectorise, pairs do not
-    return np.asarray(flow.reshape(height, 2 * width) * factors, np.float32).reshape(flow.shape)
+    scaled = np.empty(flow.shape, np.float32)
+    _scale(np.ascontiguousarray(flow, np.float32).reshape(-1), np.float32(across), np.float32(down), scaled.reshape(-1))
+    return scaled
+
+
+@kernel
+def _scale(flow: NDArray[np.float32], across: np.float32, down: np.float32, scaled: NDArray[np.float32]) -> None:
+    for k in range(flow.size // 2):  # this vectorises
+        scaled[2 * k], scaled[2 * k + 1] = flow[2 * k] * across, flow[2 * k + 1] * down
 
 
 def fetch(image: AnyArray, flow: Flow) -> AnyArray:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
+from pipeline.jit import kernel
 from pipeline.selection import column_medians
 
 THUMBNAIL = (32, 18)
@@ -39,10 +41,19 @@ def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
     """
     if sensitivity <= 0:
         return False
-    difference = float(np.abs(now - before).sum(-1).mean())
+    difference = _total_difference(before.reshape(-1), now.reshape(-1)) / before[..., 0].size
     if difference * sensitivity < DIFFERENCE:
         return False
     return _correlation(before[..., 0], now[..., 0]) < CORRELATION
+
+
+@kernel
+def _total_difference(before: NDArray[np.float32], now: NDArray[np.float32]) -> float:
+    """Sum of the absolute differences."""
+    total = 0.0
+    for k in range(before.size):
+        total += abs(np.float64(now[k]) - before[k])
+    return total
 
 
 def light_steadiness(before: Plane, now: Plane) -> float:

@@ -272,17 +272,17 @@ class FaceCrop(NamedTuple):
 
     def features(self) -> Plane:
         """`weight` where brows, eyes, nose and mouth are, and 0 on the outline of the head: float32, of its shape."""
-        (rows, columns), (cx, cy, w, h) = self.box, self.face
+        cx, cy, w, h = self.face
         return self.weight * _soft_ellipse(
-            _from_centre(columns, cx, w * _FEATURES_WIDTH), _from_centre(rows, cy, h * _FEATURES_HEIGHT), _FEATURES_FADE
+            self.box, (cx, cy), (w * _FEATURES_WIDTH, h * _FEATURES_HEIGHT), _FEATURES_FADE
         )
 
     def eyes(self) -> Plane:
         """`weight` where the eyes and brows of a frontal face are: float32, of its shape."""
-        (rows, columns), (cx, cy, w, h) = self.box, self.face
-        down = _from_centre(rows, cy - h * _EYE_RAISE, h * _EYE_HEIGHT)
+        cx, cy, w, h = self.face
+        semi_axes = w * _EYE_WIDTH, h * _EYE_HEIGHT
         left, right = (
-            _soft_ellipse(_from_centre(columns, cx + side * w * _EYE_APART, w * _EYE_WIDTH), down, _FADE)
+            _soft_ellipse(self.box, (cx + side * w * _EYE_APART, cy - h * _EYE_RAISE), semi_axes, _FADE)
             for side in (-1, 1)
         )
         return self.weight * np.maximum(left, right)
@@ -330,30 +330,59 @@ def face_crops(
     """
     out = []
     across, down = np.divide(picture, size)
-    for face, factor in zip(faces, factors, strict=True):
-        weight = np.float32(face["strength"] * factor)
-        cx, cy, w, h = (float(side) for side in face["box"] * (across, down, across, down))
+    boxes = faces["box"] * (across, down, across, down)
+    weights = (faces["strength"] * factors).astype(np.float32)
+    for (cx, cy, w, h), weight in zip(boxes.tolist(), weights, strict=True):
         half_x, half_y, top = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
         x0, x1 = max(0, math.floor(cx - _FADE * half_x)), min(picture[0], math.ceil(cx + _FADE * half_x))
         y0, y1 = max(0, math.floor(top - _FADE * half_y)), min(picture[1], math.ceil(top + _FADE * half_y))
         if weight < 0.02 or x0 >= x1 or y0 >= y1:
             continue
-        rows, columns = slice(y0, y1), slice(x0, x1)
-        head = _soft_ellipse(_from_centre(columns, cx, half_x), _from_centre(rows, top, half_y), _FADE)
-        out.append(FaceCrop((rows, columns), weight * head, (cx, cy, w, h)))
+        box = slice(y0, y1), slice(x0, x1)
+        head = _soft_ellipse(box, (cx, top), (half_x, half_y), _FADE)
+        out.append(FaceCrop(box, weight * head, (cx, cy, w, h)))
     return out
 
 
-def _from_centre(span: slice, centre: float, unit: float) -> NDArray[np.float32]:
-    """Distances of a span's pixels from a centre, px, in multiples of `unit`."""
-    return (np.arange(span.start, span.stop, dtype=np.float32) + np.float32(0.5 - centre)) / np.float32(unit)
+def _soft_ellipse(
+    box: tuple[slice, slice], centre: tuple[float, float], semi_axes: tuple[float, float], fade: float
+) -> Plane:
+    """1 in an ellipse, falling to 0 at `fade` times its size: float32, of the shape of `box`.
+
+    Args:
+        box: rows and columns of a picture; centre, semi_axes: (x, y), px of the picture.
+    """
+    rows, columns = box
+    out = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+    shifts = np.float32(0.5 - centre[0]), np.float32(0.5 - centre[1])
+    units = np.float32(semi_axes[0]), np.float32(semi_axes[1])
+    _fill_ellipse(out, (columns.start, rows.start), shifts, units, np.float32(fade))
+    return out
 
 
-def _soft_ellipse(xs: NDArray[np.float32], ys: NDArray[np.float32], fade: float) -> Plane:
-    """1 in the unit circle, falling to 0 at `fade` times its radius: float32 (len(ys), len(xs))."""
-    distance = np.sqrt((xs * xs)[None, :] + (ys * ys)[:, None])
-    ramp = np.clip((np.float32(fade) - distance) / np.float32(fade - 1), 0, 1)
-    return np.asarray(ramp * ramp * (3 - 2 * ramp), np.float32)
+@kernel
+def _fill_ellipse(
+    out: Plane, corner: tuple[int, int], shifts: tuple[np.float32, np.float32], units: tuple[np.float32, np.float32],
+    fade: np.float32,
+) -> None:  # fmt: skip
+    """`_soft_ellipse` of a box with that first pixel (x, y). `shifts`: what is added to a pixel for its distance from
+    the centre; `units`: the semi-axes."""
+    height, width = out.shape
+    squares = np.empty(width, np.float32)
+    for x in range(width):
+        across = (np.float32(corner[0] + x) + shifts[0]) / units[0]
+        squares[x] = across * across
+    for y in range(height):
+        down = (np.float32(corner[1] + y) + shifts[1]) / units[1]
+        for x in range(width):  # this vectorises
+            out[y, x] = _soft_edge(np.sqrt(squares[x] + down * down), fade)
+
+
+@kernel
+def _soft_edge(distance: np.float32, fade: np.float32) -> np.float32:
+    """1 up to a distance of 1, falling to 0 at `fade`."""
+    ramp = min(max((fade - distance) / (fade - np.float32(1)), np.float32(0)), np.float32(1))
+    return ramp * ramp * (np.float32(3) - np.float32(2) * ramp)
 
 
 def faces_of_state(state: Arrays) -> Faces:
@@ -369,18 +398,28 @@ def head_mask(faces: Faces, size: tuple[int, int], shape: tuple[int, int]) -> Pl
         shape: (rows, columns) of the grid.
     """
     height, width = shape
-    cell_x, cell_y = np.float32(size[0] / width), np.float32(size[1] / height)
-    xs = (np.arange(width, dtype=np.float32) + 0.5) * cell_x
-    ys = (np.arange(height, dtype=np.float32) + 0.5) * cell_y
+    cell = np.float32(size[0] / width), np.float32(size[1] / height)
     plane = np.zeros(shape, np.float32)
-    for face in faces:
-        cx, cy, w, h = face["box"].astype(np.float32)
-        strength = np.float32(face["strength"])
-        half_x = max(w * np.float32(_HALF_WIDTH), np.float32(_LEAST_CELLS) * cell_x)
-        half_y = max(h * np.float32(_HALF_HEIGHT), np.float32(_LEAST_CELLS) * cell_y)
-        across = ((xs - cx) / half_x) ** 2
-        down = ((ys - cy + h * np.float32(_RAISE)) / half_y) ** 2
-        distance = np.sqrt(across[None, :] + down[:, None])
-        ramp = np.clip((np.float32(_FADE) - distance) / np.float32(_FADE - 1), 0, 1)
-        np.maximum(plane, strength * ramp * ramp * (3 - 2 * ramp), out=plane)
+    _add_heads(faces["box"].astype(np.float32), faces["strength"].astype(np.float32), cell, plane)
     return plane
+
+
+@kernel
+def _add_heads(
+    boxes: NDArray[np.float32], strengths: NDArray[np.float32], cell: tuple[np.float32, np.float32], plane: Plane
+) -> None:  # fmt: skip
+    """Raise the plane to the masks of the heads. `cell`: width and height of a cell, px."""
+    height, width = plane.shape
+    squares = np.empty(width, np.float32)
+    for k in range(len(boxes)):
+        half_x = max(boxes[k, 2] * np.float32(_HALF_WIDTH), np.float32(_LEAST_CELLS) * cell[0])
+        half_y = max(boxes[k, 3] * np.float32(_HALF_HEIGHT), np.float32(_LEAST_CELLS) * cell[1])
+        raised = boxes[k, 3] * np.float32(_RAISE)
+        for x in range(width):
+            across = ((np.float32(x) + np.float32(0.5)) * cell[0] - boxes[k, 0]) / half_x
+            squares[x] = across * across
+        for y in range(height):
+            down = ((np.float32(y) + np.float32(0.5)) * cell[1] - boxes[k, 1] + raised) / half_y
+            for x in range(width):  # this vectorises
+                own = strengths[k] * _soft_edge(np.sqrt(squares[x] + down * down), np.float32(_FADE))
+                plane[y, x] = max(plane[y, x], own)

@@ -136,7 +136,9 @@ class FrameAnalyzer:
             sharp = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
             self.importance.track_faces(sharp, flow, fresh)
             analysed = self.importance.small_faces(self.sizes.work)
-            drawn = self.importance.small_faces(self.lines.small) if self.lines else []
+            drawn = analysed
+            if self.lines and self.lines.small != self.sizes.work:
+                drawn = self.importance.small_faces(self.lines.small)
             tracked = self.importance.faces.copy()
         self._search_due = True  # set and cleared on the helper's thread only: exactly one search slice a frame
         return tracked, analysed, drawn

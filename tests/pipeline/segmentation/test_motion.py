@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow
+from pipeline.segmentation import motion
 from pipeline.segmentation.motion import (
     FADE_TOLERANCE,
     FAR,
@@ -84,7 +85,8 @@ def test_warp_back_samples_bilinearly_at_the_source() -> None:
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(-2, 0)))[:, :-2], ramp[:, 2:])
 
 
-def test_warp_back_equals_a_remap_of_the_whole_frame_where_parts_of_it_move() -> None:
+def test_warp_back_equals_a_remap_of_the_whole_frame_where_parts_of_it_move(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion, "WHOLE_PX", 0)
     rng = np.random.default_rng(5)
     image = rng.integers(0, 256, (75, 110, 3), dtype=np.uint8)
     flow = np.zeros((75, 110, 2), np.float32)
