@@ -37,7 +37,8 @@ class Palette:
             tone: tone of the frame; required if there is a reference.
             light_steadiness: 0..1, see `cuts.light_steadiness`; in a fade, colours change at once.
         """
-        target, means = self._target(regions, tone), _lab(regions)
+        means = _lab(regions)
+        target = self._target(means, tone)
         if self.last is None or self.followed is None:
             self.last, self.followed = target, means
         else:
@@ -47,8 +48,9 @@ class Palette:
             self.followed = self.followed[before] + weight * (means - self.followed[before])
         return to_8bit(lab_to_srgb(self.last))
 
-    def _target(self, regions: Segmentation, tone: scheme.Tone | None) -> Lab:
-        lab = _lab(regions)
+    def _target(self, means: Lab, tone: scheme.Tone | None) -> Lab:
+        """Colours of regions with these mean colours, before the blending over time."""
+        lab = means
         if self.reference is not None and tone is not None:
             hsv = srgb_to_hsv(lab_to_srgb(lab))
             moved = scheme.apply(self.reference, tone, hsv, self.params.keep_brightness, table=self._table)
