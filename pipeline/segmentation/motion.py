@@ -30,8 +30,6 @@ RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
 FAR = 255
 """Residual of a pixel without counterpart in the previous frame."""
-MOVING = 0.6
-"""Factor on the weight of the past for moving pixels, since repeated bilinear sampling blurs."""
 FADE_TOLERANCE = 10.0
 """Residual, CIELAB units, at which the weight of the previous output has fallen to 1/e."""
 
@@ -238,14 +236,18 @@ def _positions(
 def denoise(
     lab: LabPlanes, denoised: Lab8, flow: Flow, back: BackwardMaps, memory: float, tolerance: float
 ) -> tuple[LabPlanes, NDArray[np.uint8]]:  # fmt: skip
-    """Average a frame with the denoised previous frame along the motion, where the two agree.
+    """Average the still pixels of a frame with the denoised previous frame, where the two agree.
+
+    Moving pixels stay as they are: along an inexact flow, repeated bilinear sampling blurs, and what it removes of the
+    noise does not make regions steadier (of 15 clips, flicker falls by 0.3 to 3.5 % in 11 without it, and rises by 0.7
+    to 2.2 % in 3; detail rises by 0 to 3 %).
 
     Args:
         lab: current frame, uint8 (3, h, w).
         denoised: result for the previous frame, uint8 (h, w, 3).
         flow: previous to current frame, float32 (h, w, 2), px; read at the target, since flow varies slowly.
         back: `backward_maps(flow)`.
-        memory: weight of the past for still pixels without difference, 0..0.95; times `MOVING` for moving pixels.
+        memory: weight of the past for pixels without difference, 0..0.95.
         tolerance: CIELAB difference at which the weight has fallen to 1/e.
 
     Returns:
@@ -259,7 +261,7 @@ def denoise(
     residual = np.empty(lab.shape[1:], np.uint8)
     weights = np.empty(lab.shape[1:], np.int16)
     _difference(here, past, residual.ravel())
-    _weigh(flow, _weights(memory, tolerance), _weights(memory * MOVING, tolerance), residual, weights)
+    _weigh(flow, _weights(memory, tolerance), residual, weights)
     _mix(here, past, weights.ravel())
     return mixed, residual
 
@@ -316,19 +318,21 @@ def _difference(now: NDArray[np.uint8], past: NDArray[np.uint8], residual: NDArr
 
 @kernel
 def _weigh(
-    flow: Flow, still: NDArray[np.int32], moving: NDArray[np.int32], residual: NDArray[np.uint8],
-    weights: NDArray[np.int16],
+    flow: Flow, still: NDArray[np.int32], residual: NDArray[np.uint8], weights: NDArray[np.int16]
 ) -> None:  # fmt: skip
-    """Write the weight of the past, 256 = 1, and set `residual` to `FAR` where a pixel has no counterpart."""
+    """Write the weight of the past, 256 = 1, and set `residual` to `FAR` where a pixel has no counterpart.
+
+    `still`: weight by residual of pixels whose flow is 0; others have the weight 0.
+    """
     height, width = residual.shape
     for y in range(height):
         for x in range(width):
             dx, dy = flow[y, x, 0], flow[y, x, 1]
             weight = still[residual[y, x]]
             if dx != 0.0 or dy != 0.0:
-                weight = moving[residual[y, x]]
+                weight = np.int32(0)
                 if x < dx or y < dy or x - dx > width - 1 or y - dy > height - 1:
-                    residual[y, x], weight = np.uint8(255), np.int32(0)
+                    residual[y, x] = np.uint8(FAR)
             weights[y, x] = weight
 
 

@@ -36,8 +36,6 @@ LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.re
 """Stored planes of the line layer, by name in the session's state."""
 FACE_BLUR, LEAST_FACE_BLUR_PX = 0.018, 0.4
 """Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
-FACE_PRESENT = 0.6
-"""Weight of the present in small faces after denoising: the flow is not exact enough for an eye of 4 px."""
 DENOISE_TOLERANCE = 6.0
 """Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
 
@@ -99,10 +97,7 @@ class FrameAnalyzer:
         importance = self.background(self._importance, small, gray, coarse, fresh, mask)
         self._sharpen(small, planes, faces)
         raise_contrast(planes[0][..., None], tracked, self.sizes.frame)
-        fine = [np.stack([plane[face.box] for plane in planes]) for face in faces]
         back, planes, residual = self._denoise(planes, flow)
-        if residual is not None:
-            _restore_present(planes, faces, fine)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
         edge_map = self.background.later(self._edges, planes, importance, faces, contrast)
         past = None if flow is None or residual is None else Past(flow, residual)
@@ -256,14 +251,6 @@ class FrameAnalyzer:
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
-
-
-def _restore_present(planes: LabPlanes, faces: Sequence[FaceCrop], fine: Sequence[NDArray[np.uint8]]) -> None:
-    """Give the present more weight in the denoised small faces, in place."""
-    for face, own in zip(faces, fine, strict=True):
-        mostly = face._replace(weight=face.weight * np.float32(FACE_PRESENT))
-        for plane, present in zip(planes, own, strict=True):
-            mostly.blend(plane, present)
 
 
 def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:

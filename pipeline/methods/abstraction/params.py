@@ -79,7 +79,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     steadiness: float = number(
         0.85, 0, 0.95, "Steadiness",
-        "Weight of the past, along the motion, in the input of regions and lines; removes sensor noise.",
+        "Weight of the past in the input of regions and lines, where nothing moves; removes sensor noise.",
         "ratio", "Time",
     )  # fmt: skip
     stillness: float = number(
