@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterator
 from itertools import islice
 
+import cv2
 import numpy as np
 
 from pipeline.errors import ImpastoError
@@ -26,6 +27,14 @@ SIZE = (352, 288)
 """(width, height) of the practice frames, px: large enough that no filter, scaled to the frame, is left out."""
 FRAMES = 4
 """Practice frames at either size."""
+FACE = [
+    (100, 170, 25, 32, (205, 160, 130)),
+    *((100 + side, 156, 6, 2, (70, 45, 35)) for side in (-10, 10)),
+    *((100 + side, 162, 5, 3, (90, 60, 50)) for side in (-10, 10)),
+    (100, 179, 5, 2, (130, 90, 75)),
+    (100, 188, 9, 3, (140, 60, 60)),
+]
+"""A face in the practice frames that the detector finds, as ellipses: centre x, centre y and semi-axes, px; colour."""
 JOB_FRAMES = 2
 """Practice frames of a render of one job: nearly all kernels are called in the second frame, and further practice would
 take longer than loading the few others when they are called."""
@@ -103,8 +112,8 @@ def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
 
 
 def _practice() -> Iterator[Frame]:
-    """A bright square that moves over a ramp, and a narrow orange stripe on a white one: edges, motion, more than one
-    region, and ink that is taken off."""
+    """A bright square that moves over a ramp, a narrow orange stripe on a white one, and a face: edges, motion, more
+    than one region, ink that is taken off, and what is done for faces."""
     width, height = SIZE
     for index in range(FRAMES):
         frame = np.empty((height, width, 3), np.uint8)
@@ -112,4 +121,6 @@ def _practice() -> Iterator[Frame]:
         frame[100:220, 200:300] = 240
         frame[110:210, 249:252] = (220, 120, 20)
         frame[16:48, 20 + 2 * index : 52 + 2 * index] = (230, 180, 60)
+        for x, y, half_width, half_height, colour in FACE:
+            cv2.ellipse(frame, (x, y), (half_width, half_height), 0, 0, 360, colour, cv2.FILLED)
         yield frame
