@@ -87,7 +87,7 @@ def _load_and_practise(chosen: Method, params: Params) -> None:
         chosen.load()
     with _logged(chosen), contextlib.suppress(ImpastoError):
         if (session := chosen.stream(params, SIZE, 0, {})) is not None:
-            for frame in islice(_practice(), JOB_FRAMES):
+            for frame in islice(_practice(face=False), JOB_FRAMES):
                 session.step(frame)
 
 
@@ -111,9 +111,13 @@ def warm_up_process(stopped: Callable[[], bool] = lambda: False) -> None:
                 warm_up(chosen, chosen.Params(), stopped)
 
 
-def _practice() -> Iterator[Frame]:
+def _practice(face: bool = True) -> Iterator[Frame]:
     """A bright square that moves over a ramp, a narrow orange stripe on a white one, and a face: edges, motion, more
-    than one region, ink that is taken off, and what is done for faces."""
+    than one region, ink that is taken off, and what is done for faces.
+
+    Args:
+        face: whether there is one; it adds half a second to the start of a job, which may have none.
+    """
     width, height = SIZE
     for index in range(FRAMES):
         frame = np.empty((height, width, 3), np.uint8)
@@ -121,6 +125,6 @@ def _practice() -> Iterator[Frame]:
         frame[100:220, 200:300] = 240
         frame[110:210, 249:252] = (220, 120, 20)
         frame[16:48, 20 + 2 * index : 52 + 2 * index] = (230, 180, 60)
-        for x, y, half_width, half_height, colour in FACE:
+        for x, y, half_width, half_height, colour in FACE if face else ():
             cv2.ellipse(frame, (x, y), (half_width, half_height), 0, 0, 360, colour, cv2.FILLED)
         yield frame
