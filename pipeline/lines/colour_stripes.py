@@ -70,7 +70,7 @@ def _find_stripes(
 ) -> bool:  # fmt: skip
     """Write the share of the ink that each region loses, 255 = all, to `removed`, which is 0 everywhere, and the boxes
     of these regions. Returns whether there are any."""
-    share = np.zeros(len(means), np.float64)
+    share, candidates = np.zeros(len(means), np.float64), np.zeros(len(means), np.bool_)
     inked = _inked(labels, drawn, len(means))
     for own in range(len(means)):
         if areas[own] >= LEAST_PX:
@@ -79,12 +79,14 @@ def _find_stripes(
                 * _between(_chroma(means[own], _NEUTRAL, _NEUTRAL), CHROMA)
                 * _between(means[own, 0], LIGHTNESS)
             )
-    candidates = share > 0
-    if not candidates.any():
+            candidates[own] = share[own] > 0
+    stripes = np.nonzero(candidates)[0]
+    if not stripes.size:
         return False
     boxes[:] = _boxes(labels, drawn, candidates)
     neighbours, similar = _neighbours(labels, means, candidates, boxes)
-    for stripe in np.nonzero(candidates)[0]:
+    found = False
+    for stripe in stripes:
         own, beside = int(stripe), neighbours[stripe]
         share[own] *= (
             _between(_chroma(means[own], beside[1], beside[2]), HUE_DISTANCE)
@@ -92,7 +94,8 @@ def _find_stripes(
             * (1.0 - _between(similar[own], SIMILAR_BORDER))
         )
         removed[own] = np.uint8(np.rint(255 * share[own]))
-    return bool(removed.any())
+        found |= removed[own] > 0
+    return found
 
 
 @kernel
