@@ -1,6 +1,6 @@
-"""Motion for label propagation: the way back to the previous frame, and temporal denoising.
+"""Motion for label propagation: detection of still pixels, and temporal denoising along the motion.
 
-Departure: denoising is not part of zhang2011online. Without it, sensor noise moves the regions of a still scene.
+Departure: neither is part of zhang2011online. Without them, sensor noise moves the regions of a still scene.
 """
 
 from __future__ import annotations
@@ -37,6 +37,39 @@ FADE_TOLERANCE = 10.0
 def median_motion(flow: NDArray[np.float32]) -> NDArray[np.float32]:
     """Median of vectors (..., 2), px, separately for x and y; the upper median for an even number: float32 (2,)."""
     return column_medians(flow)
+
+
+def zero_still_flow(
+    flow: Flow, previous_gray: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float,
+    moving: NDArray[np.uint8] | None = None,
+) -> Flow:  # fmt: skip
+    """Set the flow of still pixels to exactly 0, in place; returns it: float32 (h, w, 2), px.
+
+    A pixel is still if the mean absolute difference of the two frames over 5x5 px is at most `tolerance`, or if its
+    displacement is less than a tenth of a pixel.
+
+    Args:
+        previous_gray, gray: uint8 (h, w).
+        tolerance: gray levels, 0..255.
+        moving: uint8 (h, w); where it is not 0, only the displacement counts. None = 0 everywhere.
+    """
+    difference = np.asarray(cv2.boxFilter(cv2.absdiff(gray, previous_gray), -1, (5, 5)), np.uint8)
+    if moving is not None:
+        difference = np.asarray(np.where(moving, np.uint8(255), difference), np.uint8)
+    _zero_still(flow, difference, np.uint8(tolerance))
+    return flow
+
+
+@kernel
+def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) -> None:
+    height, width = difference.shape
+    for y in range(height):
+        pairs, changes = flow[y].reshape(2 * width), difference[y]
+        for x in range(width):  # this vectorises
+            dx, dy = pairs[2 * x], pairs[2 * x + 1]
+            still = (changes[x] <= tolerance) | (dx * dx + dy * dy < 0.01)
+            pairs[2 * x] = np.float32(0) if still else dx
+            pairs[2 * x + 1] = np.float32(0) if still else dy
 
 
 _NO_SECOND_MAP = np.empty(0, np.float32)

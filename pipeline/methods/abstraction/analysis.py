@@ -27,9 +27,8 @@ from pipeline.segmentation.edges import edges
 from pipeline.segmentation.face_contrast import raise_contrast
 from pipeline.segmentation.faces import FaceCrop, Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise
+from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8
-from pipeline.segmentation.resting_flow import zero_resting_flow
 from pipeline.segmentation.shading import smooth_shading
 from pipeline.segmentation.shot_contrast import contrast_after
 
@@ -204,7 +203,7 @@ class FrameAnalyzer:
             return None
         with self.clock("flow"):
             flow = estimate(self.gray, gray, self.params.flow, finer=self.sizes.work != self.sizes.frame)
-            return zero_resting_flow(flow, self.gray, gray, self.params.stillness)
+            return zero_still_flow(flow, self.gray, gray, self.params.stillness)
 
     def _denoise(
         self, lab: LabPlanes, flow: Flow | None

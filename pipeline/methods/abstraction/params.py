@@ -83,9 +83,8 @@ class AbstractionParams(Params):
         "ratio", "Time",
     )  # fmt: skip
     stillness: float = number(
-        1, 0, 20, "Stillness",
-        "A pixel whose 5x5 surroundings changed by at most this is treated as still, unless textures around it move.",
-        "gray levels", "Time",
+        2, 0, 20, "Stillness",
+        "A pixel whose 5x5 surroundings changed by at most this is treated as still.", "gray levels", "Time",
     )  # fmt: skip
     boundary_margin: float = number(
         7, 0, 60, "Boundary margin",

@@ -18,7 +18,7 @@ from pipeline.flow.invert import invert_flow
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.halves import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
-from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions
+from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.face_layer import FaceLayer
@@ -38,7 +38,6 @@ from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.segmentation.face_contrast import raise_contrast
 from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker, moved
-from pipeline.segmentation.resting_flow import zero_resting_flow
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.field import OrientationField, field_of

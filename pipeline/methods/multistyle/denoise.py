@@ -14,6 +14,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.jit import kernel
+from pipeline.segmentation.motion import zero_still_flow
 from pipeline.selection import upper_median
 from pipeline.strokes.accumulation import TORN, changes
 
@@ -26,9 +27,57 @@ DIRECTION_SHARE = 0.3
 """Largest weight of new directions a frame."""
 MARGIN, NOISY = 1.4, 2.5
 """The tolerance is at least MARGIN times the median difference, and at most NOISY times the requested tolerance."""
+TEXTURE = 64.0
+"""Sobel slope at a quarter of the size from which on motion would be visible."""
+WINDOW, GLOBAL = 0.15, 0.03
+"""Side of the window, as a fraction of the frame's shorter side, in which textured pixels decide whether a flat pixel
+rests; weight of the textured pixels of the whole picture."""
+FAR, CONTESTED = 0.003, 0.9
+"""A flat pixel that the flow moves by more than FAR, as a fraction of the shorter side, moves, unless at least the
+fraction CONTESTED of the textures around it rests. Smaller motion may be an overshoot from a moving neighbour."""
 TEXTURE_SHARE = 0.3
 """Largest weight of the new picture a frame where only texture differs: moving folds and fur are not exactly where the
 flow says, and following each of them would flicker."""
+
+
+def zero_resting_flow(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
+    """Set the flow of still pixels to exactly 0, in place; return it: float32 (h, w, 2), px.
+
+    A pixel that does not change may be still, or belong to a flat surface that moves, such as the sky in a pan. An
+    unchanged flat pixel is therefore still only if textured pixels around it do not change either. If some of them do,
+    it is still only if the flow moves it little.
+
+    Args:
+        before, gray: uint8 (h, w), the previous frame and this one.
+        tolerance: mean absolute difference over 5 x 5 px up to which a pixel counts as unchanged, gray levels.
+    """
+    size = (gray.shape[1], gray.shape[0])
+    small = (max(1, size[0] // 4), max(1, size[1] // 4))
+    change = cv2.resize(cv2.absdiff(gray, before), small, interpolation=cv2.INTER_AREA)
+    coarse = cv2.resize(gray, small, interpolation=cv2.INTER_AREA)
+    across, down = (np.abs(cv2.Sobel(coarse, cv2.CV_32F, *axes)) for axes in ((1, 0), (0, 1)))
+    texture = (across + down > np.float32(TEXTURE)).astype(np.float32)
+    resting = texture * (change <= np.uint8(tolerance))
+    side = max(3, round(WINDOW * min(small))) | 1
+    near, all_near = (cv2.boxFilter(plane, -1, (side, side)) for plane in (resting, texture))
+    far, all_far = (np.float32(GLOBAL * plane.mean() + 1e-6) for plane in (resting, texture))
+    votes = near + far, all_near + all_far
+    moving = (2 * votes[0] <= votes[1]).astype(np.uint8) + (votes[0] < np.float32(CONTESTED) * votes[1])
+    decisions = np.asarray(moving, np.uint8)
+    wide = np.asarray(cv2.resize(decisions, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    _decide_contested(flow, np.float32((FAR * min(size)) ** 2), wide)
+    return zero_still_flow(flow, before, gray, tolerance, wide)
+
+
+@kernel
+def _decide_contested(flow: Flow, most2: np.float32, moving: NDArray[np.uint8]) -> None:
+    """Replace 1 (contested) by 0 (rests) or 1 (moves), in place; 2 means moves."""
+    height, width = moving.shape
+    for y in range(height):
+        for x in range(width):
+            if moving[y, x] == 1:
+                dx, dy = flow[y, x, 0], flow[y, x, 1]
+                moving[y, x] = dx * dx + dy * dy > most2
 
 
 class TemporalDenoiser:

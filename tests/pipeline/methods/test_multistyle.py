@@ -23,7 +23,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
-from pipeline.methods.multistyle.denoise import PLAIN, denoise
+from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.painter import Painter
@@ -370,6 +370,38 @@ def test_rims_lie_on_the_darker_side_and_follow_the_motion() -> None:
     paler = darkening.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), nothing_else)
     other = darkening.step(picture(64, 190), np.zeros((96, 128, 2), np.float32), ~nothing_else)
     assert paler[48, 63] > 0.7 * moved[48, 63] > 2 * other[48, 63]
+
+
+@pytest.mark.parametrize(("moved", "sky"), [(240, -3), (0, 0), (120, None)])
+def test_a_flat_sky_moves_with_the_camera(moved: int, sky: float | None) -> None:
+    """The upper part has no texture; in the lower part texture moves by 3 px up to column `moved` and rests beyond."""
+    rough = cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128
+    rough = np.clip(rough, 0, 255).astype(np.uint8)
+    before, after = rough[:, :240].copy(), rough[:, :240].copy()
+    after[:, :moved] = rough[:, 3 : moved + 3]
+    before[:60], after[:60] = 200, 200
+    flow = zero_resting_flow(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
+    if sky is not None:
+        assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
+    assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
+    assert (flow[52:60, 136:224] == (-3 if moved == 240 else 0)).mean() > 0.9
+
+
+@pytest.mark.parametrize(("flow_px", "goes"), [(-3.0, True), (-0.2, False)])
+def test_a_flat_object_moves_past_still_objects_with_the_flow(flow_px: float, goes: bool) -> None:
+    """A stripe with a rough edge moves by 3 px over a rough wall; its plain middle does not change."""
+    rough = np.clip(cv2.GaussianBlur(np.random.default_rng(4).normal(0, 900, (160, 260)), (0, 0), 2) + 128, 0, 255)
+    before = rough[:, :240].astype(np.uint8)
+    after = before.copy()
+    before[64:80], after[64:80] = 128, 128
+    edge = np.random.default_rng(5).integers(0, 255, (4, 243), np.uint8)
+    for top in (64, 76):
+        before[top : top + 4], after[top : top + 4] = edge[:, :240], edge[:, 3:]
+    flow = np.zeros((160, 240, 2), np.float32)
+    flow[64:80, :, 0] = flow_px
+    found = zero_resting_flow(flow, before, after, 2)[..., 0]
+    assert (found[71:73, 30:210] == (flow_px if goes else 0)).mean() > 0.9
+    assert (found[:40] == 0).all() and (found[120:] == 0).all()
 
 
 # -- regions

@@ -21,6 +21,7 @@ from pipeline.segmentation.motion import (
     past_weights,
     warp_back,
     warp_enlarged,
+    zero_still_flow,
 )
 from pipeline.segmentation.regions import Lab8
 
@@ -43,6 +44,34 @@ def denoised_from(lab: Lab8, past: Lab8, flow: Flow, memory: float, tolerance: f
 
 def planes_of(lab: Lab8) -> LabPlanes:
     return np.ascontiguousarray(lab.transpose(2, 0, 1))
+
+
+# -- standing still
+
+
+def test_noise_gets_zero_flow_and_moving_pixels_keep_their_flow() -> None:
+    before = np.full((24, 32), 90, np.uint8)
+    now = before + noise(0, 0, 3, before.shape)
+    now[6:16, 4:14] = 160
+    flow = zero_still_flow(uniform_flow(1.5, -0.7, before.shape), before, now, tolerance=2)
+    np.testing.assert_array_equal(flow[6:16, 4:14], uniform_flow(1.5, -0.7, (10, 10)))
+    assert not flow[:, 20:].any() and not flow[20:].any()
+
+
+@pytest.mark.parametrize(("change", "stands"), [(2, True), (3, False)])
+def test_stillness_depends_on_the_mean_change_around_a_pixel(change: int, stands: bool) -> None:
+    before = np.full(SHAPE, 90, np.uint8)
+    flow = zero_still_flow(uniform_flow(1, 0), before, before + np.uint8(change), tolerance=2)
+    assert flow.any() != stands
+
+
+@pytest.mark.parametrize(
+    ("dx", "dy", "stands"), [(0.09, 0, True), (0.07, 0.06, True), (0.08, 0.07, False), (0, -0.11, False)]
+)
+def test_displacements_below_a_tenth_of_a_pixel_are_zero(dx: float, dy: float, stands: bool) -> None:
+    before = np.full(SHAPE, 90, np.uint8)
+    flow = zero_still_flow(uniform_flow(dx, dy), before, before + np.uint8(50), tolerance=2)
+    assert flow.any() != stands
 
 
 # -- the way back
