@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Plane
 from pipeline.jit import kernel
-from pipeline.segmentation.faces import FaceCrop
+from pipeline.segmentation.face_masks import FaceCrop
 
 Gradient = NDArray[np.int16]
 """int16 (h, w): a component of the 3x3 Sobel gradient of a plane, levels."""

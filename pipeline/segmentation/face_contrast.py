@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.jit import kernel
-from pipeline.segmentation.faces import Faces, largeness
+from pipeline.segmentation.face_masks import largeness
+from pipeline.segmentation.faces import Faces
 
 LEAST_CONTRAST = 32.0
 """Standard deviation of the lightness in a face, gray levels, from which on the face stays as it is."""

@@ -23,16 +23,8 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.segmentation.faces import (
-    NO_FACES,
-    FaceCrop,
-    Faces,
-    FaceTracker,
-    face_crops,
-    head_mask,
-    largeness,
-    small_faces,
-)
+from pipeline.segmentation.face_masks import FaceCrop, face_crops, head_mask, largeness, small_faces
+from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker
 from pipeline.segmentation.motion import median_motion
 from pipeline.segmentation.saliency import spectral_residual
 from pipeline.segmentation.shrink import shrink, size_within
@@ -172,7 +164,7 @@ class ImportanceTracker:
         return self._faces.faces
 
     def small_faces(self, picture: tuple[int, int]) -> list[FaceCrop]:
-        """The small faces of the latest frame in a picture of (width, height) `picture`, see `faces.small_faces`."""
+        """The small faces of the latest frame in a picture of (width, height) `picture`, see `face_masks.small_faces`."""
         return small_faces(self._faces.faces, self._size, picture)
 
     def continue_search(self) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
+from pipeline.flow.warp import positions, scale_flow
 from pipeline.frames import Flow, Plane
 from pipeline.jit import kernel
 from pipeline.segmentation.motion import median_motion
@@ -89,8 +90,8 @@ class NewPlaces:
             flow: from the previous frame to this one, px of the frame, on a grid of any size.
         """
         coarse = np.asarray(cv2.resize(flow, self._cells, interpolation=cv2.INTER_LINEAR), np.float32)
-        x, y = np.empty(coarse.shape[:2], np.float32), np.empty(coarse.shape[:2], np.float32)
-        _origins(coarse, np.divide(self._cells, self._size).astype(np.float32), x, y)
+        across, down = np.divide(self._cells, self._size)
+        x, y = positions(scale_flow(coarse, -across, -down))
         new = cv2.remap(self.unsearched, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
         self.unsearched = np.asarray(new, np.float32)
         moved = cv2.remap(self.moving, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -155,19 +156,6 @@ class NewPlaces:
         return Rectangle(
             round(column * across), round(row * down), round((column + w) * across), round((row + h) * down)
         )
-
-
-@kernel
-def _origins(flow: Flow, scale: NDArray[np.float32], x: Plane, y: Plane) -> None:
-    """Where each cell was in the previous frame, in cells.
-
-    Args:
-        flow: from the previous frame, px of the frame; scale: cells per px, across and down.
-    """
-    for row in range(x.shape[0]):
-        for column in range(x.shape[1]):
-            x[row, column] = np.float32(column) - flow[row, column, 0] * scale[0]
-            y[row, column] = np.float32(row) - flow[row, column, 1] * scale[1]
 
 
 @kernel

@@ -27,7 +27,7 @@ SIZE = (352, 288)
 """(width, height) of the practice frames, px: large enough that no filter, scaled to the frame, is left out."""
 FRAMES = 4
 """Practice frames at either size."""
-FACE = [
+PRACTICE_FACE = [
     (100, 170, 25, 32, (205, 160, 130)),
     *((100 + side, 156, 6, 2, (70, 45, 35)) for side in (-10, 10)),
     *((100 + side, 162, 5, 3, (90, 60, 50)) for side in (-10, 10)),
@@ -125,6 +125,6 @@ def _practice(face: bool = True) -> Iterator[Frame]:
         frame[100:220, 200:300] = 240
         frame[110:210, 249:252] = (220, 120, 20)
         frame[16:48, 20 + 2 * index : 52 + 2 * index] = (230, 180, 60)
-        for x, y, half_width, half_height, colour in FACE if face else ():
+        for x, y, half_width, half_height, colour in PRACTICE_FACE if face else ():
             cv2.ellipse(frame, (x, y), (half_width, half_height), 0, 0, 360, colour, cv2.FILLED)
         yield frame

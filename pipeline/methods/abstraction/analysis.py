@@ -25,7 +25,8 @@ from pipeline.methods.tasks import Clock
 from pipeline.segmentation.cuts import FADING, is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.face_contrast import raise_contrast
-from pipeline.segmentation.faces import FaceCrop, Faces
+from pipeline.segmentation.face_masks import FaceCrop
+from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8

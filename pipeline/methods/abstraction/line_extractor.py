@@ -18,7 +18,7 @@ from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response, soft_threshold
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import FINEST_LINE_PX, Sizes
-from pipeline.segmentation.faces import FaceCrop
+from pipeline.segmentation.face_masks import FaceCrop
 from pipeline.selection import nth_smallest
 
 TAU = 0.99

@@ -17,7 +17,7 @@ from pipeline.lines.dog import soft_threshold
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes
-from pipeline.segmentation.faces import FaceCrop
+from pipeline.segmentation.face_masks import FaceCrop
 from pipeline.segmentation.motion import past_weights
 
 NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)

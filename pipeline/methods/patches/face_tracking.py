@@ -17,7 +17,8 @@ from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker, faces_of_state, head_mask
+from pipeline.segmentation.face_masks import head_mask
+from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker, faces_of_state
 
 HALF_LIFE_FRAMES = 6.0
 """Half-life with which boxes and strengths of faces follow the detections."""

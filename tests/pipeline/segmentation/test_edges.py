@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from pipeline.segmentation.edges import edges
-from pipeline.segmentation.faces import FaceCrop
+from pipeline.segmentation.face_masks import FaceCrop
 
 HIGH, LOW_RATIO, FLOOR = 90.0, 0.4, 0.2
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.scenes import scene
 from pipeline.segmentation.face_detector import FaceDetector
-from pipeline.segmentation.faces import FACE, FaceTracker, face_crops, small_faces
+from pipeline.segmentation.face_masks import face_crops, small_faces
+from pipeline.segmentation.faces import FACE, FaceTracker
 
 SIZE = (640, 240)
 SPEED_PX = 12
