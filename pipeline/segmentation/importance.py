@@ -164,7 +164,7 @@ class ImportanceTracker:
         return self._faces.faces
 
     def small_faces(self, picture: tuple[int, int]) -> list[FaceCrop]:
-        """The small faces of the latest frame in a picture of (width, height) `picture`, see `face_masks.small_faces`."""
+        """Small faces of the latest frame in a picture of (width, height) `picture`, see `face_masks.small_faces`."""
         return small_faces(self._faces.faces, self._size, picture)
 
     def continue_search(self) -> None:
