@@ -12,20 +12,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.background import INLINE, Background
 from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
+from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.regions import Lab8
 from pipeline.selection import column_medians
 
 BLOCK_PX = 32
-"""Side of the blocks without any motion that `warp_back` copies."""
+"""Side of the blocks without any motion that `warp_enlarged` copies."""
 WARPED_ROWS = 32
 """Rows of the whole width whose positions `warp_enlarged` computes at a time; more rows of narrower parts."""
-MOST, WHOLE_PX = 0.7, 1 << 17
-"""Share of moving blocks from which the whole frame is warped at once, which then costs less; and px of a
-flow up to which `backward_maps` always does so."""
+MOST = 0.7
+"""Share of moving pixels or blocks from which the whole frame is warped at once, which then costs less."""
+MAP_COLUMNS = 256
+"""Columns of the maps of single pixels: OpenCV's `remap` takes rows of up to 32767."""
 RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
 FAR = 255
@@ -75,56 +78,99 @@ def _zero_still(flow: Flow, difference: NDArray[np.uint8], tolerance: np.uint8) 
 _NO_SECOND_MAP = np.empty(0, np.float32)
 
 
-class MovingPart(NamedTuple):
-    """A part of the frame in which something moves, and OpenCV's fixed-point maps (1/32 px) of it.
+class BackwardMaps(NamedTuple):
+    """Where something moves, and OpenCV's fixed-point maps (1/32 px) to the previous frame.
 
     Attributes:
-        rows, columns: the part.
-        whole: int16 (h, w, 2), position of each pixel in the previous frame, whole pixels.
-        fractions: uint16 (h, w), fractions of the position.
+        places: int32 (n,), flat indices of the moving pixels.
+        lost: int32 (m,), flat indices of those that come from outside the previous frame.
+        whole: int16 (rows, columns, 2), position of each of these pixels in the previous frame, whole pixels; of all
+            pixels, in the shape of the frame, if most of them move.
+        fractions: uint16 (rows, columns), fractions of the position.
     """
 
-    rows: slice
-    columns: slice
+    places: NDArray[np.int32]
+    lost: NDArray[np.int32]
     whole: NDArray[np.int16]
     fractions: NDArray[np.uint16]
 
 
-BackwardMaps = tuple[MovingPart, ...]
-"""The parts of a frame in which something moves; the rest is as in the previous frame."""
-
-
 def backward_maps(flow: Flow) -> BackwardMaps:
-    """Position of each pixel in the previous frame, for `warp_back`, without blocks in which nothing moves.
+    """Position of each moving pixel in the previous frame, for `warp_back`.
 
     Args:
         flow: float32 (h, w, 2), px.
     """
-    parts = []
-    spans = [_everything(flow)] if flow.shape[0] * flow.shape[1] <= WHOLE_PX else _moving_spans(flow)
-    for rows, columns in spans:
-        size = rows.stop - rows.start, columns.stop - columns.start
-        part = MovingPart(rows, columns, np.empty((*size, 2), np.int16), np.empty(size, np.uint16))
-        _fixed_point_maps(flow, (columns.start, rows.start), part.whole, part.fractions)
-        parts.append(part)
-    return tuple(parts)
+    height, width = flow.shape[:2]
+    rows = -(-height * width // MAP_COLUMNS)
+    whole, fractions = np.empty((rows, MAP_COLUMNS, 2), np.int16), np.empty((rows, MAP_COLUMNS), np.uint16)
+    places, lost = np.empty(fractions.size + width, np.int32), np.empty(height * width + width, np.int32)
+    count, outside = _moving_maps(flow, (whole, fractions), places, lost)
+    places, lost = places[:count], lost[:outside]
+    if count > MOST * height * width:
+        whole, fractions = np.empty((height, width, 2), np.int16), np.empty((height, width), np.uint16)
+        _whole_maps(flow, whole, fractions)
+        return BackwardMaps(places, lost, whole, fractions)
+    rows = -(-count // MAP_COLUMNS)
+    return BackwardMaps(places, lost, whole[:rows], fractions[:rows])
 
 
 @kernel
-def _fixed_point_maps(
-    flow: Flow, corner: tuple[int, int], whole: NDArray[np.int16], fractions: NDArray[np.uint16]
-) -> None:  # fmt: skip
-    """Fill the maps of a part whose first pixel is at `corner` (x, y), as `cv2.convertMaps` does."""
-    height, width = fractions.shape
-    left, top = corner
+def _moving_maps(
+    flow: Flow, maps: tuple[NDArray[np.int16], NDArray[np.uint16]], places: NDArray[np.int32], lost: NDArray[np.int32]
+) -> tuple[int, int]:  # fmt: skip
+    """Write the flat indices of the moving pixels, their maps one after the other, and the indices of those that come
+    from outside; returns the numbers of both. The maps' last row is filled up with zeros."""
+    height, width = flow.shape[0], flow.shape[1]
+    whole, fractions = maps[0].view(np.int32).reshape(maps[1].size), maps[1].reshape(maps[1].size)
+    moving, outside = np.empty(width, np.uint8), np.empty(width, np.uint8)
+    row_whole, row_fractions = np.empty(2 * width, np.int16), np.empty(width, np.uint16)
+    pairs = row_whole.view(np.int32)
+    right, below = np.float32(width - 1), np.float32(height - 1)
+    count = gone = 0
     for y in range(height):
-        positions = whole[y].reshape(2 * width)
-        moves = flow[top + y].reshape(2 * flow.shape[1])[2 * left :]
+        moves = flow[y].reshape(2 * width)
+        if not _is_moving(moves):
+            continue
+        _row_maps(moves, y, row_whole, row_fractions)
         for x in range(width):  # this vectorises
-            across = np.int32(np.rint((np.float32(left + x) - moves[2 * x]) * np.float32(32)))
-            down = np.int32(np.rint((np.float32(top + y) - moves[2 * x + 1]) * np.float32(32)))
-            positions[2 * x], positions[2 * x + 1] = np.int16(across >> 5), np.int16(down >> 5)
-            fractions[y, x] = np.uint16(((down & 31) << 5) | (across & 31))
+            dx, dy = moves[2 * x], moves[2 * x + 1]
+            left, top = np.float32(x) - dx, np.float32(y) - dy
+            moving[x] = np.uint8((dx != 0.0) | (dy != 0.0))
+            outside[x] = np.uint8((left < 0) | (top < 0) | (left > right) | (top > below))
+        first, count = count, nonzero_positions(moving, places, y * width, count)
+        gone = nonzero_positions(outside, lost, y * width, gone)
+        for k in range(first, count):
+            x = places[k] - y * width
+            whole[k], fractions[k] = pairs[x], row_fractions[x]
+    for k in range(count, min(-(-count // MAP_COLUMNS) * MAP_COLUMNS, fractions.size)):
+        whole[k], fractions[k] = np.int32(0), np.uint16(0)
+    return count, gone
+
+
+@kernel
+def _is_moving(moves: NDArray[np.float32]) -> bool:
+    moving = False
+    for k in range(moves.size):  # this vectorises
+        moving |= moves[k] != 0.0
+    return moving
+
+
+@kernel
+def _row_maps(moves: NDArray[np.float32], y: int, whole: NDArray[np.int16], fractions: NDArray[np.uint16]) -> None:
+    """Fill the maps of row `y` as `cv2.convertMaps` does."""
+    for x in range(fractions.size):  # this vectorises
+        across = np.int32(np.rint((np.float32(x) - moves[2 * x]) * np.float32(32)))
+        down = np.int32(np.rint((np.float32(y) - moves[2 * x + 1]) * np.float32(32)))
+        whole[2 * x], whole[2 * x + 1] = np.int16(across >> 5), np.int16(down >> 5)
+        fractions[x] = np.uint16(((down & 31) << 5) | (across & 31))
+
+
+@kernel
+def _whole_maps(flow: Flow, whole: NDArray[np.int16], fractions: NDArray[np.uint16]) -> None:
+    height, width = fractions.shape
+    for y in range(height):
+        _row_maps(flow[y].reshape(2 * width), y, whole[y].reshape(2 * width), fractions[y])
 
 
 def _moving_spans(flow: Flow) -> list[tuple[slice, slice]]:
@@ -180,12 +226,25 @@ def _moving_blocks(flow: Flow) -> NDArray[np.int8]:
 
 
 def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
-    """Warp an image of the previous frame, uint8 (h, w[, c]), to this frame; bilinear, border pixels are replicated."""
+    """Warp an image of the previous frame, uint8 (h, w, 3), to this frame; bilinear, border pixels are replicated."""
+    places, _, whole, fractions = back
+    if not places.size:
+        return image.copy()
+    moved = cv2.remap(image, whole, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if fractions.shape == image.shape[:2]:
+        return np.asarray(moved, np.uint8)
     out = image.copy()
-    for rows, columns, whole, fractions in back:
-        part = out[rows, columns]
-        cv2.remap(image, whole, fractions, cv2.INTER_LINEAR, dst=part, borderMode=cv2.BORDER_REPLICATE)
+    _scatter(np.asarray(moved, np.uint8), places, out)
     return out
+
+
+@kernel
+def _scatter(moved: NDArray[np.uint8], places: NDArray[np.int32], out: NDArray[np.uint8]) -> None:
+    """Write the first pixels of `moved` to these places."""
+    pixels, there = moved.reshape(moved.size), out.reshape(out.size)
+    for k in range(places.size):
+        at = 3 * places[k]
+        there[at], there[at + 1], there[at + 2] = pixels[3 * k], pixels[3 * k + 1], pixels[3 * k + 2]
 
 
 def warp_enlarged(image: NDArray[np.uint8], flow: Flow) -> NDArray[np.uint8]:
@@ -261,7 +320,9 @@ def denoise(
     residual = np.empty(lab.shape[1:], np.uint8)
     weights = np.empty(lab.shape[1:], np.int16)
     _difference(here, past, residual.ravel())
-    _weigh(flow, _weights(memory, tolerance), residual, weights)
+    _weigh(_weights(memory, tolerance).astype(np.int16), residual, weights)
+    _fill_places(weights, back.places, 0)
+    _fill_places(residual, back.lost, FAR)
     _mix(here, past, weights.ravel())
     return mixed, residual
 
@@ -317,23 +378,19 @@ def _difference(now: NDArray[np.uint8], past: NDArray[np.uint8], residual: NDArr
 
 
 @kernel
-def _weigh(
-    flow: Flow, still: NDArray[np.int32], residual: NDArray[np.uint8], weights: NDArray[np.int16]
-) -> None:  # fmt: skip
-    """Write the weight of the past, 256 = 1, and set `residual` to `FAR` where a pixel has no counterpart.
+def _weigh(still: NDArray[np.int16], residual: NDArray[np.uint8], weights: NDArray[np.int16]) -> None:
+    """Write the weight of the past, 256 = 1, as if no pixel moved. `still`: weight by residual."""
+    apart, out = residual.reshape(residual.size), weights.reshape(weights.size)
+    for k in range(apart.size):
+        out[k] = still[apart[k]]
 
-    `still`: weight by residual of pixels whose flow is 0; others have the weight 0.
-    """
-    height, width = residual.shape
-    for y in range(height):
-        for x in range(width):
-            dx, dy = flow[y, x, 0], flow[y, x, 1]
-            weight = still[residual[y, x]]
-            if dx != 0.0 or dy != 0.0:
-                weight = np.int32(0)
-                if x < dx or y < dy or x - dx > width - 1 or y - dy > height - 1:
-                    residual[y, x] = np.uint8(FAR)
-            weights[y, x] = weight
+
+@kernel
+def _fill_places(plane: AnyArray, places: NDArray[np.int32], value: int) -> None:
+    """Write a value at these flat indices."""
+    flat = plane.reshape(plane.size)
+    for k in range(places.size):
+        flat[np.uint64(places[k])] = value
 
 
 @kernel

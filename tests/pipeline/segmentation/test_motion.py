@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow
-from pipeline.segmentation import motion
 from pipeline.segmentation.motion import (
     FADE_TOLERANCE,
     FAR,
@@ -84,18 +83,29 @@ def test_warp_back_samples_bilinearly_at_the_source() -> None:
     np.testing.assert_array_equal(warp_back(ramp, backward_maps(uniform_flow(-2, 0)))[:, :-2], ramp[:, 2:])
 
 
-def test_warp_back_equals_a_remap_of_the_whole_frame_where_parts_of_it_move(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion, "WHOLE_PX", 0)
+@pytest.mark.parametrize("rows", [0, 10, 75], ids=["one pixel moves", "some pixels move", "most pixels move"])
+def test_warp_back_equals_a_remap_of_the_whole_frame(rows: int) -> None:
     rng = np.random.default_rng(5)
     image = rng.integers(0, 256, (75, 110, 3), dtype=np.uint8)
     flow = np.zeros((75, 110, 2), np.float32)
-    flow[:10, 40:70] = rng.normal(0, 3, (10, 30, 2))  # blocks next to each other
-    flow[74, 109] = (0.4, -0.3)  # the corner of a block that is cut off
+    flow[:rows, 10:] = rng.normal(0, 3, (rows, 100, 2))
+    flow[74, 109] = (0.4, -0.3)
     y, x = np.mgrid[:75, :110].astype(np.float32)
     whole = cv2.remap(image, x - flow[..., 0], y - flow[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     maps = backward_maps(flow)
-    assert sum(part.fractions.size for part in maps) < image[..., 0].size / 2
+    moving = flow.any(axis=2)
+    np.testing.assert_array_equal(maps.places, np.flatnonzero(moving))
+    here = np.stack([x - flow[..., 0], y - flow[..., 1]], axis=-1)
+    np.testing.assert_array_equal(maps.lost, np.flatnonzero(((here < 0) | (here > (109, 74))).any(axis=2)))
+    assert (maps.fractions.size < moving.size / 2) == (rows < 75)
     np.testing.assert_array_equal(warp_back(image, maps), whole)
+
+
+def test_nothing_moves_back_without_motion() -> None:
+    image = np.random.default_rng(5).integers(0, 256, (*SHAPE, 3), dtype=np.uint8)
+    maps = backward_maps(np.zeros((*SHAPE, 2), np.float32))
+    assert not maps.places.size
+    np.testing.assert_array_equal(warp_back(image, maps), image)
 
 
 @pytest.mark.parametrize("moving", [1.0, 0.1], ids=["everything moves", "few blocks move"])
