@@ -10,6 +10,9 @@ from pipeline.background import INLINE, Background
 from pipeline.frames import Frame, Labels
 from pipeline.jit import kernel
 
+SPAN = 64
+"""Pixels of a row that are composited together, or left out if none of them has ink."""
+
 
 def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, background: Background = INLINE) -> Frame:
     """Fill each region with its colour, and anti-alias boundaries by a Gaussian blur.
@@ -31,7 +34,7 @@ def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
     height, width = labels.shape
     for y in range(height):
         for x in range(width):
-            label = labels[y, x]
+            label = np.uint64(labels[y, x])  # a signed index is tested for its sign
             out[y, x, 0] = colours[label, 0]
             out[y, x, 1] = colours[label, 1]
             out[y, x, 2] = colours[label, 2]
@@ -48,18 +51,32 @@ def overlay(
         colour: RGB, 0..255.
         opacity: factor on the ink, 0..1.
     """
-    rgb, strength = np.array(colour, np.int32), round(opacity * 257)
+    rgb, strength = np.tile(np.array(colour, np.int32), SPAN), round(opacity * 257)
     background.rows(lambda first, last: _overlay(picture[first:last], ink[first:last], rgb, strength), len(picture))
     return picture
 
 
 @kernel
-def _overlay(picture: Frame, ink: NDArray[np.uint8], colour: NDArray[np.int32], opacity: int) -> None:
+def _overlay(picture: Frame, ink: NDArray[np.uint8], colours: NDArray[np.int32], opacity: int) -> None:
+    """`colours`: int32 (3 * SPAN,), the colour again and again."""
     height, width = ink.shape
+    by_byte, factor = np.empty(3 * SPAN, np.int32), np.int32(opacity)
     for y in range(height):
-        for x in range(width):
-            a = np.int32(ink[y, x]) * opacity
-            if a:
-                for c in range(3):
-                    p = np.int32(picture[y, x, c])
-                    picture[y, x, c] = np.uint8(p + (((colour[c] - p) * a + 32768) >> 16))
+        for start in range(0, width, SPAN):
+            part = ink[y, start : start + SPAN]
+            if not _has_ink(part):
+                continue
+            for x in range(part.size):
+                by_byte[3 * x] = by_byte[3 * x + 1] = by_byte[3 * x + 2] = np.int32(part[x]) * factor
+            pixels = picture[y, start : start + SPAN].reshape(3 * part.size)
+            for k in range(pixels.size):  # this vectorises
+                p = np.int32(pixels[k])
+                pixels[k] = np.uint8(p + (((colours[k] - p) * by_byte[k] + np.int32(32768)) >> np.int32(16)))
+
+
+@kernel
+def _has_ink(part: NDArray[np.uint8]) -> bool:
+    found = False
+    for x in range(part.size):  # this vectorises
+        found |= part[x] != 0
+    return found

@@ -99,7 +99,8 @@ def _grow(
     around, aside = (-width, -1, 1, width), (0, -1, 1, 0)
     last_row, row = labels.size - width, 0
     for at in pixels:
-        if there[at] != 0 or (closed[at] and not anywhere):
+        place = np.uint64(at)  # a signed index is tested for its sign
+        if there[place] != 0 or (closed[place] and not anywhere):
             continue
         while at - row >= width:  # a division for each pixel would take longer
             row += width
@@ -109,16 +110,16 @@ def _grow(
         for n in range(4):  # only the most similar neighbour can label the pixel
             if not inside[n]:
                 continue
-            other = there[at + around[n]]
+            other = there[np.uint64(at + around[n])]
             if other <= 0 or other == label:
                 continue
             error = colour_difference(colours, at, means, other)
             if error < best:
                 best, label = error, other
-        if label != 0 and (best <= most[at] * slack or anywhere):
+        if label != 0 and (best <= most[place] * slack or anywhere):
             _enqueue(entries, head, tail, used, best, (at, x, label))
             used += 1
-            there[at] = -label
+            there[place] = -label
     lowest = 0
     while lowest < _BINS:
         entry = head[lowest]
@@ -126,20 +127,25 @@ def _grow(
             lowest += 1
             continue
         at, x, label, head[lowest] = entries[entry]
-        if there[at] > 0:
+        place = np.uint64(at)
+        if there[place] > 0:
             continue
-        there[at] = label
+        there[place] = label
         move(sums, colours, most, at, 0, label)
         inside = (at >= width, x > 0, x < width - 1, at < last_row)
         for n in range(4):
+            if not inside[n]:
+                continue
             to = at + around[n]
-            if not inside[n] or there[to] > 0 or there[to] == -label or (closed[to] and not anywhere):
+            target = np.uint64(to)
+            known = there[target]
+            if known > 0 or known == -label or (closed[target] and not anywhere):
                 continue
             error = colour_difference(colours, to, means, label)
-            if error <= most[to] * slack or anywhere:
+            if error <= most[target] * slack or anywhere:
                 lowest = min(lowest, _enqueue(entries, head, tail, used, error, (to, x + aside[n], label)))
                 used += 1
-                there[to] = -label
+                there[target] = -label
 
 
 @kernel

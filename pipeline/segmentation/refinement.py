@@ -61,33 +61,51 @@ def _correct(
     unlike, places = np.empty(width, np.uint8), np.empty(width, np.int32)
     for y in range(height):
         row, colour, allowed = labels[y], lab[y].reshape(3 * width), limit[y]
+        _mark_boundaries(row, labels[max(y - 1, 0)], labels[min(y + 1, height - 1)], unlike)
         for x in range(width):  # this and the next loop vectorise
             own = np.uint32(row[x])
             light[x], a[x], b[x] = lightness[own], red[own], yellow[own]
         for x in range(width):
-            # Below the margin, no other region can fit better by more than the margin.
             misfit = np.float32(allowed[x]) * slack
             misfit = misfit if misfit > np.float32(NOISE) else np.float32(NOISE)
-            least = margin if margin < misfit else misfit
+            # Below the margin, no other region can fit better by more than the margin.
+            least = margin if (unlike[x] != 0) & (margin < misfit) else misfit
             dl = (np.float32(colour[3 * x]) - light[x]) * np.float32(100.0 / 255.0)
             da, db = np.float32(colour[3 * x + 1]) - a[x], np.float32(colour[3 * x + 2]) - b[x]
             unlike[x] = np.uint8((dl * dl + da * da + db * db > least * least) & (row[x] != 0))
         for at in places[: nonzero_positions(unlike, places, y * width)]:
-            own, x = there[at], at - y * width
+            place, x = np.uint64(at), at - y * width  # a signed index is tested for its sign
+            own = there[place]
             error = colour_difference(colours, at, means, own)
             best, to = error - margin, own
             for step, inside in ((-width, y > 0), (-1, x > 0), (1, x < width - 1), (width, y < height - 1)):
-                other = there[at + step] if inside else own
+                other = there[np.uint64(at + step)] if inside else own
                 if other == own or other == 0:
                     continue
                 difference = colour_difference(colours, at, means, other)
                 if difference < best:
                     best, to = difference, other
-            if to == own and error > max(most[at] * slack, np.float32(NOISE)):
+            if to == own and error > max(most[place] * slack, np.float32(NOISE)):
                 to = np.int32(0)
             if to != own:
-                made[at] = to
+                made[place] = to
                 move(sums, colours, most, at, own, to)
+
+
+@kernel
+def _mark_boundaries(
+    row: NDArray[np.int32], above: NDArray[np.int32], below: NDArray[np.int32], out: NDArray[np.uint8]
+) -> None:  # fmt: skip
+    """Mark, in a row of labels, the pixels beside or below or above which there is another region: 1, otherwise 0."""
+    width = row.size
+    for x in range(width):  # this and the next loop vectorise
+        own, over, under = row[x], above[x], below[x]
+        out[x] = np.uint8(((over != own) & (over != 0)) | ((under != own) & (under != 0)))
+    for x in range(1, width - 1):
+        own, left, right = row[x], row[x - 1], row[x + 1]
+        out[x] |= np.uint8(((left != own) & (left != 0)) | ((right != own) & (right != 0)))
+    for x, beside in ((0, min(1, width - 1)), (width - 1, max(width - 2, 0))):
+        out[x] |= np.uint8((row[beside] != row[x]) & (row[beside] != 0))
 
 
 @kernel
@@ -298,7 +316,7 @@ def _elect(
     for n in range(total):
         step = ys[n] * padded.shape[1] + xs[n]
         for k in range(count):
-            around[n, k] = there[centres[k] + step]
+            around[n, k] = there[np.uint64(centres[k] + step)]  # a signed index is tested for its sign
     label = np.empty(count, np.int32)
     most = np.zeros(count, np.int32)
     for k in range(count):

@@ -69,21 +69,23 @@ def move(sums: Sums, colours: Lab8, limit: NDArray[np.uint8], at: int, old: int,
         colours: uint8 (pixels, 3), CIELAB of the frame's pixels.
         limit: uint8 (pixels,), growing limit.
     """
+    place, before, after = np.uint64(at), np.uint64(old), np.uint64(new)  # a signed index is tested for its sign
     for c in range(3):
-        sums[old, c] -= colours[at, c]
-        sums[new, c] += colours[at, c]
-    sums[old, AREA] -= 1
-    sums[new, AREA] += 1
-    sums[old, LIMIT] -= limit[at]
-    sums[new, LIMIT] += limit[at]
+        sums[before, c] -= colours[place, c]
+        sums[after, c] += colours[place, c]
+    sums[before, AREA] -= 1
+    sums[after, AREA] += 1
+    sums[before, LIMIT] -= limit[place]
+    sums[after, LIMIT] += limit[place]
 
 
 @kernel
 def colour_difference(colours: Lab8, at: int, means: Means, label: int) -> np.float32:
     """CIELAB distance of a pixel to a region's mean. `colours`: uint8 (pixels, 3), CIELAB of the frame's pixels."""
-    dl = (colours[at, 0] - means[label, 0]) * np.float32(100.0 / 255.0)
-    da = colours[at, 1] - means[label, 1]
-    db = colours[at, 2] - means[label, 2]
+    place, region = np.uint64(at), np.uint64(label)  # a signed index is tested for its sign
+    dl = (colours[place, 0] - means[region, 0]) * np.float32(100.0 / 255.0)
+    da = colours[place, 1] - means[region, 1]
+    db = colours[place, 2] - means[region, 2]
     return np.float32(np.sqrt(dl * dl + da * da + db * db))
 
 

@@ -57,6 +57,8 @@ _FARTHEST = 1.1 * math.log(1 / _LEAST_LIKELIHOOD)
 _WIDER, _SOFT = 0.12, 0.12
 """Radius of the mask's dilation, which covers the blurred outlines of moving fingers, and standard deviation of the
 mask's blur; both as fractions of the box's side."""
+_BLUR_REACH = 4
+"""Radius of OpenCV's Gaussian of 32-bit values, in standard deviations."""
 
 
 class _Person(NamedTuple):
@@ -160,17 +162,55 @@ def _mark_skin(
 def _pieces(skin: NDArray[np.uint8], box: NDArray[np.float64]) -> NDArray[np.uint8] | None:
     """1 in the connected pieces of skin that have the area of hands or arms and are not the face; None without any."""
     cx, cy, w, h = box
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(skin, connectivity=8)
-    area = stats[:, cv2.CC_STAT_AREA] / (w * h)
-    hands = (area >= _LEAST_AREA) & (area <= _MOST_AREA)
-    hands[0] = False
+    part = _around(skin, 0)
+    count, components = cv2.connectedComponents(skin[part], connectivity=8)
+    pieces = np.asarray(components, np.int32)
+    areas = np.zeros(count, np.int64)
+    _measure_areas(pieces, areas)
+    hands = ((areas >= _LEAST_AREA * w * h) & (areas <= _MOST_AREA * w * h)).astype(np.uint8)
+    hands[0] = 0
     y, x = (min(max(round(at), 0), side - 1) for at, side in zip((cy, cx), skin.shape, strict=True))
-    hands[labels[y, x]] = False
-    return hands[labels].astype(np.uint8) if hands.any() else None
+    if skin[y, x]:
+        hands[pieces[y - part[0].start, x - part[1].start]] = 0
+    if not np.count_nonzero(hands):
+        return None
+    out = np.zeros_like(skin)
+    _mark_pieces(pieces, hands, out[part])
+    return out
+
+
+@kernel
+def _measure_areas(pieces: NDArray[np.int32], areas: NDArray[np.int64]) -> None:
+    """Add the number of pixels of each piece to `areas`, runs of one piece at once."""
+    for y in range(pieces.shape[0]):
+        own, run = np.int32(0), 0
+        for x in range(pieces.shape[1]):
+            if pieces[y, x] != own:
+                areas[own] += run
+                own, run = pieces[y, x], 0
+            run += 1
+        areas[own] += run
+
+
+@kernel
+def _mark_pieces(pieces: NDArray[np.int32], chosen: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    for y in range(pieces.shape[0]):
+        for x in range(pieces.shape[1]):
+            out[y, x] = chosen[pieces[y, x]]
 
 
 def _softened(hands: NDArray[np.uint8], box: NDArray[np.float64]) -> Plane:
     """Wider hands with soft outlines: float32, 0..1."""
-    wide = 2 * round(_WIDER * box[2]) + 1
-    wider = cv2.dilate(hands, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide)))
-    return np.asarray(cv2.GaussianBlur(wider.astype(np.float32), (0, 0), max(_SOFT * box[2], 0.5)), np.float32)
+    radius, sigma = round(_WIDER * box[2]), max(_SOFT * box[2], 0.5)
+    part = _around(hands, radius + math.ceil(_BLUR_REACH * sigma) + 1)
+    wider = cv2.dilate(hands[part], cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1)))
+    out = np.zeros(hands.shape, np.float32)
+    out[part] = cv2.GaussianBlur(wider.astype(np.float32), (0, 0), sigma)
+    return out
+
+
+def _around(mask: NDArray[np.uint8], margin: int) -> tuple[slice, slice]:
+    """Rows and columns of the pixels that are not 0, and of that many px around them."""
+    x, y, width, height = cv2.boundingRect(mask)
+    rows = slice(max(0, y - margin), min(mask.shape[0], y + height + margin))
+    return rows, slice(max(0, x - margin), min(mask.shape[1], x + width + margin))

@@ -69,7 +69,7 @@ def fill_small(
     widths = _half_widths(radius_px)
     state = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = centre, 3 = centre that belongs to a region
     there, closed, states = labels.reshape(labels.size), blocked.reshape(labels.size), state.reshape(labels.size)
-    for at in pixels:
+    for at in pixels.view(np.uint32):  # a signed index would be tested for its sign
         states[at] = there[at] == 0 and closed[at] == 0
     _find_centres(states, _reach(state, pixels), labels.shape[1], pixels, widths)
     members = np.empty(pixels.size, np.int32)
@@ -91,20 +91,20 @@ def _reach(state: NDArray[np.uint8], pixels: NDArray[np.int32]) -> NDArray[np.ui
     flat, reach = state.reshape(state.size), np.zeros(state.size, np.uint16)
     far = 65535
     row = 0
-    for at in pixels:
+    for at in pixels.view(np.uint32):  # a signed index would be tested for its sign
         while at - row >= width:  # a division for each pixel would take longer
             row += width
         if flat[at]:
-            before = far if at == row else int(reach[at - 1])
+            before = far if at == row else int(reach[np.uint64(at - 1)])
             reach[at] = min(before + 1, far) if before else 1
     run = far
     for k in range(pixels.size - 1, -1, -1):
-        at = pixels[k]
+        at = np.uint32(pixels[k])
         while at < row:
             row -= width
         if flat[at]:
             last = at == row + width - 1
-            run = far if last else (min(run + 1, far) if flat[at + 1] else 1)
+            run = far if last else (min(run + 1, far) if flat[np.uint64(at + 1)] else 1)
             reach[at] = min(int(reach[at]), run)
     return reach
 
@@ -116,13 +116,13 @@ def _find_centres(
 ) -> None:  # fmt: skip
     """Mark the free pixels whose disc contains no obstacle as 2. Pixels outside the frame are no obstacles."""
     radius = widths.size // 2
-    for at in pixels:
+    for at in pixels.view(np.uint32):  # as in `_reach`
         if states[at] == 0:
             continue
         fits = True
         for n in range(widths.size):
             to = at + (n - radius) * width
-            if 0 <= to < states.size and reach[to] <= widths[n]:
+            if 0 <= to < states.size and reach[np.uint64(to)] <= widths[n]:
                 fits = False
                 break
         if fits:
@@ -164,9 +164,10 @@ def _cover(
         for n in range(widths.size):
             row = y + n - radius
             if 0 <= row < height:
+                there = labels[row]
                 for x in range(max(first - widths[n], 0), min(last + widths[n] + 1, width)):
-                    if labels[row, x] == 0:
-                        labels[row, x] = label
+                    if there[x] == 0:
+                        there[x] = label
                         covers = True
     return covers
 
