@@ -33,6 +33,8 @@ RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
 FAR = 255
 """Residual of a pixel without counterpart in the previous frame."""
+SPECK = np.ones((3, 3), np.uint8)
+"""Largest speck that `closed_residual` removes."""
 FADE_TOLERANCE = 10.0
 """Residual, CIELAB units, at which the weight of the previous output has fallen to 1/e."""
 
@@ -345,6 +347,15 @@ def blend_with_past(
         lambda first, last: _fade(picture[first:last], past[first:last], residual[first:last], weights), len(picture)
     )
     return past
+
+
+def closed_residual(residual: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The residual without the specks of small values among large ones (a morphological closing): uint8 (h, w).
+
+    Where something moves away, single pixels of what was hidden look by chance like their past. With the previous
+    output there, an orange hand would leave orange specks on the window behind it for several frames.
+    """
+    return np.asarray(cv2.morphologyEx(residual, cv2.MORPH_CLOSE, SPECK), np.uint8)
 
 
 def past_weights(memory: float) -> NDArray[np.int32]:

@@ -17,7 +17,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, shrink_mask
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.motion import past_weights, warp_enlarged
+from pipeline.segmentation.motion import closed_residual, past_weights, warp_enlarged
 from pipeline.segmentation.ramps import divide_ramps
 from pipeline.segmentation.segmenter import Segmentation
 from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
@@ -114,6 +114,6 @@ class SharpCompositor(Compositor):
         weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
         moving = moving_borders(labels, analysis.flow)
-        blend_colours(picture, past, analysis.residual, weights, moving, self.background)
+        blend_colours(picture, past, closed_residual(analysis.residual), weights, moving, self.background)
         steepen_fast_borders(past, moving)
         return past

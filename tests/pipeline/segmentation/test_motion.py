@@ -16,6 +16,7 @@ from pipeline.segmentation.motion import (
     FAR,
     backward_maps,
     blend_with_past,
+    closed_residual,
     denoise,
     past_weights,
     warp_back,
@@ -99,6 +100,15 @@ def test_warp_back_equals_a_remap_of_the_whole_frame(rows: int) -> None:
     np.testing.assert_array_equal(maps.lost, np.flatnonzero(((here < 0) | (here > (109, 74))).any(axis=2)))
     assert (maps.fractions.size < moving.size / 2) == (rows < 75)
     np.testing.assert_array_equal(warp_back(image, maps), whole)
+
+
+def test_single_pixels_that_look_like_their_past_by_chance_do_not_count() -> None:
+    residual = np.full((9, 12), 200, np.uint8)
+    residual[:, 8:] = 3
+    residual[4, 3] = 0
+    expected = residual.copy()
+    expected[4, 3] = 200
+    np.testing.assert_array_equal(closed_residual(residual), expected)
 
 
 def test_nothing_moves_back_without_motion() -> None:
