@@ -86,19 +86,20 @@ class BackwardMaps(NamedTuple):
     Attributes:
         places: int32 (n,), flat indices of the moving pixels.
         lost: int32 (m,), flat indices of those that come from outside the previous frame.
-        whole: int16 (rows, columns, 2), position of each of these pixels in the previous frame, whole pixels; of all
-            pixels, in the shape of the frame, if most of them move.
+        complete: whether the maps are of all pixels, in the shape of the frame, and not of the moving ones alone.
+        whole: int16 (rows, columns, 2), position of each pixel in the previous frame, whole pixels.
         fractions: uint16 (rows, columns), fractions of the position.
     """
 
     places: NDArray[np.int32]
     lost: NDArray[np.int32]
+    complete: bool
     whole: NDArray[np.int16]
     fractions: NDArray[np.uint16]
 
 
 def backward_maps(flow: Flow) -> BackwardMaps:
-    """Position of each moving pixel in the previous frame, for `warp_back`.
+    """Position of each moving pixel in the previous frame, or of all if most of them move, for `warp_back`.
 
     Args:
         flow: float32 (h, w, 2), px.
@@ -112,9 +113,9 @@ def backward_maps(flow: Flow) -> BackwardMaps:
     if count > MOST * height * width:
         whole, fractions = np.empty((height, width, 2), np.int16), np.empty((height, width), np.uint16)
         _whole_maps(flow, whole, fractions)
-        return BackwardMaps(places, lost, whole, fractions)
+        return BackwardMaps(places, lost, True, whole, fractions)
     rows = -(-count // MAP_COLUMNS)
-    return BackwardMaps(places, lost, whole[:rows], fractions[:rows])
+    return BackwardMaps(places, lost, False, whole[:rows], fractions[:rows])
 
 
 @kernel
@@ -229,14 +230,13 @@ def _moving_blocks(flow: Flow) -> NDArray[np.int8]:
 
 def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
     """Warp an image of the previous frame, uint8 (h, w, 3), to this frame; bilinear, border pixels are replicated."""
-    places, _, whole, fractions = back
-    if not places.size:
+    if not back.places.size:
         return image.copy()
-    moved = cv2.remap(image, whole, fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    if fractions.shape == image.shape[:2]:
+    moved = cv2.remap(image, back.whole, back.fractions, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    if back.complete:
         return np.asarray(moved, np.uint8)
     out = image.copy()
-    _scatter(np.asarray(moved, np.uint8), places, out)
+    _scatter(np.asarray(moved, np.uint8), back.places, out)
     return out
 
 
