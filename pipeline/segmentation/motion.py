@@ -133,7 +133,7 @@ def _moving_maps(
     count = gone = 0
     for y in range(height):
         moves = flow[y].reshape(2 * width)
-        if not _is_moving(moves):
+        if is_still(moves):
             continue
         _row_maps(moves, y, row_whole, row_fractions)
         for x in range(width):  # this vectorises
@@ -152,11 +152,12 @@ def _moving_maps(
 
 
 @kernel
-def _is_moving(moves: NDArray[np.float32]) -> bool:
+def is_still(moves: NDArray[np.float32]) -> bool:
+    """Whether all components of a flow, float32 (n,), are exactly 0."""
     moving = False
     for k in range(moves.size):  # this vectorises
         moving |= moves[k] != 0.0
-    return moving
+    return not moving
 
 
 @kernel

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
-from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
+from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS, is_still
 from pipeline.segmentation.regions import Lab8, Means, colour_difference
 
 CLOSED = np.int32(-1)
@@ -111,7 +111,7 @@ def _propagate(
         for start in range(0, width, SPAN):
             stop = min(start + SPAN, width)
             part, count = slice(2 * start, 2 * stop), stop - start
-            if _is_still(moves[part]):
+            if is_still(moves[part]):
                 _keep_labels(labels[y, start:stop], there[y * width + start : y * width + stop])
                 continue
             _find_targets(moves[part], left_over[part], decay, (start, y), labels.shape, targets, fractions)
@@ -124,14 +124,6 @@ def _propagate(
                     pairs[target] = np.int16(fractions[k])
                 elif there[target] != label:
                     there[target] = CLOSED  # two different labels: the target stays unlabelled
-
-
-@kernel
-def _is_still(moves: NDArray[np.float32]) -> bool:
-    moving = False
-    for k in range(moves.size):  # this vectorises
-        moving |= moves[k] != 0.0
-    return not moving
 
 
 @kernel
