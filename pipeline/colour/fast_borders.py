@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pipeline.colour.memory import SPEED_STEPS
 from pipeline.frames import Frame
 from pipeline.jit import kernel
-from pipeline.segmentation.motion import BLOCK_PX, block_spans, scaled_span
+from pipeline.segmentation.backward import BLOCK_PX, block_spans, scaled_span
 from pipeline.strokes.steepen import steepen
 
 SLOW_PX, FAST_PX = 5.0, 10.0

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
-from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS, is_still
+from pipeline.segmentation.backward import is_still
+from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
 from pipeline.segmentation.regions import Lab8, Means, colour_difference
 
 CLOSED = np.int32(-1)

@@ -22,13 +22,14 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
+from pipeline.segmentation.backward import BackwardMaps, backward_maps
 from pipeline.segmentation.cuts import FADING, is_cut, light_steadiness, thumbnail
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.face_contrast import raise_contrast
 from pipeline.segmentation.face_masks import FaceCrop
 from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import BackwardMaps, backward_maps, denoise, zero_still_flow
+from pipeline.segmentation.motion import denoise, zero_still_flow
 from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.shading import smooth_shading
 from pipeline.segmentation.shot_contrast import contrast_after

@@ -17,7 +17,8 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.motion import BackwardMaps, blend_with_past, warp_back
+from pipeline.segmentation.backward import BackwardMaps, warp_back
+from pipeline.segmentation.motion import blend_with_past
 from pipeline.segmentation.refinement import round_boundaries
 from pipeline.segmentation.segmenter import Segmentation
 from pipeline.vector.borders import Borders

@@ -17,7 +17,8 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, shrink_mask
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.motion import closed_residual, past_weights, warp_enlarged
+from pipeline.segmentation.backward import warp_enlarged
+from pipeline.segmentation.motion import closed_residual, past_weights
 from pipeline.segmentation.ramps import divide_ramps
 from pipeline.segmentation.segmenter import Segmentation
 from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders

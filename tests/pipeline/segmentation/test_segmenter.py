@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from pipeline.background import Ready
 from pipeline.frames import Flow
 from pipeline.scenes import SceneFrame, scene
+from pipeline.segmentation.backward import backward_maps
 from pipeline.segmentation.edges import edges
-from pipeline.segmentation.motion import backward_maps, denoise
+from pipeline.segmentation.motion import denoise
 from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
