@@ -34,7 +34,7 @@ def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
     height, width = labels.shape
     for y in range(height):
         for x in range(width):
-            label = np.uint64(labels[y, x])  # a signed index is tested for its sign
+            label = np.uint64(labels[y, x])  # Numba would test a signed index for its sign
             out[y, x, 0] = colours[label, 0]
             out[y, x, 1] = colours[label, 1]
             out[y, x, 2] = colours[label, 2]

@@ -118,7 +118,7 @@ def _inked(labels: Labels, drawn: Ink, count: int) -> NDArray[np.int64]:
     for y in range(len(labels)):
         row, ink = labels[y], drawn[y]
         for x in places[: nonzero_positions(ink, places)]:
-            at = np.uint64(x)  # a signed index is tested for its sign
+            at = np.uint64(x)  # Numba would test a signed index for its sign
             sums[np.uint64(row[at])] += ink[at]
     return sums
 

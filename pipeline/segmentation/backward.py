@@ -1,4 +1,4 @@
-"""The previous frame, moved to this one: where its pixels come from, and pictures warped along the motion."""
+"""Warping of pictures of the previous frame to this one, where something moves."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NO_SECOND_MAP = np.empty(0, np.float32)
 
 
 class BackwardMaps(NamedTuple):
-    """Where something moves, and OpenCV's fixed-point maps (1/32 px) to the previous frame.
+    """The pixels that move, and their positions in the previous frame as OpenCV's fixed-point maps (1/32 px).
 
     Attributes:
         places: int32 (n,), flat indices of the moving pixels.

@@ -99,7 +99,7 @@ def _grow(
     around, aside = (-width, -1, 1, width), (0, -1, 1, 0)
     last_row, row = labels.size - width, 0
     for at in pixels:
-        place = np.uint64(at)  # a signed index is tested for its sign
+        place = np.uint64(at)  # Numba would test a signed index for its sign
         if there[place] != 0 or (closed[place] and not anywhere):
             continue
         while at - row >= width:  # a division for each pixel would take longer

@@ -210,7 +210,7 @@ def _filter_places(labels: Labels, places: NDArray[np.int32], out: Labels) -> No
         m = n + (n > 3)
         step = (m // 3 - 1) * width + m % 3 - 1
         for k in range(places.size):
-            around[n, k] = there[np.uint64(places[k] + step)]  # a signed index is tested for its sign
+            around[n, k] = there[np.uint64(places[k] + step)]  # Numba would test a signed index for its sign
     a, b, c, d, e, f, g, h = around[0], around[1], around[2], around[3], around[4], around[5], around[6], around[7]
     leader = np.full(places.size, np.int32(-1))
     for candidate in range(4):

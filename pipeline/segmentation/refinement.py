@@ -74,7 +74,7 @@ def _correct(
             da, db = np.float32(colour[3 * x + 1]) - a[x], np.float32(colour[3 * x + 2]) - b[x]
             unlike[x] = np.uint8((dl * dl + da * da + db * db > least * least) & (row[x] != 0))
         for at in places[: nonzero_positions(unlike, places, y * width)]:
-            place, x = np.uint64(at), at - y * width  # a signed index is tested for its sign
+            place, x = np.uint64(at), at - y * width  # Numba would test a signed index for its sign
             own = there[place]
             error = colour_difference(colours, at, means, own)
             best, to = error - margin, own
@@ -316,7 +316,7 @@ def _elect(
     for n in range(total):
         step = ys[n] * padded.shape[1] + xs[n]
         for k in range(count):
-            around[n, k] = there[np.uint64(centres[k] + step)]  # a signed index is tested for its sign
+            around[n, k] = there[np.uint64(centres[k] + step)]  # Numba would test a signed index for its sign
     label = np.empty(count, np.int32)
     most = np.zeros(count, np.int32)
     for k in range(count):

@@ -69,7 +69,7 @@ def move(sums: Sums, colours: Lab8, limit: NDArray[np.uint8], at: int, old: int,
         colours: uint8 (pixels, 3), CIELAB of the frame's pixels.
         limit: uint8 (pixels,), growing limit.
     """
-    place, before, after = np.uint64(at), np.uint64(old), np.uint64(new)  # a signed index is tested for its sign
+    place, before, after = np.uint64(at), np.uint64(old), np.uint64(new)  # Numba would test a signed index for its sign
     for c in range(3):
         sums[before, c] -= colours[place, c]
         sums[after, c] += colours[place, c]
@@ -82,7 +82,7 @@ def move(sums: Sums, colours: Lab8, limit: NDArray[np.uint8], at: int, old: int,
 @kernel
 def colour_difference(colours: Lab8, at: int, means: Means, label: int) -> np.float32:
     """CIELAB distance of a pixel to a region's mean. `colours`: uint8 (pixels, 3), CIELAB of the frame's pixels."""
-    place, region = np.uint64(at), np.uint64(label)  # a signed index is tested for its sign
+    place, region = np.uint64(at), np.uint64(label)  # Numba would test a signed index for its sign
     dl = (colours[place, 0] - means[region, 0]) * np.float32(100.0 / 255.0)
     da = colours[place, 1] - means[region, 1]
     db = colours[place, 2] - means[region, 2]

@@ -69,7 +69,7 @@ def fill_small(
     widths = _half_widths(radius_px)
     state = np.zeros(labels.shape, np.uint8)  # 1 = free, 2 = centre, 3 = centre that belongs to a region
     there, closed, states = labels.reshape(labels.size), blocked.reshape(labels.size), state.reshape(labels.size)
-    for at in pixels.view(np.uint32):  # a signed index would be tested for its sign
+    for at in pixels.view(np.uint32):  # Numba would test a signed index for its sign
         states[at] = there[at] == 0 and closed[at] == 0
     _find_centres(states, _reach(state, pixels), labels.shape[1], pixels, widths)
     members = np.empty(pixels.size, np.int32)
@@ -91,7 +91,7 @@ def _reach(state: NDArray[np.uint8], pixels: NDArray[np.int32]) -> NDArray[np.ui
     flat, reach = state.reshape(state.size), np.zeros(state.size, np.uint16)
     far = 65535
     row = 0
-    for at in pixels.view(np.uint32):  # a signed index would be tested for its sign
+    for at in pixels.view(np.uint32):  # Numba would test a signed index for its sign
         while at - row >= width:  # a division for each pixel would take longer
             row += width
         if flat[at]:
