@@ -343,9 +343,7 @@ def from_http(error: HTTPException, request: Request) -> ImpastoError:
     """An error of the framework (unknown route, wrong method) as an `ImpastoError`."""
     headers = dict(error.headers or {})
     if error.status_code == HTTPStatus.NOT_FOUND:
-        return NotFound(
-            "Unknown path.", field="path", value=request.url.path, remedy="See /docs for all paths."
-        )
+        return NotFound("Unknown path.", field="path", value=request.url.path, remedy="See /docs for all paths.")
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         return MethodNotAllowed(
             f"{request.method} is not allowed here.",

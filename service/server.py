@@ -16,7 +16,7 @@ from fastapi import FastAPI
 from pipeline.errors import BadParameter
 from service.app import create_app
 from service.connections import ConnectionGuard, connection_limit
-from service.repeats import RepeatFilter
+from service.log_limit import RepeatFilter
 from service.settings import Settings
 from service.sockets import guarded
 from workers.farm import Farm, open_farm
@@ -75,7 +75,7 @@ def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None
         port=settings.port,
         log_config=None,  # `set_up_logs` has configured logging
         log_level="warning",
-        access_log=False,  # `service.edge` logs requests
+        access_log=False,  # `service.middleware` logs requests
         lifespan="on",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,

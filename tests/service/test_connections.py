@@ -19,7 +19,7 @@ import httpx
 import pytest
 
 from service.connections import ConnectionGuard, Phase, connection_limit
-from service.repeats import BURST, WINDOW_S, RepeatFilter
+from service.log_limit import BURST, WINDOW_S, RepeatFilter
 
 DESCRIPTORS, HALF_SENT = 1024, 1200
 HEADER_S, IDLE_S = 3.0, 4.0
