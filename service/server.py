@@ -51,13 +51,13 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
     with without_garbage_collection():
         farm = open_farm(settings)
     try:
-        _check_way_in(settings, farm)
+        _require_a_key_or_local_mode(settings, farm)
         listener = _bind(settings.host, settings.port)
         farm.start()
         with without_garbage_collection():
             app = create_app(settings, farm)
         server = make_server(app, settings, on_ready)
-        with listener, _gentle_signals():
+        with listener, _graceful_shutdown_signals():
             server.run(sockets=[listener])
     finally:
         farm.stop()
@@ -134,7 +134,7 @@ def address_of(listener: socket.socket) -> str:
     return f"http://[{here}]:{port}" if ":" in here else f"http://{here}:{port}"
 
 
-def _check_way_in(settings: Settings, farm: Farm) -> None:
+def _require_a_key_or_local_mode(settings: Settings, farm: Farm) -> None:
     if settings.open or settings.admin_key or any(key.revoked_at is None for key in farm.keys.list()):
         return
     raise BadParameter(
@@ -145,7 +145,7 @@ def _check_way_in(settings: Settings, farm: Farm) -> None:
 
 
 @contextmanager
-def _gentle_signals() -> Iterator[None]:
+def _graceful_shutdown_signals() -> Iterator[None]:
     """uvicorn raises the signal that stopped it again when it returns; ignore it, so that the farm stops cleanly."""
     if threading.current_thread() is not threading.main_thread():
         yield
