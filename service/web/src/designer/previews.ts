@@ -1,8 +1,7 @@
 /** Previews of the shown frame, requested when document and frame have not changed for a while, and shown coarse first. */
 
 import { effect } from "@preact/signals";
-import * as legacy from "../shared/api";
-import { asProblem, isAbort } from "../shared/api";
+import * as api from "../shared/api";
 import { hasPreviews, pictureOf, preview } from "./api";
 import { type Layer, type ProjectDocument, shownAlone } from "./document";
 import type { FrameHeader, PreviewRecord } from "./records";
@@ -72,8 +71,8 @@ export function startPreviews(store: Store): Previews {
       store.problem.value = "";
       if (nearKey(frame)) timer = window.setTimeout(() => enlarge(document, frame, layer), FULL_REST_MS);
     } catch (error) {
-      if (isAbort(error) || signal.aborted) return;
-      const problem = asProblem(error);
+      if (api.isAbort(error) || signal.aborted) return;
+      const problem = api.asProblem(error);
       if (problem.status === 503) {
         timer = window.setTimeout(() => paint(document, frame, layer), BUSY_MS);
       } else store.problem.value = [problem.message, problem.remedy].filter(Boolean).join(" ");
@@ -96,7 +95,7 @@ export function startPreviews(store: Store): Previews {
       const picture = await createImageBitmap(await full(frame, signal));
       if (!signal.aborted) store.showResult({ frame, picture, scale: 1, final: true, document, layer });
     } catch (error) {
-      if (!isAbort(error) && !signal.aborted) console.info("Impasto: no picture at full size.", error);
+      if (!api.isAbort(error) && !signal.aborted) console.info("Impasto: no picture at full size.", error);
     }
   }
 
@@ -135,7 +134,7 @@ export function startPreviews(store: Store): Previews {
   async function single(document: ProjectDocument, frame: number, signal: AbortSignal): Promise<void> {
     const layer = store.layer.peek();
     const body = { ...plainRequest(document, store.shot.peek().video, layer), frame, max_side_px: SIDE_PX };
-    const picture = await createImageBitmap(await legacy.preview(body, signal));
+    const picture = await createImageBitmap(await api.preview(body, signal));
     const scale = picture.width / store.size.width;
     if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document, layer: layer.id });
   }
@@ -156,7 +155,7 @@ export function startPreviews(store: Store): Previews {
         if (header.type === "frame" && header.final) found = new Blob([payload], { type: header.media_type });
       },
     }).finally(() => notBusy(ENLARGING));
-    if (!found) throw new legacy.Problem({ detail: "The frame could not be painted.", remedy: "Try it again." });
+    if (!found) throw new api.Problem({ detail: "The frame could not be painted.", remedy: "Try it again." });
     return found;
   }
 
@@ -189,7 +188,7 @@ export function startPreviews(store: Store): Previews {
   };
 }
 
-function plainRequest(document: ProjectDocument, video: string, layer: Layer): Omit<legacy.JobBody, "output" | "name"> {
+function plainRequest(document: ProjectDocument, video: string, layer: Layer): Omit<api.JobBody, "output" | "name"> {
   const id = (name: string) => document.assets[name]?.id ?? "";
   const inputs = Object.fromEntries(Object.entries(layer.inputs ?? {}).map(([input, name]) => [input, id(name)]));
   return {
