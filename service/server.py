@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 import socket
 import threading
@@ -15,10 +16,9 @@ from fastapi import FastAPI
 
 from pipeline.errors import BadParameter
 from service.app import create_app
-from service.connections import ConnectionGuard, connection_limit
+from service.connections import ConnectionGuard, ReportPhases, connection_limit, guard_connections
 from service.log_limit import RepeatFilter
 from service.settings import Settings
-from service.sockets import guarded
 from workers.farm import Farm, open_farm
 from workers.process.descriptors import raise_descriptor_limit
 from workers.process.free_memory import limit_free_memory
@@ -66,11 +66,10 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
 def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> uvicorn.Server:
     """The server of `app`; run it with the socket that it listens on."""
     limit = connection_limit(raise_descriptor_limit(), settings.max_connections)
-    guard = ConnectionGuard(limit, settings.header_s, settings.idle_s)
-    http, live_socket = guarded(guard)
+    guard = ConnectionGuard(limit, settings.header_s, settings.idle_s, 2 * settings.live_ping_s)
     config = uvicorn.Config(
-        app,
-        http=http,
+        ReportPhases(app, guard),
+        http="h11",
         host=settings.host,
         port=settings.port,
         log_config=None,  # `set_up_logs` has configured logging
@@ -80,13 +79,20 @@ def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,
         backlog=ACCEPTED_AT_ONCE,
-        ws=live_socket,
+        ws="websockets-sansio",
         ws_max_size=2 * max(settings.live_frame_bytes, settings.max_json_bytes),
         ws_ping_interval=settings.live_ping_s,
-        ws_ping_timeout=settings.live_ping_s,
+        ws_ping_timeout=None,  # the guard ends clients that send nothing; uvicorn would end slow readers too
         ws_per_message_deflate=False,
     )
+    guard_connections(config, guard)
+    logging.getLogger("uvicorn.error").addFilter(_is_no_refusal)
     return _Server(config, app, guard, on_ready)
+
+
+def _is_no_refusal(record: logging.LogRecord) -> bool:
+    """uvicorn logs an error for every WebSocket that is refused with a response, which is no error of the service."""
+    return "without completing handshake" not in str(record.msg)
 
 
 class _Server(uvicorn.Server):
