@@ -1,7 +1,7 @@
 /** A place to drop one file on, or pick it; works by keyboard, since it is a label over a file input. */
 
-import { type Child, h } from "../shared/dom";
-import type { InputKind } from "../shared/types";
+import type { InputKind } from "../api/types";
+import { type Child, h } from "../ui/dom";
 
 /** Call `onfile(file)` for the first file dropped on `element`. */
 export function acceptDrops(element: HTMLElement, onfile: (file: File) => void): void {

@@ -1,7 +1,7 @@
 /** One form control for each kind of field. */
 
-import { h, type Props, unique } from "../shared/dom";
-import type { Json } from "../shared/types";
+import type { Json } from "../api/types";
+import { h, type Props, unique } from "../ui/dom";
 import { type Field, type FieldKind, snap } from "./schema";
 
 export interface Control {

@@ -1,11 +1,11 @@
 /** The inputs of a method besides the video: a drop zone for each, which shows the chosen file. */
 
-import { asProblem, asset as assetOf, mediaUrl, paths } from "../shared/api";
-import { h } from "../shared/dom";
-import { bytes, percent } from "../shared/format";
-import { icon, iconButton } from "../shared/icons";
-import type { Asset, InputSpec, Inputs } from "../shared/types";
-import { upload } from "../shared/upload";
+import { asProblem, asset as assetOf, mediaUrl, paths } from "../api/api";
+import type { Asset, InputSpec, Inputs } from "../api/types";
+import { h } from "../ui/dom";
+import { bytes, percent } from "../ui/format";
+import { icon, iconButton } from "../ui/icons";
+import { upload } from "../ui/upload";
 import { ACCEPT, createDropzone } from "./dropzone";
 
 export interface InputSlots {

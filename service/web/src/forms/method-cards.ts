@@ -1,8 +1,8 @@
 /** Choosing a method by card and a ready set of parameters by chip. */
 
-import { mediaUrl } from "../shared/api";
-import { type Child, h, unique } from "../shared/dom";
-import type { Example, Json, Method, Params } from "../shared/types";
+import { mediaUrl } from "../api/api";
+import type { Example, Json, Method, Params } from "../api/types";
+import { type Child, h, unique } from "../ui/dom";
 
 /** The picture that the service offers of a method. */
 function picture(method: Method): Child {

@@ -1,8 +1,8 @@
 /** A form made from a JSON Schema: grouped, searchable, each value resettable; only changed values are sent. */
 
-import { type Child, h, unique } from "../shared/dom";
-import { icon } from "../shared/icons";
-import type { Json, Params, Schema } from "../shared/types";
+import type { Json, Params, Schema } from "../api/types";
+import { type Child, h, unique } from "../ui/dom";
+import { icon } from "../ui/icons";
 import { type Control, control, type Ids } from "./fields";
 import { type Field, fieldsOf } from "./schema";
 

@@ -1,7 +1,7 @@
 /** JSON Schema, as pydantic writes it, made into plain descriptions of form fields. */
 
-import { humanise } from "../shared/format";
-import type { Json, Schema } from "../shared/types";
+import type { Json, Schema } from "../api/types";
+import { humanise } from "../ui/format";
 
 export type FieldKind = "slider" | "number" | "switch" | "onoff" | "choice" | "choices" | "text" | "json";
 

@@ -1,7 +1,7 @@
 /** The JSON and binary messages of docs/live.md, and data that the parts of the live page exchange. */
 
-import type { ProblemFields } from "../shared/api";
-import type { Inputs, Params } from "../shared/types";
+import type { ProblemFields } from "../api/api";
+import type { Inputs, Params } from "../api/types";
 
 export interface Size {
   width: number;
@@ -121,6 +121,6 @@ export type ConnectionState =
   | { name: "connecting" | "live" | "closed" }
   /** `until`: time of the next attempt, on the clock of `performance.now()`. */
   | { name: "waiting"; why: "busy" | "lost"; until: number }
-  | { name: "failed"; problem: import("../shared/api").Problem };
+  | { name: "failed"; problem: import("../api/api").Problem };
 
 export type SourceKind = "camera" | "screen" | "file";

@@ -1,7 +1,7 @@
 /** The JSON of /v1/ops. */
 
-import type { Schemas } from "../shared/client";
-import type { Fault, Job } from "../shared/types";
+import type { Schemas } from "../api/client";
+import type { Fault, Job } from "../api/types";
 
 export interface Drain {
   by: string;
