@@ -5,12 +5,12 @@ import type { Asset, Inputs, Method, View } from "../api/types";
 import { type Draft, draftHash } from "../forms/draft";
 import { createInputs, type InputSlots } from "../forms/inputs";
 import { createMethodCards, createPresets, type Presets } from "../forms/method-cards";
+import { outputOf, outputSchema } from "../forms/output-form";
 import { createForm, type Form } from "../forms/schema-form";
 import { fill, h } from "../ui/dom";
 import { bytes, describe } from "../ui/format";
 import { icon } from "../ui/icons";
 import { notify } from "../ui/notices";
-import { outputOf, outputSchema } from "./output-form";
 import { createPreview } from "./preview";
 
 export interface QuickPageOptions {

@@ -1,11 +1,13 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import { Problem } from "../../src/api/http";
 import type { Job } from "../../src/api/types";
-import { watchJob } from "../../src/jobs/watch-job";
 
 const { job, follow } = vi.hoisted(() => ({ job: vi.fn(), follow: vi.fn() }));
 vi.mock("../../src/api/api", async () => ({ ...(await vi.importActual("../../src/api/http")), job }));
 vi.mock("../../src/api/events", () => ({ follow }));
+
+vi.resetModules(); // another test file of this process may have loaded the module without the mocks
+const { watchJob } = await import("../../src/jobs/watch-job");
+const { Problem } = await import("../../src/api/http");
 
 const DONE = { id: "job_1", state: "succeeded" } as Job;
 
