@@ -2,7 +2,7 @@
 
 import { blobOf, bodyOf, client } from "./client";
 import { key, request, url } from "./http";
-import type { Asset, Inputs, Job, Method, Output, Page, Params, PreviewRequest, RunState } from "./types";
+import type { Asset, Inputs, Job, Method, Output, Page, Params, PreviewRequest, RunState } from "./schemas";
 
 export * from "./http";
 

@@ -1,11 +1,8 @@
 /** Typed requests: `client` has the types of every path, parameter, body and answer of the service's OpenAPI document. */
 
 import createClient from "openapi-fetch";
-import type { components, paths } from "../../types/api";
+import type { paths } from "../../types/api";
 import { request } from "./http";
-
-/** The schemas of the HTTP API, by name. */
-export type Schemas = components["schemas"];
 
 /** Requests carry the user's key. Every answer with an error status is thrown as a `Problem`. */
 export const client = createClient<paths>({ baseUrl: globalThis.location?.origin ?? "", fetch: request });

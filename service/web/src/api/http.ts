@@ -1,7 +1,5 @@
 /** Requests to the service, with the key of the user. Every failure is a `Problem` (RFC 9457) with a field and a remedy. */
 
-import type { Json } from "./types";
-
 const KEY = "impasto.key";
 
 /** Fields of a problem+json answer. */
@@ -10,7 +8,7 @@ export interface ProblemFields {
   detail?: string;
   code?: string;
   field?: string;
-  value?: Json;
+  value?: unknown;
   remedy?: string;
   status?: number;
 }

@@ -1,6 +1,6 @@
 /** What is being set up on the studio page, kept in the address so that a reload or a link brings it back. */
 
-import type { Inputs, Job, Json, Params } from "../api/types";
+import type { Inputs, Job, Params } from "../api/schemas";
 
 export interface Draft {
   /** Name of the method, or empty. */
@@ -59,8 +59,8 @@ export function hashOfJob({ request }: Job): string {
 
 function parseObject(text: string | null): Params {
   try {
-    const value: Json = JSON.parse(text ?? "{}");
-    return value !== null && typeof value === "object" && !Array.isArray(value) ? value : {};
+    const value: unknown = JSON.parse(text ?? "{}");
+    return value !== null && typeof value === "object" && !Array.isArray(value) ? { ...value } : {};
   } catch {
     return {};
   }

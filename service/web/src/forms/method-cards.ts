@@ -1,7 +1,7 @@
 /** Choosing a method by card and a ready set of parameters by chip. */
 
 import { mediaUrl } from "../api/api";
-import type { Example, Json, Method, Params } from "../api/types";
+import type { Example, Method, Params } from "../api/schemas";
 import { type Child, h, unique } from "../ui/dom";
 
 /** The picture that the service offers of a method. */
@@ -64,7 +64,7 @@ export function createPresets(examples: Example[], onchoose: (params: Params) =>
       h("span", {}, example.title),
     ),
   );
-  const key = (params: Record<string, Json>) => JSON.stringify(Object.entries(params).sort());
+  const key = (params: Record<string, unknown>) => JSON.stringify(Object.entries(params).sort());
   const element = h("div", { class: "presets", role: "group", "aria-label": "Presets" }, buttons);
   return {
     element,

@@ -1,7 +1,7 @@
 /** The output of the job: the same kind of form as parameters have, from a schema of the page. */
 
 import type { JobBody } from "../api/api";
-import type { Asset, Output, Params, Schema } from "../api/types";
+import type { Asset, Output, Params, Schema } from "../api/schemas";
 import { artefactTitle } from "../ui/format";
 
 const GROUP = "Film";

@@ -1,7 +1,8 @@
 /** One frame of the uploaded film: shown by the browser itself, or by the service where the browser cannot play it. */
 
 import { mediaUrl, paths } from "../api/api";
-import type { Asset, View } from "../api/types";
+import type { Asset } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { h } from "../ui/dom";
 import { createStills, mayPlay, type Stills } from "../ui/stills";
 

@@ -1,7 +1,8 @@
 /** The stage of the quick page: one frame, original and painted, which follows the parameters as they change. */
 
 import * as api from "../api/api";
-import type { Asset, PreviewRequest, View } from "../api/types";
+import type { Asset, PreviewRequest } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { h } from "../ui/dom";
 import { clock } from "../ui/format";
 import { iconButton } from "../ui/icons";

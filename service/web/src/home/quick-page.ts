@@ -1,12 +1,13 @@
 /** The quick page: a video, a method, its parameters, one painted frame, and the button that submits the job. */
 
 import * as api from "../api/api";
-import type { Asset, Inputs, Method, View } from "../api/types";
+import type { Asset, Inputs, Method } from "../api/schemas";
 import { type Draft, draftHash } from "../forms/draft";
 import { createInputs, type InputSlots } from "../forms/inputs";
 import { createMethodCards, createPresets, type Presets } from "../forms/method-cards";
 import { outputOf, outputSchema } from "../forms/output-form";
 import { createForm, type Form } from "../forms/schema-form";
+import type { View } from "../ui/dom";
 import { fill, h } from "../ui/dom";
 import { bytes, describe } from "../ui/format";
 import { icon } from "../ui/icons";

@@ -1,7 +1,8 @@
 /** A project that somebody has shared by a link: its video and its finished films, to look at only. */
 
 import * as api from "../api/api";
-import type { Job, Page, View } from "../api/types";
+import type { Job, Page } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { h } from "../ui/dom";
 import { ago } from "../ui/format";
 

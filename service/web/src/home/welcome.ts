@@ -1,8 +1,9 @@
 /** The studio before there is a video: drop one, pick one, or try the sample. */
 
 import { asProblem, isAbort, request } from "../api/api";
-import type { Asset, View } from "../api/types";
+import type { Asset } from "../api/schemas";
 import { ACCEPT, acceptDrops, createDropzone } from "../forms/dropzone";
+import type { View } from "../ui/dom";
 import { fill, h } from "../ui/dom";
 import { bytes, percent } from "../ui/format";
 import { icon } from "../ui/icons";

@@ -1,7 +1,8 @@
 /** Films of several jobs side by side in the wipe, for example of a project's variants. */
 
 import * as api from "../api/api";
-import type { Job, View } from "../api/types";
+import type { Job } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { fill, h } from "../ui/dom";
 import { percent } from "../ui/format";
 import { notify, problemBlock } from "../ui/notices";

@@ -1,7 +1,8 @@
 /** The finished film in other formats: converted by the service on demand, then saved. */
 
 import * as api from "../api/api";
-import type { Job, Output, View } from "../api/types";
+import type { Job, Output } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { h } from "../ui/dom";
 import { percent } from "../ui/format";
 import { announce, notify } from "../ui/notices";

@@ -1,7 +1,7 @@
 /** Folded sections of the job page: the settings used, the time of each stage, and the same job by link or command. */
 
 import * as api from "../api/api";
-import type { Job, Json, Params, Step } from "../api/types";
+import type { Job, Params, Step } from "../api/schemas";
 import { type Child, h } from "../ui/dom";
 import { duration, humanise } from "../ui/format";
 import { announce, notify } from "../ui/notices";
@@ -81,7 +81,7 @@ function inputPicture(name: string, id: string): HTMLElement {
   return figure;
 }
 
-const plain = (value: Json): string => (typeof value === "object" ? JSON.stringify(value) : String(value));
+const plain = (value: unknown): string => (typeof value === "object" ? JSON.stringify(value) : String(value));
 const timings = (step: Step): HTMLElement[] => [
   ...Object.entries(step.stages).map(([stage, seconds]) =>
     pair(`${step.title}: ${humanise(stage).toLowerCase()}`, duration(seconds)),

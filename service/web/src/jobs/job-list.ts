@@ -1,7 +1,8 @@
 /** The works: cards of all jobs, newest first; the service searches them by words and by state. */
 
 import * as api from "../api/api";
-import type { Job, Page, View } from "../api/types";
+import type { Job, Page } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { type Child, fill, h } from "../ui/dom";
 import { ago, percent } from "../ui/format";
 import { icon, iconButton } from "../ui/icons";

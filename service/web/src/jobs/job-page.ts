@@ -1,8 +1,9 @@
 /** The page of one job: its progress while it runs, and the player when it is done. */
 
 import * as api from "../api/api";
-import type { Job, Page, View } from "../api/types";
+import type { Job, Page } from "../api/schemas";
 import { hashOfJob } from "../forms/draft";
+import type { View } from "../ui/dom";
 import { type Child, fill, h } from "../ui/dom";
 import { ago, percent } from "../ui/format";
 import { iconButton } from "../ui/icons";

@@ -1,7 +1,7 @@
 /** The picture of a running job: its newest finished frame, and before that the original. */
 
 import * as api from "../api/api";
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 import { h } from "../ui/dom";
 import { icon } from "../ui/icons";
 import { createStills, type Stills } from "../ui/stills";

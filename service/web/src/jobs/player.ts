@@ -1,6 +1,7 @@
 /** Two films in step, one over the other: the painted film leads, the original follows, frame by frame if it cannot play. */
 
-import type { Asset, View } from "../api/types";
+import type { Asset } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { h, type Props } from "../ui/dom";
 import { clock } from "../ui/format";
 import { iconButton, relabel } from "../ui/icons";

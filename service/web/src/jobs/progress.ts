@@ -1,6 +1,6 @@
 /** Progress of a job: the whole, its steps, the time left. */
 
-import type { Job, RunState, Step } from "../api/types";
+import type { Job, RunState, Step } from "../api/schemas";
 import { h } from "../ui/dom";
 import { duration, percent, remaining } from "../ui/format";
 import { icon } from "../ui/icons";

@@ -1,7 +1,7 @@
 /** The quality report of a finished job: its figures, and flicker over time. A bar shows its frame in the player. */
 
 import * as api from "../api/api";
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 import { h } from "../ui/dom";
 import { notify } from "../ui/notices";
 

@@ -1,6 +1,6 @@
 /** A job as text that makes it again: with curl, in Python, or by the command. */
 
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 
 /** The body of POST /v1/jobs. */
 function body(job: Job): Record<string, unknown> {

@@ -1,7 +1,8 @@
 /** A finished film: the player, or the contact sheet where there is nothing a browser plays, and the downloads. */
 
 import * as api from "../api/api";
-import type { Job, View } from "../api/types";
+import type { Job } from "../api/schemas";
+import type { View } from "../ui/dom";
 import { h } from "../ui/dom";
 import { artefactTitle } from "../ui/format";
 import { icon } from "../ui/icons";

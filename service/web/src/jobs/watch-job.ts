@@ -2,7 +2,7 @@
 
 import * as api from "../api/api";
 import { follow } from "../api/events";
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 import { isFinal, type Queue } from "./progress";
 
 const REFRESH_MS = 600;

@@ -1,6 +1,6 @@
 /** The switch for a filter behind the method, and the filter's own parameters. */
 
-import type { Method, Params } from "../api/types";
+import type { Method, Params } from "../api/schemas";
 import { createForm } from "../forms/schema-form";
 import { h } from "../ui/dom";
 import type { FilterChoice } from "./types";

@@ -1,6 +1,6 @@
 /** The settings of one live method: presets, pictures that it refers to, and parameters. */
 
-import type { Inputs, Method, Params } from "../api/types";
+import type { Inputs, Method, Params } from "../api/schemas";
 import type { Draft } from "../forms/draft";
 import { createInputs } from "../forms/inputs";
 import { createPresets } from "../forms/method-cards";

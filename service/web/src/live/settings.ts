@@ -1,7 +1,7 @@
 /** The panel beside the picture: the source of the frames, the parameters of the painting, the connection. */
 
 import type { Problem } from "../api/api";
-import type { Method, Params, Schema } from "../api/types";
+import type { Method, Params, Schema } from "../api/schemas";
 import type { Draft } from "../forms/draft";
 import { createForm } from "../forms/schema-form";
 import { h } from "../ui/dom";
@@ -175,6 +175,6 @@ function methodSchema(methods: Method[]): Schema {
 function readFilter({ film }: Draft): FilterChoice | null {
   const params = film.filterParams;
   if (typeof film.filter !== "string") return null;
-  const given = params && typeof params === "object" && !Array.isArray(params) ? params : {};
+  const given = params && typeof params === "object" && !Array.isArray(params) ? { ...params } : {};
   return { method: film.filter, params: given };
 }

@@ -1,7 +1,7 @@
 /** The JSON and binary messages of docs/live.md, and data that the parts of the live page exchange. */
 
 import type { ProblemFields } from "../api/api";
-import type { Inputs, Params } from "../api/types";
+import type { Inputs, Params, Schemas } from "../api/schemas";
 
 export interface Size {
   width: number;
@@ -13,17 +13,10 @@ export interface Shape extends Size {
 }
 
 /** GET /v1/live. */
-export interface LiveInfo {
-  methods: string[];
-  filters: string[];
-  receives: string[];
-  sends: string[];
-  capacity: number;
-  free: number;
-  limits: { width: number; height: number; fps: number; frame_bytes: number };
+export type LiveInfo = Schemas["LiveOut"] & {
   /** Seconds after which to ask again if there is no room. */
   retryAfterS: number;
-}
+};
 
 export interface Ready {
   type: "ready";

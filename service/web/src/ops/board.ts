@@ -1,7 +1,7 @@
 /** The board: every part of the page, refreshed every two seconds while the tab is visible. */
 
 import * as api from "../api/api";
-import type { View } from "../api/types";
+import type { View } from "../ui/dom";
 import { type Child, h } from "../ui/dom";
 import * as ops from "./api";
 import { createFailures } from "./failures";

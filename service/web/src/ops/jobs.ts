@@ -1,7 +1,7 @@
 /** The newest jobs of everyone, and live sessions, with buttons to cancel and end them. */
 
 import { act, type JobVerb } from "../api/api";
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 import { isFinal } from "../jobs/progress";
 import { confirmButton, plainButton } from "../ui/confirm";
 import { type Child, h } from "../ui/dom";

@@ -4,7 +4,7 @@ import "../css/base.css";
 import "../css/controls.css";
 import "../css/ops.css";
 import * as api from "../api/api";
-import type { View } from "../api/types";
+import type { View } from "../ui/dom";
 import { fill, h } from "../ui/dom";
 import { problemBlock } from "../ui/notices";
 import { preparePage } from "../ui/page";

@@ -1,6 +1,6 @@
 /** The jobs that are selected in the list, and the buttons that act on all of them. */
 
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 import { confirmButton, plainButton } from "../ui/confirm";
 import { h } from "../ui/dom";
 import { notifyOf } from "../ui/notices";

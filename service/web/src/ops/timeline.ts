@@ -1,6 +1,6 @@
 /** A job's attempts over time: a lane per slot, a bar per attempt, a colour per step. */
 
-import type { Job } from "../api/types";
+import type { Job } from "../api/schemas";
 import { fill, h } from "../ui/dom";
 import { duration, percent } from "../ui/format";
 import { createLog } from "./failures";

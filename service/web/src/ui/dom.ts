@@ -52,3 +52,9 @@ export function unique(prefix: string): string {
   count += 1;
   return `${prefix}-${count}`;
 }
+
+/** A part of a page that was built by hand: its element, and what to call when it leaves the page. */
+export interface View {
+  element: HTMLElement;
+  close(): void;
+}

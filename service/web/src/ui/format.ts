@@ -1,6 +1,6 @@
 /** Numbers as people read them. */
 
-import type { AssetInfo } from "../api/types";
+import type { AssetInfo } from "../api/schemas";
 
 /** Seconds as a rough length: "8.0 s", "3 min 20 s", "1 h 5 min". */
 export function duration(seconds: number): string {

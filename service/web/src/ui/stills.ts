@@ -1,7 +1,8 @@
 /** Single frames of an asset, decoded by the service: for videos that the browser itself cannot play. */
 
 import * as api from "../api/api";
-import type { Asset, View } from "../api/types";
+import type { Asset } from "../api/schemas";
+import type { View } from "./dom";
 import { h, type Props } from "./dom";
 
 const SIDE_PX = 854;

@@ -1,7 +1,7 @@
 /** Sending a file to the service: one POST for a small one, resumable tus 1.0.0 for a large one. */
 
 import { asset, authorisation, isAbort, Problem, type ProblemFields, renewKey, request } from "../api/api";
-import type { Asset } from "../api/types";
+import type { Asset } from "../api/schemas";
 import { notifyOf } from "./notices";
 
 const TUS = { "Tus-Resumable": "1.0.0" };

@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import type { Schema } from "../../src/api/types";
+import type { Schema } from "../../src/api/schemas";
 import { fieldsOf, snap } from "../../src/forms/schema";
 
 const SCHEMA: Schema = {

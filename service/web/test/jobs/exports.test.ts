@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import type { Job } from "../../src/api/types";
+import type { Job } from "../../src/api/schemas";
 import { exportsOf } from "../../src/jobs/exports";
 import { ownLabels } from "../../src/jobs/job-list";
 import { commandLine, pythonLine } from "../../src/jobs/recipes";

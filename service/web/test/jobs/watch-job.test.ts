@@ -1,5 +1,5 @@
 import { beforeEach, expect, test, vi } from "vitest";
-import type { Job } from "../../src/api/types";
+import type { Job } from "../../src/api/schemas";
 
 const { job, follow } = vi.hoisted(() => ({ job: vi.fn(), follow: vi.fn() }));
 vi.mock("../../src/api/api", async () => ({ ...(await vi.importActual("../../src/api/http")), job }));

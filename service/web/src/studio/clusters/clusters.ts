@@ -5,7 +5,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import * as api from "../../api/api";
-import type { Job, Page } from "../../api/types";
+import type { Job, Page } from "../../api/schemas";
 import { upload } from "../../ui/upload";
 import { type ProjectJob, preview, projectJobs } from "../document/api";
 import {

@@ -1,28 +1,16 @@
 /** Projects and their previews over HTTP. */
 
 import { Problem, post, problemOf, request, url } from "../../api/api";
-import { bodyOf, client, type Schemas } from "../../api/client";
-import type { Job, Output, Page } from "../../api/types";
+import { bodyOf, client } from "../../api/client";
+import type { Job, Output, Page, Schemas } from "../../api/schemas";
 import type { ProjectDocument } from "./document";
 import { type PreviewHeader, type PreviewRecord, RecordReader } from "./records";
 
-export interface ProjectInfo {
-  id: string;
-  name: string;
-  version: number;
-  updated_at: number;
-}
-
-export interface Project extends ProjectInfo {
-  document: ProjectDocument;
-}
-
-export interface ProjectFault {
-  /** JSON Pointer into the document. */
-  path: string;
-  message: string;
-  remedy: string;
-}
+export type ProjectInfo = Schemas["ProjectOut"];
+export type Project = ProjectInfo & { document: ProjectDocument };
+export type ProjectFault = Schemas["DocumentFault"];
+export type ProjectVersion = Schemas["ProjectVersion"];
+export type ProjectJob = Omit<Schemas["ProjectJobOut"], "job"> & { job: Job };
 
 const at = (id: string) => ({ path: { project_id: id } });
 
@@ -48,12 +36,6 @@ export async function saveProject(id: string, document: ProjectDocument, version
   return saved.version;
 }
 
-export interface ProjectJob {
-  job: Job;
-  shot: string;
-  variant: string | null;
-}
-
 /** The project's jobs, newest first; those that were deleted are left out. */
 export const projectJobs = async (id: string): Promise<ProjectJob[]> =>
   ((await bodyOf(client.GET("/v1/projects/{project_id}/jobs", { params: at(id) }))).items as ProjectJob[]).filter(
@@ -71,13 +53,6 @@ export async function submitProject(id: string, wishes: JobWishes, token: string
   const params = { ...at(id), header: { "idempotency-key": token } };
   const page = await bodyOf(client.POST("/v1/projects/{project_id}/jobs", { params, body: wishes }));
   return page.items as ProjectJob[];
-}
-
-export interface ProjectVersion {
-  version: number;
-  /** Seconds since 1970. */
-  at: number;
-  label: string;
 }
 
 /** The newest versions, newest first. */

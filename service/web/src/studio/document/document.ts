@@ -5,7 +5,7 @@
  * angles are degrees clockwise from the right.
  */
 
-import type { Json, Output, Params } from "../../api/types";
+import type { Output, Params } from "../../api/schemas";
 
 export interface AssetRef {
   /** As the service named the uploaded bytes. */
@@ -114,7 +114,7 @@ export interface Layer {
   labels?: LabelCorrection[];
   label_styles?: Record<string, string>;
   importance?: FrameImage[];
-  ui?: Record<string, Json>;
+  ui?: Record<string, unknown>;
 }
 
 export interface Shot {
@@ -123,7 +123,7 @@ export interface Shot {
   video: string;
   range?: [from: number, until: number];
   layers: Layer[];
-  ui?: Record<string, Json>;
+  ui?: Record<string, unknown>;
 }
 
 export interface Variant {
@@ -131,7 +131,7 @@ export interface Variant {
   name: string;
   shot: string;
   layer: string;
-  set: { method?: string; params?: Record<string, Json> };
+  set: { method?: string; params?: Record<string, unknown> };
   frame: number;
 }
 
@@ -142,7 +142,7 @@ export interface ProjectDocument {
   shots: Shot[];
   variants?: Variant[];
   output?: Output;
-  ui?: Record<string, Json>;
+  ui?: Record<string, unknown>;
 }
 
 /** A project with one shot of one layer. */

@@ -1,6 +1,6 @@
 /** Variants as merge patches (RFC 7396) on the present state of their layer. */
 
-import type { Json, Params } from "../../api/types";
+import type { Params } from "../../api/schemas";
 import type { Layer, Variant } from "./document";
 
 /** Parameters of a variant; null in its patch means a parameter with its default. */
@@ -9,7 +9,7 @@ export const paramsOf = ({ set }: Variant): Params =>
 
 /** The patch that gives the layer exactly the variant's parameters: those that the layer has besides are removed. */
 export function completedSet(variant: Variant, layer: Layer): Variant["set"] {
-  const removed = Object.keys(layer.params ?? {}).map((name): [string, Json] => [name, null]);
+  const removed = Object.keys(layer.params ?? {}).map((name): [string, unknown] => [name, null]);
   return { ...variant.set, params: { ...Object.fromEntries(removed), ...paramsOf(variant) } };
 }
 

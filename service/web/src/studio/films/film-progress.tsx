@@ -1,6 +1,6 @@
 /** The film that is painted now: how far it is, its newest frame, and the way to see it on the stage. */
 
-import type { Job } from "../../api/types";
+import type { Job } from "../../api/schemas";
 import { isFinal, progressText, stateWord } from "../../jobs/progress";
 import { percent } from "../../ui/format";
 import { IconButton } from "../../ui/icon";

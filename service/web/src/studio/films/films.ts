@@ -2,7 +2,7 @@
 
 import { effect, signal } from "@preact/signals";
 import * as api from "../../api/api";
-import type { Job, Output } from "../../api/types";
+import type { Job, Output } from "../../api/schemas";
 import { isFinal, type Queue, stateWord } from "../../jobs/progress";
 import { watchJob } from "../../jobs/watch-job";
 import { announce } from "../../ui/notices";

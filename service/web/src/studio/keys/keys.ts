@@ -5,7 +5,7 @@
 
 import { effect } from "@preact/signals";
 import * as api from "../../api/api";
-import type { Asset } from "../../api/types";
+import type { Asset } from "../../api/schemas";
 import { upload } from "../../ui/upload";
 import { isPassing } from "../document/autosave";
 import {

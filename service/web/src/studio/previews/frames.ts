@@ -1,7 +1,7 @@
 /** Frames of a video or a film for the stage: decoded by the browser where it can, by the service where it cannot. */
 
 import * as api from "../../api/api";
-import type { Asset, Job } from "../../api/types";
+import type { Asset, Job } from "../../api/schemas";
 import { mayPlay } from "../../ui/stills";
 import type { Size } from "../drawing/geometry";
 import { seekTime } from "../state/timeline";

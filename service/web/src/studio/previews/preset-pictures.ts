@@ -1,7 +1,7 @@
 /** Presets as pictures of the shown frame, painted while the user rests: the stage's own preview goes first. */
 
 import { effect, untracked } from "@preact/signals";
-import type { Json, Params } from "../../api/types";
+import type { Params } from "../../api/schemas";
 import type { Presets } from "../../forms/method-cards";
 import type { Store } from "../state/store";
 import { paintCards } from "./cards";
@@ -47,7 +47,7 @@ export function followPresets(store: Store, presets: Presets): () => void {
 }
 
 /** A merge patch that puts `wanted` in the place of all present parameters. */
-export const replacing = (present: Params, wanted: Params): Record<string, Json> => ({
+export const replacing = (present: Params, wanted: Params): Record<string, unknown> => ({
   ...Object.fromEntries(Object.keys(present).map((name) => [name, null])),
   ...wanted,
 });

@@ -2,7 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../../api/api";
-import type { Json, Schema } from "../../api/types";
+import type { Schema } from "../../api/schemas";
 import { humanise } from "../../ui/format";
 import { Icon, IconButton } from "../../ui/icon";
 import {
@@ -181,7 +181,7 @@ const EASES: [Ease, string][] = [
 function styleNames(store: Store): string[] {
   const schema: Schema = store.method.value?.params_schema ?? {};
   const style = schema.properties?.style;
-  const values: Json[] = style?.enum ?? (style?.oneOf ?? style?.anyOf ?? []).map((option) => option.const ?? null);
+  const values: unknown[] = style?.enum ?? (style?.oneOf ?? style?.anyOf ?? []).map((option) => option.const ?? null);
   return values.filter((value): value is string => typeof value === "string");
 }
 
@@ -268,7 +268,7 @@ interface StyleSliderProps {
   min: number;
   max: number;
   step: number;
-  value: Json | undefined;
+  value: unknown | undefined;
   onChange(value: number | undefined): void;
 }
 

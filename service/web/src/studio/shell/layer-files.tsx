@@ -1,12 +1,12 @@
 /** Files of a layer of a shot: another video in place of the shot's, for example a pass, and a matte. */
 
-import type { InputSpec, Inputs } from "../../api/types";
+import type { FileInput, Inputs } from "../../api/schemas";
 import { createInputs } from "../../forms/inputs";
 import { Embedded } from "../../ui/embedded";
 import { addAsset, changeShot, type Layer, type ProjectDocument } from "../document/document";
 import type { Store } from "../state/store";
 
-const FILES: InputSpec[] = [
+const FILES: FileInput[] = [
   {
     name: "source",
     kind: "video",

@@ -1,7 +1,7 @@
 /** The panel beside the stage: the method, its main inputs, all settings, output, and the button that submits. */
 
 import { effect } from "@preact/signals";
-import type { Method, Params } from "../../api/types";
+import type { Method, Params } from "../../api/schemas";
 import { createInputs } from "../../forms/inputs";
 import { createMethodCards, createPresets } from "../../forms/method-cards";
 import { outputSchema } from "../../forms/output-form";

@@ -1,7 +1,7 @@
 /** The state of the studio: one project, its history, and what is selected. */
 
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import type { Asset, Job, Method } from "../../api/types";
+import type { Asset, Job, Method } from "../../api/schemas";
 import type { Project } from "../document/api";
 import type { SaveState } from "../document/autosave";
 import {

@@ -1,7 +1,7 @@
 /** Paintings to choose from: the library's, those that the user's projects have, and styles that the user has saved. */
 
 import { useEffect, useState } from "preact/hooks";
-import type { Method, Params } from "../../api/types";
+import type { Method, Params } from "../../api/schemas";
 import { Icon, IconButton } from "../../ui/icon";
 import { notify } from "../../ui/notices";
 import { listProjects, readProject } from "../document/api";

@@ -1,27 +1,15 @@
 /** The style library over HTTP. */
 
-import { get, objectUrl, paths, request, url } from "../../api/api";
-import type { Asset, Page } from "../../api/types";
+import { objectUrl, paths, url } from "../../api/api";
+import { bodyOf, client } from "../../api/client";
+import type { Schemas } from "../../api/schemas";
 
-export interface Style {
-  id: string;
-  title: string;
-  /** Painted by Impasto itself, or a file of the operator's folder. */
-  origin: "impasto" | "folder";
-  credit: string;
-  /** Whether the picture that it was painted from is known. */
-  paired: boolean;
-}
-
-export interface StyleAssets {
-  painting: Asset;
-  source: Asset | null;
-}
+export type Style = Schemas["StyleOut"];
 
 const SIDE_PX = 240;
 let queue: Promise<unknown> = Promise.resolve();
 
-export const listStyles = async (): Promise<Style[]> => (await get<Page<Style>>("/v1/styles")).items;
+export const listStyles = async (): Promise<Style[]> => (await bodyOf(client.GET("/v1/styles"))).items;
 
 /** The painting, small, as an object URL. One request runs at a time: the service may have to paint it first. */
 export function libraryPicture(id: string): Promise<string> {
@@ -34,5 +22,5 @@ export function libraryPicture(id: string): Promise<string> {
 export const pictureOfAsset = (id: string): Promise<string> => objectUrl(paths.frame(id, 0, SIDE_PX));
 
 /** Make a painting of the library an asset of the user's. */
-export const useStyle = async (id: string): Promise<StyleAssets> =>
-  (await request(url`/v1/styles/${id}/assets`, { method: "POST" })).json();
+export const useStyle = (id: string): Promise<Schemas["StyleAssets"]> =>
+  bodyOf(client.POST("/v1/styles/{style_id}/assets", { params: { path: { style_id: id } } }));
