@@ -19,7 +19,6 @@ from service.artefacts.routes import router as artefacts
 from service.assets.routes import router as assets
 from service.background import background
 from service.bodies import JsonBodies
-from service.edge import Edge
 from service.jobs.events import router as events
 from service.jobs.exports import router as exports
 from service.jobs.files import router as files
@@ -31,6 +30,7 @@ from service.live.routes import router as live
 from service.live.sessions import Sessions
 from service.live.webrtc.routes import router as webrtc
 from service.methods.routes import router as methods
+from service.middleware import Edge
 from service.ops.fleet import router as fleet
 from service.ops.keys import router as keys
 from service.ops.load import router as load

@@ -135,59 +135,59 @@ class Busy(RequestError):
 
 
 TABLE: dict[str, tuple[int, str]] = {
-    "bad-request": (400, "The request cannot be understood"),
-    "bad-json": (400, "The body is not JSON"),
-    "bad-message": (400, "The message cannot be understood"),
-    "unauthorized": (401, "A key is needed"),
-    "forbidden": (403, "Not allowed"),
-    "dismissed": (403, "An operator has ended it"),
-    "not-found": (404, "There is no such thing"),
-    "method-not-allowed": (405, "This address does not do that"),
-    "request-timeout": (408, "The request took too long to arrive"),
-    "hello-timeout": (408, "The first message did not come"),
-    "idle": (408, "No frames came"),
-    "slow-reader": (408, "Answers were not read"),
-    "taken-over": (409, "Another connection has taken the session up"),
-    "conflict": (409, "Not possible in this state"),
-    "overtaken": (409, "A later request has replaced this one"),
-    "cancelled": (409, "It was cancelled"),
-    "offset-mismatch": (409, "The upload stands elsewhere"),
-    "gone": (410, "It is no longer there"),
-    "wrong-version": (412, "Another protocol version is spoken here"),
-    "version-mismatch": (412, "Something newer is stored"),
-    "body-too-large": (413, "The body is too large"),
-    "too-large": (413, "The message is too large"),
-    "media-too-large": (413, "The media are too large"),
-    "unsupported-media-type": (415, "This type of body is not taken here"),
-    "range-not-satisfiable": (416, "The range lies outside the file"),
-    "bad-input": (422, "The input is wrong"),
-    "bad-parameter": (422, "A parameter is wrong"),
-    "bad-project": (422, "The project is wrong"),
-    "bad-patch": (422, "The patch does not fit"),
-    "bad-media": (422, "The media are wrong"),
-    "unreadable-media": (422, "The media cannot be read"),
-    "damaged-media": (422, "Frames of the file are missing or unreadable"),
-    "no-video-stream": (422, "There is no video in it"),
-    "bad-frame": (422, "A frame is wrong"),
-    "idempotency-mismatch": (422, "The idempotency key was used for another request"),
-    "locked": (423, "Another request is at work on it"),
-    "precondition-required": (428, "A change needs the version that it was made on"),
-    "quota-exceeded": (429, "A quota is used up"),
+    "bad-request": (400, "Bad request"),
+    "bad-json": (400, "Invalid JSON"),
+    "bad-message": (400, "Invalid message"),
+    "unauthorized": (401, "Authentication required"),
+    "forbidden": (403, "Forbidden"),
+    "dismissed": (403, "Session ended by an operator"),
+    "not-found": (404, "Not found"),
+    "method-not-allowed": (405, "Method not allowed"),
+    "request-timeout": (408, "Request timeout"),
+    "hello-timeout": (408, "No hello message in time"),
+    "idle": (408, "No frames received in time"),
+    "slow-reader": (408, "Client reads too slowly"),
+    "taken-over": (409, "Session resumed by another connection"),
+    "conflict": (409, "Not possible in the current state"),
+    "overtaken": (409, "Replaced by a later request"),
+    "cancelled": (409, "Cancelled"),
+    "offset-mismatch": (409, "Upload offset does not match"),
+    "gone": (410, "No longer available"),
+    "wrong-version": (412, "Unsupported protocol version"),
+    "version-mismatch": (412, "The resource has changed since you read it"),
+    "body-too-large": (413, "Request body too large"),
+    "too-large": (413, "Message too large"),
+    "media-too-large": (413, "Media too large"),
+    "unsupported-media-type": (415, "Unsupported media type"),
+    "range-not-satisfiable": (416, "Range not satisfiable"),
+    "bad-input": (422, "Invalid input"),
+    "bad-parameter": (422, "Invalid parameter"),
+    "bad-project": (422, "Invalid project"),
+    "bad-patch": (422, "Patch does not apply"),
+    "bad-media": (422, "Invalid media"),
+    "unreadable-media": (422, "Media cannot be decoded"),
+    "damaged-media": (422, "Frames are missing or cannot be decoded"),
+    "no-video-stream": (422, "No video stream"),
+    "bad-frame": (422, "Invalid frame"),
+    "idempotency-mismatch": (422, "Idempotency key used with another request"),
+    "locked": (423, "Locked by another request"),
+    "precondition-required": (428, "If-Match header required"),
+    "quota-exceeded": (429, "Quota exceeded"),
     "rate-limited": (429, "Too many requests"),
-    "checksum-mismatch": (460, "The checksum does not match"),
-    "internal-error": (500, "Something went wrong inside"),
-    "claim-failed": (500, "A task could not be claimed"),
-    "bad-plan": (500, "The method planned what cannot be run"),
-    "bad-emission": (500, "The method made frames that it had not announced"),
-    "not-installed": (501, "An optional part is not installed"),
-    "busy": (503, "Busy"),
-    "going-away": (503, "The service stops"),
-    "worker-lost": (503, "The worker died"),
-    "no-room": (503, "No machine has what this needs"),
-    "worker-died": (500, "A worker process has ended"),
-    "device-error": (503, "No compute device works"),
-    "storage-unavailable": (503, "Storage cannot be reached"),
-    "storage-full": (507, "Storage is full"),
+    "checksum-mismatch": (460, "Checksum mismatch"),
+    "internal-error": (500, "Internal server error"),
+    "claim-failed": (500, "Task could not be claimed"),
+    "bad-plan": (500, "The method's plan is invalid"),
+    "bad-emission": (500, "The method emitted frames outside its plan"),
+    "not-installed": (501, "Optional dependency not installed"),
+    "busy": (503, "Service busy"),
+    "going-away": (503, "Service is shutting down"),
+    "worker-lost": (503, "Worker lost"),
+    "no-room": (503, "No machine has enough resources"),
+    "worker-died": (500, "Worker process died"),
+    "device-error": (503, "Compute device failed"),
+    "storage-unavailable": (503, "Storage unavailable"),
+    "storage-full": (507, "Storage full"),
 }
 """Code -> (status, title), for all codes of the error tree."""
 
@@ -295,14 +295,14 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
     app.add_exception_handler(ClientDisconnect, _on_disconnect)
-    app.add_exception_handler(Exception, _on_surprise)
+    app.add_exception_handler(Exception, _on_unhandled_error)
 
 
 def _on_impasto(request: Request, error: Exception) -> Response:
     assert isinstance(error, ImpastoError)
     status, _ = TABLE.get(error.code, TABLE["internal-error"])
     if status == HTTPStatus.INTERNAL_SERVER_ERROR:
-        return _on_surprise(request, error)
+        return _on_unhandled_error(request, error)
     if status > HTTPStatus.INTERNAL_SERVER_ERROR:
         log.warning("%s %s: %s", request.method, request.url.path, error)
     return respond(error, request.url.path)
@@ -343,9 +343,7 @@ def from_http(error: HTTPException, request: Request) -> ImpastoError:
     """An error of the framework (unknown route, wrong method) as an `ImpastoError`."""
     headers = dict(error.headers or {})
     if error.status_code == HTTPStatus.NOT_FOUND:
-        return NotFound(
-            "There is no such address.", field="path", value=request.url.path, remedy="See /docs for all addresses."
-        )
+        return NotFound("Unknown path.", field="path", value=request.url.path, remedy="See /docs for all paths.")
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         return MethodNotAllowed(
             f"{request.method} is not allowed here.",
@@ -363,7 +361,7 @@ def _on_disconnect(_request: Request, _error: Exception) -> Response:
     return Response(status_code=400)  # the client has disconnected
 
 
-def _on_surprise(request: Request, error: Exception) -> Response:
+def _on_unhandled_error(request: Request, error: Exception) -> Response:
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     unknown = ImpastoError(
         "The service failed to answer this request.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 import socket
 import threading
@@ -15,10 +16,9 @@ from fastapi import FastAPI
 
 from pipeline.errors import BadParameter
 from service.app import create_app
-from service.connections import ConnectionGuard, connection_limit
-from service.repeats import RepeatFilter
+from service.connections import ConnectionGuard, ReportPhases, connection_limit, guard_connections
+from service.log_limit import RepeatFilter
 from service.settings import Settings
-from service.sockets import guarded
 from workers.farm import Farm, open_farm
 from workers.process.descriptors import raise_descriptor_limit
 from workers.process.free_memory import limit_free_memory
@@ -51,13 +51,13 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
     with without_garbage_collection():
         farm = open_farm(settings)
     try:
-        _check_way_in(settings, farm)
+        _require_a_key_or_local_mode(settings, farm)
         listener = _bind(settings.host, settings.port)
         farm.start()
         with without_garbage_collection():
             app = create_app(settings, farm)
         server = make_server(app, settings, on_ready)
-        with listener, _gentle_signals():
+        with listener, _graceful_shutdown_signals():
             server.run(sockets=[listener])
     finally:
         farm.stop()
@@ -66,27 +66,33 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = lambda url: None
 def make_server(app: FastAPI, settings: Settings, on_ready: Callable[[str], None] = lambda url: None) -> uvicorn.Server:
     """The server of `app`; run it with the socket that it listens on."""
     limit = connection_limit(raise_descriptor_limit(), settings.max_connections)
-    guard = ConnectionGuard(limit, settings.header_s, settings.idle_s)
-    http, live_socket = guarded(guard)
+    guard = ConnectionGuard(limit, settings.header_s, settings.idle_s, 2 * settings.live_ping_s)
     config = uvicorn.Config(
-        app,
-        http=http,
+        ReportPhases(app, guard),
+        http="h11",
         host=settings.host,
         port=settings.port,
         log_config=None,  # `set_up_logs` has configured logging
         log_level="warning",
-        access_log=False,  # `service.edge` logs requests
+        access_log=False,  # `service.middleware` logs requests
         lifespan="on",
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,
         backlog=ACCEPTED_AT_ONCE,
-        ws=live_socket,
+        ws="websockets-sansio",
         ws_max_size=2 * max(settings.live_frame_bytes, settings.max_json_bytes),
         ws_ping_interval=settings.live_ping_s,
-        ws_ping_timeout=settings.live_ping_s,
+        ws_ping_timeout=None,  # the guard ends clients that send nothing; uvicorn would end slow readers too
         ws_per_message_deflate=False,
     )
+    guard_connections(config, guard)
+    logging.getLogger("uvicorn.error").addFilter(_is_no_refusal)
     return _Server(config, app, guard, on_ready)
+
+
+def _is_no_refusal(record: logging.LogRecord) -> bool:
+    """uvicorn logs an error for every WebSocket that is refused with a response, which is no error of the service."""
+    return "without completing handshake" not in str(record.msg)
 
 
 class _Server(uvicorn.Server):
@@ -134,7 +140,7 @@ def address_of(listener: socket.socket) -> str:
     return f"http://[{here}]:{port}" if ":" in here else f"http://{here}:{port}"
 
 
-def _check_way_in(settings: Settings, farm: Farm) -> None:
+def _require_a_key_or_local_mode(settings: Settings, farm: Farm) -> None:
     if settings.open or settings.admin_key or any(key.revoked_at is None for key in farm.keys.list()):
         return
     raise BadParameter(
@@ -145,7 +151,7 @@ def _check_way_in(settings: Settings, farm: Farm) -> None:
 
 
 @contextmanager
-def _gentle_signals() -> Iterator[None]:
+def _graceful_shutdown_signals() -> Iterator[None]:
     """uvicorn raises the signal that stopped it again when it returns; ignore it, so that the farm stops cleanly."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -14,7 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 from pipeline.methods import BUILT_IN, method
 from service.methods.thumbnail import thumbnail
-from service.painted import folder
+from service.page_pictures import folder
 from service.styles.exemplars import EXEMPLARS
 from service.styles.library import paint_exemplar
 from tests.regression.cases import CASES

@@ -17,6 +17,7 @@ from collections.abc import Coroutine, Mapping
 from dataclasses import replace
 
 from starlette.concurrency import run_in_threadpool
+from starlette.types import Message
 from starlette.websockets import WebSocket
 
 from pipeline.errors import BadFrame, BadParameter
@@ -222,7 +223,7 @@ class Connection:
     async def _receive(self) -> str | bytes:
         message = await self._socket.receive()
         if message["type"] == "websocket.disconnect":
-            raise Lost if message.get("code") == 1006 else Left
+            raise Lost if _is_lost(message) else Left
         data: str | bytes | None = message.get("bytes")
         if data is None:
             data = str(message.get("text", ""))
@@ -357,6 +358,11 @@ def _resolution(item: Resized) -> Resolution:
         latency_ms=round(1000 * why.latency_s, 1) if measured else None,
         deadline_ms=round(1000 * why.deadline_s, 1) if measured else None,
     )  # fmt: skip
+
+
+def _is_lost(disconnect: Message) -> bool:
+    """Whether the connection broke: then there is no close frame, and therefore no reason, not even an empty one."""
+    return disconnect.get("code") in (1005, 1006) and "reason" not in disconnect
 
 
 def _chosen(field: str, asked: list[str], there: tuple[str, ...]) -> str:

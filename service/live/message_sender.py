@@ -9,10 +9,10 @@ from contextlib import suppress
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pipeline.errors import ImpastoError
+from service.connections import ABORT
 from service.errors import problem
 from service.live.closing import Ending, Lost, close_code, shown
 from service.live.messages import ErrorOut, Outgoing
-from service.sockets import ABORT
 from workers.live.worker import NoLiveWorker
 
 CLOSE_WITHIN_S = 2.0

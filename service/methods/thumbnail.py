@@ -16,7 +16,7 @@ from pipeline.methods import method as find_method
 from pipeline.methods.base import Method
 from pipeline.methods.live import Session
 from pipeline.scenes import scene
-from service.painted import painted
+from service.page_pictures import painted
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 
 from pipeline.errors import BadInput
 from pipeline.video.stills import encode_png
-from service.painted import painted
+from service.page_pictures import painted
 from service.styles import exemplars
 from service.styles.exemplars import EXEMPLARS, Exemplar
 from workers.errors import NotFound

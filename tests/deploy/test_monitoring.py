@@ -168,6 +168,8 @@ def test_logs_of_the_run_are_json_with_job_task_and_attempt(run: Run) -> None:
         assert row["job"] == run.job and row["task"].startswith("tsk_") and row["attempt"].startswith("att_")
     assert {row["attempt"] for row in begun} == {row["attempt"] for row in ended}
     (accepted,) = [row for row in rows if row["message"] == "job accepted"]
-    (asked,) = [row for row in rows if row.get("request") == accepted["request"] and row["logger"] == "service.edge"]
+    (asked,) = [
+        row for row in rows if row.get("request") == accepted["request"] and row["logger"] == "service.middleware"
+    ]
     assert accepted["job"] == run.job and asked["message"] == "POST /v1/jobs" and asked["status"] == 201
     assert ADMIN not in run.service.log.read_text()

@@ -19,7 +19,7 @@ import httpx
 import pytest
 
 from service.connections import ConnectionGuard, Phase, connection_limit
-from service.repeats import BURST, WINDOW_S, RepeatFilter
+from service.log_limit import BURST, WINDOW_S, RepeatFilter
 
 DESCRIPTORS, HALF_SENT = 1024, 1200
 HEADER_S, IDLE_S = 3.0, 4.0
@@ -80,7 +80,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def guard(clock: Clock) -> ConnectionGuard:
-    return ConnectionGuard(3, header_s=10, stall_s=20, clock=clock)
+    return ConnectionGuard(3, header_s=10, stall_s=20, silent_s=40, clock=clock)
 
 
 def opened(guard: ConnectionGuard, clock: Clock, *phases: Phase) -> list[Line]:
@@ -128,6 +128,26 @@ def test_a_connection_whose_answer_is_not_read_is_closed(guard: ConnectionGuard,
         clock.now += 6
         guard.sweep()
     assert (unread.closed, read.closed) == (True, False)
+
+
+def test_an_answer_that_is_read_slowly_is_not_cut_off_by_the_limit_for_headers(
+    guard: ConnectionGuard, clock: Clock
+) -> None:
+    (slow,) = opened(guard, clock, Phase.HEADERS)  # the whole answer is in the transport's buffer
+    for step in range(5):
+        slow.unsent = 9000 - 1000 * step
+        clock.now += 6
+        guard.sweep()
+    assert not slow.closed
+
+
+def test_a_websocket_that_sends_nothing_is_closed(guard: ConnectionGuard, clock: Clock) -> None:
+    silent, alive = opened(guard, clock, Phase.WEBSOCKET, Phase.WEBSOCKET)
+    for _ in range(5):
+        clock.now += 10
+        guard.hear(alive)
+        guard.sweep()
+    assert (silent.closed, alive.closed) == (True, False)
 
 
 def test_repeated_warnings_are_dropped_and_counted(clock: Clock) -> None:

@@ -17,7 +17,7 @@ import pytest
 from fastapi import FastAPI
 
 from pipeline.errors import BadParameter
-from service.repeats import BURST
+from service.log_limit import BURST
 from service.server import make_server, serve
 from service.settings import Settings
 from workers.process.descriptors import MAX_DESCRIPTORS

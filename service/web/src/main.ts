@@ -3,25 +3,26 @@
 import "./css/base.css";
 import "./css/controls.css";
 import "./css/stage.css";
-import "./css/studio.css";
+import "./css/home.css";
 import "./css/jobs.css";
 import "./css/clusters.css";
-import "./css/designer.css";
-import { createProject, readProject } from "./designer/api";
-import { addAsset, changeLayer, newDocument, type ProjectDocument } from "./designer/document";
-import * as api from "./shared/api";
-import { fill, h } from "./shared/dom";
-import { type Draft, draftHash, readDraft } from "./shared/draft";
-import { problemBlock } from "./shared/notices";
-import { preparePage } from "./shared/page";
-import type { Asset, View } from "./shared/types";
-import { createProjectList } from "./studio/project-list";
-import { createQuickPage } from "./studio/quick-page";
-import { createSharedPage } from "./studio/shared-page";
-import { createWelcome } from "./studio/welcome";
-import { createComparePage } from "./works/compare-page";
-import { createJobList } from "./works/job-list";
-import { createJobPage } from "./works/job-page";
+import "./css/studio.css";
+import * as api from "./api/api";
+import type { Asset } from "./api/schemas";
+import { type Draft, draftHash, readDraft } from "./forms/draft";
+import { createProjectList } from "./home/project-list";
+import { createQuickPage } from "./home/quick-page";
+import { createSharedPage } from "./home/shared-page";
+import { createWelcome } from "./home/welcome";
+import { createComparePage } from "./jobs/compare-page";
+import { createJobList } from "./jobs/job-list";
+import { createJobPage } from "./jobs/job-page";
+import { createProject, readProject } from "./studio/document/api";
+import { addAsset, changeLayer, newDocument, type ProjectDocument } from "./studio/document/document";
+import type { View } from "./ui/dom";
+import { fill, h } from "./ui/dom";
+import { problemBlock } from "./ui/notices";
+import { preparePage } from "./ui/page";
 
 const main = preparePage();
 let view: View | null = null;
@@ -67,7 +68,7 @@ function show(next: View): void {
 
 /** The studio, whose code is loaded when it is first opened. */
 async function designer(id: string, query = ""): Promise<View> {
-  const { createDesigner } = await import("./designer/designer");
+  const { createDesigner } = await import("./studio/shell/designer");
   const [project, methods] = await Promise.all([readProject(id), api.methods()]);
   const shot = project.document.shots[0];
   if (!shot) throw new api.Problem({ detail: "This project has no shot.", remedy: "Make a new one from a video." });

@@ -1,7 +1,7 @@
 /** A place to drop one file on, or pick it; works by keyboard, since it is a label over a file input. */
 
-import { type Child, h } from "../shared/dom";
-import type { InputKind } from "../shared/types";
+import type { InputSpec } from "../api/schemas";
+import { type Child, h } from "../ui/dom";
 
 /** Call `onfile(file)` for the first file dropped on `element`. */
 export function acceptDrops(element: HTMLElement, onfile: (file: File) => void): void {
@@ -51,7 +51,7 @@ export function createDropzone(options: DropzoneOptions, ...content: Child[]): H
 }
 
 /** File types that a file picker offers for an input of a method, by its kind. */
-export const ACCEPT: Record<InputKind, string> = {
+export const ACCEPT: Record<InputSpec["kind"], string> = {
   video: "video/*,.mkv,.avi,.mov,.gif,.webm,.mp4,.zip",
   image: "image/*",
   "image-or-video": "image/*,video/*,.mkv",

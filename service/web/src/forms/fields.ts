@@ -1,14 +1,13 @@
 /** One form control for each kind of field. */
 
-import { h, type Props, unique } from "../shared/dom";
-import type { Json } from "../shared/types";
+import { h, type Props, unique } from "../ui/dom";
 import { type Field, type FieldKind, snap } from "./schema";
 
 export interface Control {
   element: HTMLElement;
   /** The value; throws an Error with a message for the user if the text cannot be parsed. */
-  read(): Json | undefined;
-  write(value: Json | undefined): void;
+  read(): unknown | undefined;
+  write(value: unknown | undefined): void;
   /** Whether the control stands beside its label instead of below it. */
   inline?: boolean;
 }
@@ -58,7 +57,7 @@ const slider: MakeControl = (field, ids, changed) => {
     place();
     changed();
   });
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     box.value = String(round(Number(value)));
     place();
   };
@@ -91,7 +90,7 @@ const plainNumber: MakeControl = (field, ids, changed) => {
   const box = numberBox(field, ids);
   box.addEventListener("input", changed);
   if (field.nullable) box.placeholder = "auto";
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     box.value = value === null || value === undefined ? "" : String(value);
   };
   return { element: box, read: () => parseNumber(box.value, field), write };
@@ -103,7 +102,7 @@ function checkbox(ids: Ids, changed: () => void): HTMLInputElement {
 
 const toggle: MakeControl = (_field, ids, changed) => {
   const box = checkbox(ids, changed);
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     box.checked = Boolean(value);
   };
   return { element: box, inline: true, read: () => box.checked, write };
@@ -111,7 +110,7 @@ const toggle: MakeControl = (_field, ids, changed) => {
 
 const onOff: MakeControl = (_field, ids, changed) => {
   const box = checkbox(ids, changed);
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     box.checked = value === "on";
   };
   return { element: box, inline: true, read: () => (box.checked ? "on" : "off"), write };
@@ -127,7 +126,7 @@ const select: MakeControl = (field, ids, changed) => {
   const options = field.options.map((option, i) => h("option", { value: String(i) }, option.title));
   const none = field.nullable && h("option", { value: "" }, "Automatic");
   const element = h("select", { id: ids.input, onchange: changed, ...described(ids) }, none, options);
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     const index = field.options.findIndex((option) => option.value === value);
     element.value = value === null ? "" : String(index);
   };
@@ -172,7 +171,7 @@ const choices: MakeControl = (field, ids, changed) => {
 
 const text: MakeControl = (field, ids, changed) => {
   const box = h("input", { type: "text", id: ids.input, oninput: changed, autocomplete: "off", ...described(ids) });
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     box.value = typeof value === "string" ? value : "";
   };
   return { element: box, read: () => (box.value === "" && field.nullable ? null : box.value), write };
@@ -180,13 +179,13 @@ const text: MakeControl = (field, ids, changed) => {
 
 const json: MakeControl = (_field, ids, changed) => {
   const box = h("textarea", { id: ids.input, rows: 2, spellcheck: "false", oninput: changed, ...described(ids) });
-  const write = (value: Json | undefined) => {
+  const write = (value: unknown | undefined) => {
     box.value = value === null || value === undefined ? "" : JSON.stringify(value);
   };
   return { element: box, read: () => parseJson(box.value), write };
 };
 
-function parseJson(value: string): Json {
+function parseJson(value: string): unknown {
   if (value.trim() === "") return null;
   try {
     return JSON.parse(value);

@@ -1,11 +1,11 @@
 /** The inputs of a method besides the video: a drop zone for each, which shows the chosen file. */
 
-import { asProblem, asset as assetOf, mediaUrl, paths } from "../shared/api";
-import { h } from "../shared/dom";
-import { bytes, percent } from "../shared/format";
-import { icon, iconButton } from "../shared/icons";
-import type { Asset, InputSpec, Inputs } from "../shared/types";
-import { upload } from "../shared/upload";
+import { asProblem, asset as assetOf, mediaUrl, paths } from "../api/api";
+import type { Asset, FileInput, Inputs } from "../api/schemas";
+import { h } from "../ui/dom";
+import { bytes, percent } from "../ui/format";
+import { icon, iconButton } from "../ui/icons";
+import { upload } from "../ui/upload";
 import { ACCEPT, createDropzone } from "./dropzone";
 
 export interface InputSlots {
@@ -17,7 +17,7 @@ export interface InputSlots {
 }
 
 /** `specs`: the method's inputs without `video`; `given`: assets of the draft. */
-export function createInputs(specs: InputSpec[], given: Inputs, onchange: () => void): InputSlots {
+export function createInputs(specs: FileInput[], given: Inputs, onchange: () => void): InputSlots {
   const slots = specs.map((spec) => createSlot(spec, given[spec.name] ?? "", onchange));
   const shown = slots.filter((slot) => !rare(slot)).map((slot) => slot.element);
   return {
@@ -36,7 +36,7 @@ export function createInputs(specs: InputSpec[], given: Inputs, onchange: () => 
 }
 
 interface Slot {
-  spec: InputSpec;
+  spec: FileInput;
   /** The asset's id, or empty. */
   id: string;
   element: HTMLElement;
@@ -58,7 +58,7 @@ function folded(slots: Slot[]): HTMLElement | false {
   );
 }
 
-function createSlot(spec: InputSpec, id: string, onchange: () => void): Slot {
+function createSlot(spec: FileInput, id: string, onchange: () => void): Slot {
   const error = h("p", { class: "field-error" });
   const content = h("div", { class: "slot-content" });
   const title = h(

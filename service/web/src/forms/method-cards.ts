@@ -1,8 +1,8 @@
 /** Choosing a method by card and a ready set of parameters by chip. */
 
-import { mediaUrl } from "../shared/api";
-import { type Child, h, unique } from "../shared/dom";
-import type { Example, Json, Method, Params } from "../shared/types";
+import { mediaUrl } from "../api/api";
+import type { Example, Method, Params } from "../api/schemas";
+import { type Child, h, unique } from "../ui/dom";
 
 /** The picture that the service offers of a method. */
 function picture(method: Method): Child {
@@ -64,7 +64,7 @@ export function createPresets(examples: Example[], onchoose: (params: Params) =>
       h("span", {}, example.title),
     ),
   );
-  const key = (params: Record<string, Json>) => JSON.stringify(Object.entries(params).sort());
+  const key = (params: Record<string, unknown>) => JSON.stringify(Object.entries(params).sort());
   const element = h("div", { class: "presets", role: "group", "aria-label": "Presets" }, buttons);
   return {
     element,

@@ -1,8 +1,8 @@
 /** A form made from a JSON Schema: grouped, searchable, each value resettable; only changed values are sent. */
 
-import { type Child, h, unique } from "../shared/dom";
-import { icon } from "../shared/icons";
-import type { Json, Params, Schema } from "../shared/types";
+import type { Params, Schema } from "../api/schemas";
+import { type Child, h, unique } from "../ui/dom";
+import { icon } from "../ui/icons";
 import { type Control, control, type Ids } from "./fields";
 import { type Field, fieldsOf } from "./schema";
 
@@ -147,8 +147,8 @@ interface Row {
   field: Field;
   element: HTMLElement;
   /** undefined while the text cannot be parsed. */
-  value(): Json | undefined;
-  write(given: Json | undefined): void;
+  value(): unknown | undefined;
+  write(given: unknown | undefined): void;
   complain(text: string): void;
   changed(): boolean;
   valid(): boolean;
@@ -174,7 +174,7 @@ function createRow(field: Field, changed: () => void): Row {
     error,
   );
 
-  function value(): Json | undefined {
+  function value(): unknown | undefined {
     try {
       return part.read();
     } catch {
@@ -203,7 +203,7 @@ function createRow(field: Field, changed: () => void): Row {
     }
   }
 
-  function write(given: Json | undefined): void {
+  function write(given: unknown | undefined): void {
     part.write(given);
     refresh();
   }

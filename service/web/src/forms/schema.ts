@@ -1,12 +1,12 @@
 /** JSON Schema, as pydantic writes it, made into plain descriptions of form fields. */
 
-import { humanise } from "../shared/format";
-import type { Json, Schema } from "../shared/types";
+import type { Schema } from "../api/schemas";
+import { humanise } from "../ui/format";
 
 export type FieldKind = "slider" | "number" | "switch" | "onoff" | "choice" | "choices" | "text" | "json";
 
 export interface Option {
-  value: Json;
+  value: unknown;
   title: string;
 }
 
@@ -20,7 +20,7 @@ export interface Field {
   group: string;
   kind: FieldKind;
   /** The default; undefined if the schema has none. */
-  initial: Json | undefined;
+  initial: unknown | undefined;
   options: Option[];
   /** Whether numbers are integers. */
   whole: boolean;

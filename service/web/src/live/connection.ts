@@ -6,7 +6,7 @@
  *         +- waiting <-+--> failed             busy: until a place is free; lost: after a pause, longer each time
  */
 
-import { asProblem, Problem, request } from "../shared/api";
+import { asProblem, Problem, request } from "../api/api";
 import type { ConnectionState, Hello, Incoming, LiveInfo, Ready, Stats } from "./types";
 import { dial } from "./wire";
 

@@ -1,8 +1,8 @@
 /** The switch for a filter behind the method, and the filter's own parameters. */
 
+import type { Method, Params } from "../api/schemas";
 import { createForm } from "../forms/schema-form";
-import { h } from "../shared/dom";
-import type { Method, Params } from "../shared/types";
+import { h } from "../ui/dom";
 import type { FilterChoice } from "./types";
 
 export interface FilterSettings {

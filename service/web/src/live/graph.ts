@@ -1,6 +1,6 @@
 /** A minute of latency, rate and drops, drawn on a canvas in the colours of the page. */
 
-import { h } from "../shared/dom";
+import { h } from "../ui/dom";
 import { KEPT_S, type Second } from "./figures";
 
 const PAD = { left: 46, right: 40, top: 10, bottom: 18 };

@@ -1,9 +1,9 @@
 /** The card over the picture while no session runs: the ways to begin, or the fault and its remedy. */
 
-import type { Problem } from "../shared/api";
-import { fill, h } from "../shared/dom";
-import { type IconName, icon } from "../shared/icons";
-import { problemBlock } from "../shared/notices";
+import type { Problem } from "../api/api";
+import { fill, h } from "../ui/dom";
+import { type IconName, icon } from "../ui/icons";
+import { problemBlock } from "../ui/notices";
 import type { SourceKind } from "./types";
 
 const WAYS: Record<SourceKind, [IconName, string]> = {

@@ -3,14 +3,14 @@
 import "../css/base.css";
 import "../css/controls.css";
 import "../css/stage.css";
-import "../css/studio.css";
+import "../css/home.css";
 import "../css/jobs.css";
 import "../css/live.css";
-import * as api from "../shared/api";
-import { fill, h } from "../shared/dom";
-import { readDraft } from "../shared/draft";
-import { problemBlock } from "../shared/notices";
-import { preparePage } from "../shared/page";
+import * as api from "../api/api";
+import { readDraft } from "../forms/draft";
+import { fill, h } from "../ui/dom";
+import { problemBlock } from "../ui/notices";
+import { preparePage } from "../ui/page";
 import { readLiveInfo } from "./connection";
 import { createLivePage } from "./page";
 

@@ -1,6 +1,6 @@
 /** The figures under the picture: one number each, and the graph of the last minute. */
 
-import { h } from "../shared/dom";
+import { h } from "../ui/dom";
 import type { Figures, Second } from "./figures";
 import { createGraph } from "./graph";
 import { sizeSentence } from "./size-sentence";

@@ -1,10 +1,10 @@
 /** The live page: one source, one stream, one screen, and their connections. */
 
+import { asProblem, Problem } from "../api/api";
+import { type Draft, draftHash } from "../forms/draft";
 import { acceptDrops } from "../forms/dropzone";
-import { asProblem, Problem } from "../shared/api";
-import { h } from "../shared/dom";
-import { type Draft, draftHash } from "../shared/draft";
-import { announce, notify, notifyOf } from "../shared/notices";
+import { h } from "../ui/dom";
+import { announce, notify, notifyOf } from "../ui/notices";
 import { TITLES } from "./codecs";
 import { createFigures, type Figures } from "./figures";
 import { createInvitation } from "./invitation";

@@ -1,11 +1,11 @@
 /** The settings of one live method: presets, pictures that it refers to, and parameters. */
 
+import type { Inputs, Method, Params } from "../api/schemas";
+import type { Draft } from "../forms/draft";
 import { createInputs } from "../forms/inputs";
 import { createPresets } from "../forms/method-cards";
 import { createForm } from "../forms/schema-form";
-import { h } from "../shared/dom";
-import type { Draft } from "../shared/draft";
-import type { Inputs, Method, Params } from "../shared/types";
+import { h } from "../ui/dom";
 
 /** Inputs that a running session can replace. */
 const PICTURES = ["image", "image-or-video"];

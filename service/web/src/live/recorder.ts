@@ -1,6 +1,6 @@
 /** Records the displayed painting to a file. */
 
-import { Problem, saveFile } from "../shared/api";
+import { Problem, saveFile } from "../api/api";
 
 /** Best first; MP4 plays everywhere, but few browsers write it. */
 const TYPES = [

@@ -1,7 +1,7 @@
 /** The picture of the live page: the original and the painting, wiped, side by side, or the painting alone. */
 
-import { h } from "../shared/dom";
-import { createWipe } from "../shared/wipe";
+import { h } from "../ui/dom";
+import { createWipe } from "../ui/wipe";
 import type { Size } from "./types";
 
 export type LiveView = "painted" | "wipe" | "beside";

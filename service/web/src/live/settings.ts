@@ -1,10 +1,10 @@
 /** The panel beside the picture: the source of the frames, the parameters of the painting, the connection. */
 
+import type { Problem } from "../api/api";
+import type { Method, Params, Schema } from "../api/schemas";
+import type { Draft } from "../forms/draft";
 import { createForm } from "../forms/schema-form";
-import type { Problem } from "../shared/api";
-import { h } from "../shared/dom";
-import type { Draft } from "../shared/draft";
-import type { Method, Params, Schema } from "../shared/types";
+import { h } from "../ui/dom";
 import { createFilter } from "./filter";
 import { createPainting } from "./painting";
 import { createSourceChoice, type SourceChoice } from "./source-choice";
@@ -175,6 +175,6 @@ function methodSchema(methods: Method[]): Schema {
 function readFilter({ film }: Draft): FilterChoice | null {
   const params = film.filterParams;
   if (typeof film.filter !== "string") return null;
-  const given = params && typeof params === "object" && !Array.isArray(params) ? params : {};
+  const given = params && typeof params === "object" && !Array.isArray(params) ? { ...params } : {};
   return { method: film.filter, params: given };
 }

@@ -1,8 +1,8 @@
 /** Choosing a camera, the screen, or a file. */
 
 import { ACCEPT, createDropzone } from "../forms/dropzone";
-import { fill, h, unique } from "../shared/dom";
-import { icon } from "../shared/icons";
+import { fill, h, unique } from "../ui/dom";
+import { icon } from "../ui/icons";
 import { listCameras, type Source, type SourceWishes } from "./source";
 import type { SourceKind } from "./types";
 

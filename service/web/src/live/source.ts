@@ -1,7 +1,7 @@
 /** The source of the frames: a camera, the screen or a video file, each as a playing video element. */
 
-import { Problem } from "../shared/api";
-import { h } from "../shared/dom";
+import { Problem } from "../api/api";
+import { h } from "../ui/dom";
 import type { Shape, SourceKind } from "./types";
 
 const FILE_REMEDY = "A video file works as well: drop one on the picture.";

@@ -1,6 +1,6 @@
 /** The state of the session in words: a pill above the picture, and a line on it while the user has to wait. */
 
-import { h } from "../shared/dom";
+import { h } from "../ui/dom";
 
 const WORDS = {
   idle: ["Not running", ""],

@@ -1,6 +1,6 @@
 /** The path of a frame: captured, encoded, sent, painted by the service, received, decoded, shown beside its original. */
 
-import type { Inputs } from "../shared/types";
+import type { Inputs } from "../api/schemas";
 import { createGrabber, fitSize, followFrames, type Grab } from "./capture";
 import { type Offer, offer } from "./codecs";
 import { createConnection, readLiveInfo } from "./connection";

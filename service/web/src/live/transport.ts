@@ -1,8 +1,8 @@
 /** The row under the picture: record, view, mirror, other camera, full screen. */
 
-import { h } from "../shared/dom";
-import { bytes, clock } from "../shared/format";
-import { icon, iconButton } from "../shared/icons";
+import { h } from "../ui/dom";
+import { bytes, clock } from "../ui/format";
+import { icon, iconButton } from "../ui/icons";
 import { canRecord } from "./recorder";
 import type { LiveView, Screen } from "./screen";
 

@@ -1,7 +1,7 @@
 /** The JSON and binary messages of docs/live.md, and data that the parts of the live page exchange. */
 
-import type { ProblemFields } from "../shared/api";
-import type { Inputs, Params } from "../shared/types";
+import type { ProblemFields } from "../api/api";
+import type { Inputs, Params, Schemas } from "../api/schemas";
 
 export interface Size {
   width: number;
@@ -13,17 +13,10 @@ export interface Shape extends Size {
 }
 
 /** GET /v1/live. */
-export interface LiveInfo {
-  methods: string[];
-  filters: string[];
-  receives: string[];
-  sends: string[];
-  capacity: number;
-  free: number;
-  limits: { width: number; height: number; fps: number; frame_bytes: number };
+export type LiveInfo = Schemas["LiveOut"] & {
   /** Seconds after which to ask again if there is no room. */
   retryAfterS: number;
-}
+};
 
 export interface Ready {
   type: "ready";
@@ -121,6 +114,6 @@ export type ConnectionState =
   | { name: "connecting" | "live" | "closed" }
   /** `until`: time of the next attempt, on the clock of `performance.now()`. */
   | { name: "waiting"; why: "busy" | "lost"; until: number }
-  | { name: "failed"; problem: import("../shared/api").Problem };
+  | { name: "failed"; problem: import("../api/api").Problem };
 
 export type SourceKind = "camera" | "screen" | "file";

@@ -6,7 +6,7 @@
  */
 
 import "../css/live-view.css";
-import { byId } from "../shared/dom";
+import { byId } from "../ui/dom";
 import { createDecoder, type Decoder } from "./decode";
 import type { Receive } from "./types";
 import { dialView, unpack } from "./wire";

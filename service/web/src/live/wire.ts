@@ -1,6 +1,6 @@
 /** The bytes and the address of docs/live.md: a header of 32 bytes before each frame, both ways. */
 
-import { authorisation } from "../shared/api";
+import { authorisation } from "../api/api";
 import type { IncomingFrame, OutgoingFrame } from "./types";
 
 const PROTOCOL = "impasto.live.1";

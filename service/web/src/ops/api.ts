@@ -1,7 +1,7 @@
 /** Requests of operators. All of them need an admin key. */
 
-import { bodyOf, client, type Schemas } from "../shared/client";
-import type { Job } from "../shared/types";
+import { bodyOf, client } from "../api/client";
+import type { Job, Schemas } from "../api/schemas";
 import type { Bar, Failure, LiveSession, NodeView, Overview, Queue, Snapshot, Worker } from "./types";
 
 type Items<Item> = Promise<{ data?: { items: Item[] } }>;

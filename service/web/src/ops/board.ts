@@ -1,8 +1,8 @@
 /** The board: every part of the page, refreshed every two seconds while the tab is visible. */
 
-import * as api from "../shared/api";
-import { type Child, h } from "../shared/dom";
-import type { View } from "../shared/types";
+import * as api from "../api/api";
+import type { View } from "../ui/dom";
+import { type Child, h } from "../ui/dom";
 import * as ops from "./api";
 import { createFailures } from "./failures";
 import { createFigures } from "./figures";

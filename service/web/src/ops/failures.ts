@@ -1,9 +1,9 @@
 /** Attempts that failed, newest first, each with its log opened in place and a button to run it again. */
 
-import { asProblem } from "../shared/api";
-import { plainButton } from "../shared/confirm";
-import { fill, h } from "../shared/dom";
-import { ago, duration } from "../shared/format";
+import { asProblem } from "../api/api";
+import { plainButton } from "../ui/confirm";
+import { fill, h } from "../ui/dom";
+import { ago, duration } from "../ui/format";
 import * as ops from "./api";
 import { place, type Updated } from "./table";
 import type { BoardCalls, Failure } from "./types";

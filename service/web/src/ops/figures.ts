@@ -1,8 +1,8 @@
 /** The state of the whole service: a row of figures, tasks by state, and whether anything is paused or broken. */
 
-import { confirmButton, plainButton } from "../shared/confirm";
-import { type Child, fill, h } from "../shared/dom";
-import { duration } from "../shared/format";
+import { confirmButton, plainButton } from "../ui/confirm";
+import { type Child, fill, h } from "../ui/dom";
+import { duration } from "../ui/format";
 import * as ops from "./api";
 import type { BoardCalls, Overview, Queue, Snapshot, Worker } from "./types";
 

@@ -1,8 +1,8 @@
 /** Workers (processes) and machines: their state, their tasks, and buttons to drain them. */
 
-import { confirmButton, plainButton } from "../shared/confirm";
-import { type Child, h } from "../shared/dom";
-import { ago, percent } from "../shared/format";
+import { confirmButton, plainButton } from "../ui/confirm";
+import { type Child, h } from "../ui/dom";
+import { ago, percent } from "../ui/format";
 import * as ops from "./api";
 import { createTable, type Updated } from "./table";
 import type { BoardCalls, Drain, NodeView, TaskRun, Worker } from "./types";

@@ -1,12 +1,12 @@
 /** The newest jobs of everyone, and live sessions, with buttons to cancel and end them. */
 
-import { act, type JobVerb } from "../shared/api";
-import { confirmButton, plainButton } from "../shared/confirm";
-import { type Child, h } from "../shared/dom";
-import { ago, duration, percent } from "../shared/format";
-import { notify } from "../shared/notices";
-import type { Job } from "../shared/types";
-import { isFinal } from "../works/progress";
+import { act, type JobVerb } from "../api/api";
+import type { Job } from "../api/schemas";
+import { isFinal } from "../jobs/progress";
+import { confirmButton, plainButton } from "../ui/confirm";
+import { type Child, h } from "../ui/dom";
+import { ago, duration, percent } from "../ui/format";
+import { notify } from "../ui/notices";
 import * as ops from "./api";
 import { createSelection } from "./selection";
 import { createTable, type Updated } from "./table";

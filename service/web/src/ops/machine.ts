@@ -1,7 +1,7 @@
 /** The machine that answers: processors and memory with their last hour, and free disk space. */
 
-import { type Child, fill, h } from "../shared/dom";
-import { bytes, percent } from "../shared/format";
+import { type Child, fill, h } from "../ui/dom";
+import { bytes, percent } from "../ui/format";
 import type { Machine } from "./types";
 
 const WIDTH = 240;

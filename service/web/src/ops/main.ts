@@ -3,11 +3,11 @@
 import "../css/base.css";
 import "../css/controls.css";
 import "../css/ops.css";
-import * as api from "../shared/api";
-import { fill, h } from "../shared/dom";
-import { problemBlock } from "../shared/notices";
-import { preparePage } from "../shared/page";
-import type { View } from "../shared/types";
+import * as api from "../api/api";
+import type { View } from "../ui/dom";
+import { fill, h } from "../ui/dom";
+import { problemBlock } from "../ui/notices";
+import { preparePage } from "../ui/page";
 import { readOverview } from "./api";
 import { createBoard } from "./board";
 

@@ -1,9 +1,9 @@
 /** The jobs that are selected in the list, and the buttons that act on all of them. */
 
-import { confirmButton, plainButton } from "../shared/confirm";
-import { h } from "../shared/dom";
-import { notifyOf } from "../shared/notices";
-import type { Job } from "../shared/types";
+import type { Job } from "../api/schemas";
+import { confirmButton, plainButton } from "../ui/confirm";
+import { h } from "../ui/dom";
+import { notifyOf } from "../ui/notices";
 import { type BulkAction, bulk } from "./api";
 
 export interface Selection {

@@ -1,6 +1,6 @@
 /** Tables that are refreshed again and again: unchanged cells are left alone, so that focus and selection stay. */
 
-import { type Child, fill, h } from "../shared/dom";
+import { type Child, fill, h } from "../ui/dom";
 
 /** A text, or a text that changes whenever the cell has to be drawn anew, and how to draw it. */
 export type Cell = string | [version: string, draw: () => Child];

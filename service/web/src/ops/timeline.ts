@@ -1,8 +1,8 @@
 /** A job's attempts over time: a lane per slot, a bar per attempt, a colour per step. */
 
-import { fill, h } from "../shared/dom";
-import { duration, percent } from "../shared/format";
-import type { Job } from "../shared/types";
+import type { Job } from "../api/schemas";
+import { fill, h } from "../ui/dom";
+import { duration, percent } from "../ui/format";
 import { createLog } from "./failures";
 import { shortId } from "./fleet";
 import type { Bar } from "./types";

@@ -1,90 +1,19 @@
 /** The JSON of /v1/ops. */
 
-import type { Schemas } from "../shared/client";
-import type { Fault, Job } from "../shared/types";
+import type { Fault, Job, Schemas } from "../api/schemas";
 
-export interface Drain {
-  by: string;
-  reason: string;
-}
-
-export interface TaskRun {
-  job_id: string;
-  method: string;
-  step: string;
-  key: string;
-  number: number;
-  progress: number;
-  slot: string;
-}
-
-export interface Worker {
-  id: string;
-  host: string;
-  role: string;
-  kind: string;
-  version: string;
-  state: string;
-  started_at: number;
-  seen_at: number;
-  slots: unknown[];
-  at_work: TaskRun[];
-  drain: Drain | null;
-}
-
-export interface NodeView {
-  name: string;
-  state: string;
-  slots: number;
-  busy: number;
-  cpus: number;
-  gpus: number;
-  memory_bytes: number;
-  drain: Drain | null;
-}
-
-export interface Failure {
-  attempt_id: string;
-  task_id: string;
-  job_id: string;
-  job_name: string;
-  method: string;
-  step: string;
-  key: string;
-  task_state: string;
-  number: number;
-  outcome: string;
-  slot: string;
-  started_at: number;
-  finished_at: number;
-  error: Fault | null;
-}
-
+export type Drain = Schemas["Drain"];
+export type TaskRun = Schemas["RunningAttempt"];
+export type Worker = Schemas["WorkerView"];
+export type NodeView = Schemas["NodeView"];
+export type Failure = Omit<Schemas["Failure"], "error"> & { error: Fault | null };
 /** One attempt on a job's timeline. */
-export interface Bar {
-  attempt_id: string;
-  step: string;
-  key: string;
-  number: number;
-  worker: string;
-  slot: string;
-  outcome: string;
-  started_at: number;
-  finished_at: number | null;
-  code: string;
-}
+export type Bar = Schemas["TimelineBar"];
+export type Queue = Schemas["QueueOut"];
 
-export interface LiveSession {
-  id: string;
-  owner: string;
-  method: string;
-  width: number;
-  height: number;
-  opened_at: number;
-  connected: boolean;
+export type LiveSession = Omit<Schemas["LiveView"], "figures"> & {
   figures: { painted?: number; fps?: number; dropped?: number; latency_ms?: Record<string, number> };
-  ending: boolean;
-}
+};
 
 export interface Snapshot {
   /** The server's clock. */
@@ -94,11 +23,6 @@ export interface Snapshot {
   queue: { ready_tasks: number; oldest_s: number | null };
   failures: Record<string, number>;
   frames_per_s: Record<string, number>;
-}
-
-export interface Queue {
-  paused: boolean;
-  drain: Drain | null;
 }
 
 export type Machine = Schemas["MachineOut"];

@@ -1,0 +1,67 @@
+/** The types of the HTTP API under the names that the pages use; all are generated from its OpenAPI document. */
+
+import type { components } from "../../types/api";
+
+/** The schemas of the HTTP API, by name. */
+export type Schemas = components["schemas"];
+
+export type Asset = Omit<Schemas["Asset"], "info"> & { info: AssetInfo };
+export type Job = Omit<Schemas["JobOut"], "request"> & { request: JobRequest };
+export type JobRequest = Omit<Schemas["JobRequest"], "output"> & { output?: Output };
+export type Step = Schemas["StepView"];
+export type Output = Schemas["OutputIn"];
+export type Fault = Schemas["Fault"];
+export type RunState = Schemas["RunState"];
+export type InputSpec = Schemas["InputSpec"];
+/** What a field for a file shows of an input. */
+export type FileInput = Pick<InputSpec, "name" | "kind" | "required" | "title" | "help">;
+export type Example = Schemas["Example"];
+export type Method = Omit<Schemas["MethodOut"], "params_schema"> & { params_schema: Schema };
+export type PreviewRequest = Schemas["PreviewIn"];
+/** Parameters of a method, by name. */
+export type Params = Record<string, unknown>;
+/** Asset ids by name of the input. */
+export type Inputs = Record<string, string>;
+
+export interface Page<Item> {
+  items: Item[];
+  cursor?: string | null;
+}
+
+/** What is known of a file; the document leaves it open, for it depends on the kind of file. */
+export interface AssetInfo {
+  width?: number;
+  height?: number;
+  frames?: number;
+  fps?: number;
+  duration_s?: number;
+  rotation_deg?: number;
+  /** What is wrong with the file, one sentence; empty: nothing. */
+  damage?: string;
+}
+
+/** The part of JSON Schema that pydantic writes for parameters, with our own `unit`, `symbol` and `group`. */
+export interface Schema {
+  $defs?: Record<string, Schema>;
+  $ref?: string;
+  allOf?: Schema[];
+  anyOf?: Schema[];
+  oneOf?: Schema[];
+  properties?: Record<string, Schema>;
+  items?: Schema;
+  type?: string;
+  enum?: unknown[];
+  const?: unknown;
+  title?: string;
+  description?: string;
+  default?: unknown;
+  minimum?: number;
+  maximum?: number;
+  exclusiveMinimum?: number;
+  exclusiveMaximum?: number;
+  multipleOf?: number;
+  unit?: string;
+  symbol?: string;
+  group?: string;
+  nullable?: boolean;
+}

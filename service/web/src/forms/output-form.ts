@@ -1,0 +1,85 @@
+/** The output of the job: the same kind of form as parameters have, from a schema of the page. */
+
+import type { JobBody } from "../api/api";
+import type { Asset, Output, Params, Schema } from "../api/schemas";
+import { artefactTitle } from "../ui/format";
+
+const GROUP = "Film";
+
+/** Schema of the form, with the optional artefacts that a method offers. */
+export function outputSchema(artefacts: string[]): Schema {
+  const more: Schema = {
+    title: "Also make",
+    type: "array",
+    items: { oneOf: artefacts.map((name) => ({ const: name, title: artefactTitle(name) })) },
+    default: [],
+    description: "More files that can be downloaded when the film is done.",
+    group: GROUP,
+  };
+  return {
+    type: "object",
+    properties: {
+      format: {
+        title: "Format",
+        default: "mp4",
+        oneOf: [
+          { const: "mp4", title: "MP4" },
+          { const: "webm", title: "WebM" },
+          { const: "png", title: "PNG frames" },
+          { const: "gif", title: "GIF" },
+        ],
+        description:
+          "MP4 plays everywhere, WebM is free of patents, PNG frames are lossless, in a zip; a GIF has 720 px and 256 colours at most.",
+        group: GROUP,
+      },
+      quality: {
+        title: "Compression",
+        type: "integer",
+        minimum: 0,
+        maximum: 51,
+        default: 20,
+        description: "Lower is finer and larger; 0 loses nothing. Not used for PNG and GIF.",
+        group: GROUP,
+      },
+      seed: {
+        title: "Seed",
+        type: "integer",
+        minimum: 0,
+        default: 0,
+        description: "Another number gives other random details; everything else stays.",
+        group: GROUP,
+      },
+      name: {
+        title: "Name",
+        type: "string",
+        default: "",
+        description: "Shown among the works; the file's name if left empty.",
+        group: GROUP,
+      },
+      report: {
+        title: "Quality report",
+        type: "boolean",
+        default: false,
+        description: "Measure flicker, detail, sharpness and faces of the film against the video.",
+        group: GROUP,
+      },
+      ...(artefacts.length && { artefacts: more }),
+    },
+  };
+}
+
+/** Those parts of a job request that the form's changed values set; the job is named after the file if it has no name. */
+export function outputOf(values: Params, asset: Asset): Pick<JobBody, "output" | "name" | "seed"> {
+  const output = {
+    format: "mp4",
+    quality: 20,
+    artefacts: [],
+    ...pick(values, ["format", "quality", "artefacts", "report"]),
+  } as Output;
+  const name = typeof values.name === "string" && values.name ? values.name : asset.filename.replace(/\.[^.]+$/, "");
+  return { output, name, seed: typeof values.seed === "number" ? values.seed : 0 };
+}
+
+function pick(values: Params, names: string[]): Params {
+  return Object.fromEntries(Object.entries(values).filter(([name]) => names.includes(name)));
+}

@@ -1,0 +1,290 @@
+/**
+ * The clusters of a layer of the method patches: label maps and their uncertainty as the newest film of the shot has
+ * them, or as the service finds them before a film, and the maps that the user has corrected since.
+ */
+
+import { computed, effect, signal } from "@preact/signals";
+import * as api from "../../api/api";
+import type { Job, Page } from "../../api/schemas";
+import { upload } from "../../ui/upload";
+import { type ProjectJob, preview, projectJobs } from "../document/api";
+import {
+  addAsset,
+  changeLayer,
+  type LabelCorrection,
+  type Layer,
+  type LayerPlace,
+  layerOf,
+  putAtFrame,
+  removeAtFrame,
+  shotOf,
+} from "../document/document";
+import { createCanvas } from "../drawing/raster";
+import type { Store } from "../state/store";
+import { colourOf, enlarged, solvedAround } from "./label-edits";
+import { decodeLabels, encodeLabels, type LabelMap } from "./label-png";
+
+/** Artefacts of a film of the method patches that the studio shows. */
+export const CLUSTER_ARTEFACTS = ["labels", "uncertainty"];
+const OVERLAY_ALPHA = 0.55;
+
+/** Uncertainty of each label of a frame, 0..1, by the label's digits. */
+export type FrameUncertainty = Readonly<Record<string, number>>;
+
+export class Clusters {
+  /** The film whose clusters are shown; null: none yet. */
+  readonly film = signal<Job | null>(null);
+  /** Label maps as PNG by frame, found without a film; they are newer than the film's. */
+  readonly found = signal<ReadonlyMap<number, Uint8Array<ArrayBuffer>>>(new Map());
+  readonly searching = signal(false);
+  readonly available = computed(() => this.film.value !== null || this.found.value.size > 0);
+  readonly shown = signal(false);
+  /** The map of the shown frame. */
+  readonly map = signal<(LabelMap & { frame: number }) | null>(null);
+  readonly uncertainty = signal<ReadonlyMap<number, FrameUncertainty>>(new Map());
+  /** The label under the brush. */
+  readonly label = signal(1);
+  private readonly known = new Map<string, LabelMap>();
+  private overlay: { map: LabelMap; canvas: HTMLCanvasElement } | null = null;
+  private pending: Promise<void> = Promise.resolve();
+  private waiting = 0;
+  private search = new AbortController();
+  private ofFilm: ReadonlyMap<number, FrameUncertainty> = new Map();
+  private readonly disposers: (() => void)[];
+  private readonly life = new AbortController();
+
+  constructor(
+    private readonly store: Store,
+    private readonly onproblem: (error: unknown) => void,
+    private readonly redraw: () => void,
+  ) {
+    const show = effect(() => {
+      if (store.layer.value.method !== "patches") return;
+      const frame = store.frame.value;
+      const found = this.found.value.has(frame) || this.film.value !== null;
+      if (this.shown.value && found) this.load(frame, this.correction(frame)).catch((error) => this.failed(error));
+    });
+    const basis = computed(() => clusterBasis(store.layer.value));
+    const forget = effect(() => {
+      basis.value;
+      this.forget();
+    });
+    this.disposers = [show, forget];
+    if (store.layer.peek().method === "patches") this.find();
+  }
+
+  close(): void {
+    for (const dispose of this.disposers) dispose();
+    this.search.abort();
+    this.life.abort();
+  }
+
+  private failed(error: unknown): void {
+    if (!api.isAbort(error)) this.onproblem(error);
+  }
+
+  /** Look for the newest film with clusters. */
+  async find(): Promise<void> {
+    const { signal: life } = this.life;
+    try {
+      const shot = this.store.shot.peek().id;
+      const made = (await projectJobs(this.store.projectId)).filter((one) => usable(one, shot));
+      const film = made[0]?.job ?? null;
+      if (film) this.ofFilm = await readUncertainty(film, life);
+      if (!this.found.peek().size) this.uncertainty.value = this.ofFilm;
+      this.film.value = film;
+    } catch (error) {
+      this.failed(error);
+    }
+  }
+
+  /** Find the clusters of all frames with the present settings and scribbles, without a film. */
+  async searchAll(): Promise<void> {
+    const { store } = this;
+    this.forget();
+    this.search = new AbortController();
+    const { signal: life } = this.search;
+    this.searching.value = true;
+    this.uncertainty.value = new Map();
+    const body = { document: store.document.peek(), ...store.place };
+    const run = preview({
+      project: store.projectId,
+      what: "clusters",
+      channel: "clusters",
+      body,
+      signal: life,
+      onrecord: ({ header, payload }) => {
+        if (header.type !== "clusters" || life.aborted) return;
+        this.found.value = new Map(this.found.value).set(header.frame, payload);
+        this.uncertainty.value = new Map(this.uncertainty.value).set(header.frame, header.uncertainty);
+      },
+    });
+    await run.catch((error) => this.failed(error));
+    if (!life.aborted) this.searching.value = false;
+  }
+
+  /** Drop the clusters, which are no longer valid, and end a running search. */
+  forget(): void {
+    this.search.abort();
+    this.searching.value = false;
+    this.found.value = new Map();
+    this.uncertainty.value = this.ofFilm;
+    this.map.value = null;
+    this.redraw();
+  }
+
+  correction(frame: number): LabelCorrection | undefined {
+    return this.store.layer.value.labels?.find((entry) => entry.frame === frame);
+  }
+
+  private async load(frame: number, correction: LabelCorrection | undefined): Promise<void> {
+    if (this.waiting) return; // a stroke that is being stored is newer than what is stored
+    const asset = correction && this.store.document.peek().assets[correction.image]?.id;
+    const found = this.found.peek().get(frame);
+    const map = asset
+      ? await this.read(asset, api.paths.content(asset))
+      : found
+        ? enlarged(await decodeLabels(found), this.store.size)
+        : await this.fromFilm(frame);
+    if (this.store.frame.peek() !== frame || this.waiting) return;
+    this.map.value = map && { ...map, frame };
+    this.redraw();
+  }
+
+  private async fromFilm(frame: number): Promise<LabelMap | null> {
+    const film = this.film.value;
+    const at = frame - (film?.request.frames?.[0] ?? 0);
+    if (!film || at < 0) return null;
+    const path = api.url`/v1/jobs/${film.id}/artefacts/labels/${String(at).padStart(6, "0")}.png`;
+    return this.read(path, path).catch((error) => {
+      if (error instanceof api.Problem && error.status === 404) return null;
+      throw error;
+    });
+  }
+
+  private async read(key: string, path: string): Promise<LabelMap> {
+    const known = this.known.get(key);
+    if (known) return known;
+    const answer = await api.request(path, { signal: this.life.signal });
+    const map = await decodeLabels(new Uint8Array(await answer.arrayBuffer()));
+    if (this.known.size > 60) this.known.clear();
+    this.known.set(key, map);
+    return map;
+  }
+
+  /** The largest number of any cluster: a new one gets the next. */
+  get largest(): number {
+    const labels = [...this.uncertainty.value.values()].flatMap((frame) => Object.keys(frame).map(Number));
+    const here = this.map.value ? [...new Set(this.map.value.labels)] : [];
+    return Math.max(1, ...labels, ...here);
+  }
+
+  /** Make a map the corrected one of its frame. */
+  correct(label: string, frame: number, map: LabelMap): void {
+    const { place } = this.store; // another layer may be selected when it is stored
+    this.map.value = { ...map, frame };
+    this.redraw();
+    this.waiting += 1;
+    this.store.storing.value += 1;
+    const done = () => {
+      this.waiting -= 1;
+      this.store.storing.value -= 1;
+    };
+    this.pending = this.pending
+      .then(() => this.save(label, place, frame, map))
+      .then(done, (error) => {
+        done();
+        this.failed(error);
+        this.load(frame, this.correction(frame)).catch(() => {}); // show what is stored
+      });
+  }
+
+  private async save(label: string, place: LayerPlace, frame: number, map: LabelMap): Promise<void> {
+    const file = new File([await encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
+    const asset = await upload(file);
+    this.known.set(asset.id, map);
+    this.store.editDocument(label, (document) => {
+      const present = layerOf(shotOf(document, place.shot), place.layer)?.labels?.find((one) => one.frame === frame);
+      const solve = present?.solve ?? solvedAround(frame, this.store.frames);
+      const [next, image] = addAsset(document, `${place.layer}-labels-${frame}`, { id: asset.id });
+      return changeLayer(next, place, (layer) => ({
+        ...layer,
+        labels: putAtFrame(layer.labels, { frame, image, solve }),
+      }));
+    });
+  }
+
+  /** Every correction is stored. */
+  settled(): Promise<void> {
+    return this.pending;
+  }
+
+  remove(frame: number): void {
+    this.store.editLayer("Remove a correction", (layer) => ({ ...layer, labels: removeAtFrame(layer.labels, frame) }));
+  }
+
+  setInterval(frame: number, solve: [number, number]): void {
+    const change = (entry: LabelCorrection) => (entry.frame === frame ? { ...entry, solve } : entry);
+    this.store.editLayer(
+      "Change the interval",
+      (layer) => ({ ...layer, labels: (layer.labels ?? []).map(change) }),
+      `interval-${frame}`,
+    );
+  }
+
+  /** Draw the clusters over the stage; the context is in pixels of the video. */
+  draw(context: CanvasRenderingContext2D): void {
+    const map = this.map.value;
+    if (!this.shown.value || !map || map.frame !== this.store.frame.value) return;
+    if (this.overlay?.map !== map) this.overlay = { map, canvas: painted(map) };
+    const { width, height } = this.store.size;
+    context.save();
+    context.globalAlpha = OVERLAY_ALPHA;
+    context.imageSmoothingEnabled = false;
+    context.drawImage(this.overlay.canvas, 0, 0, width, height);
+    context.restore();
+  }
+}
+
+/** The data on which the clusters of a layer depend. */
+const clusterBasis = ({ method, params, seed, scribbles }: Layer): string =>
+  JSON.stringify([method, params, seed, scribbles]);
+
+const usable = ({ job, shot, variant }: ProjectJob, wanted: string): boolean =>
+  job?.state === "succeeded" &&
+  shot === wanted &&
+  !variant &&
+  CLUSTER_ARTEFACTS.every((name) => job.results.includes(name));
+
+async function readUncertainty(film: Job, signal: AbortSignal): Promise<Map<number, FrameUncertainty>> {
+  const entries = await api.get<Page<{ url: string }>>(api.url`/v1/jobs/${film.id}/artefacts/uncertainty`, signal);
+  const first = film.request.frames?.[0] ?? 0;
+  const found = new Map<number, FrameUncertainty>();
+  for (const { url } of entries.items) {
+    const frames = await api.get<Record<string, FrameUncertainty>>(url, signal);
+    for (const [frame, labels] of Object.entries(frames)) found.set(first + Number(frame), labels);
+  }
+  return found;
+}
+
+function painted(map: LabelMap): HTMLCanvasElement {
+  const [canvas, context] = createCanvas(map);
+  const image = context.createImageData(map.width, map.height);
+  const pixels = new Uint32Array(image.data.buffer);
+  const colours = new Map<number, number>();
+  map.labels.forEach((label, i) => {
+    let colour = colours.get(label);
+    if (colour === undefined) {
+      const [r, g, b] = colourOf(label);
+      colour = (0xff000000 | (b << 16) | (g << 8) | r) >>> 0;
+      colours.set(label, colour);
+    }
+    const edge = i % map.width > 0 && map.labels[i - 1] !== label;
+    pixels[i] = edge ? 0xffffffff : colour;
+  });
+  context.putImageData(image, 0, 0);
+  return canvas;
+}
+
+/** The least certain cluster of a frame: its uncertainty, 0..1. */
+export const worst = (frame: FrameUncertainty | undefined): number => Math.max(0, ...Object.values(frame ?? {}));

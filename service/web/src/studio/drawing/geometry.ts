@@ -1,0 +1,145 @@
+/** Plane geometry of the stage: the view (zoom and pan), polygons, brush samples, direction elements. */
+
+import type { DirectionElement, Pattern, Point } from "../document/document";
+
+export interface Size {
+  width: number;
+  height: number;
+}
+
+/** A point of the picture (px) appears at `offset + scale * point` on the stage (CSS px). */
+export interface View {
+  scale: number;
+  x: number;
+  y: number;
+}
+
+export const MIN_SCALE = 0.05;
+export const MAX_SCALE = 32;
+
+/** The view that shows the whole picture in the middle of the stage, with a margin in CSS px. */
+export function fitView(picture: Size, stage: Size, margin = 0): View {
+  const scale = Math.min((stage.width - 2 * margin) / picture.width, (stage.height - 2 * margin) / picture.height);
+  const bounded = clamp(scale, MIN_SCALE, MAX_SCALE);
+  return {
+    scale: bounded,
+    x: (stage.width - bounded * picture.width) / 2,
+    y: (stage.height - bounded * picture.height) / 2,
+  };
+}
+
+/** Zoom by a factor about a fixed point of the stage. */
+export function zoomAbout(view: View, [x, y]: Point, factor: number): View {
+  const scale = clamp(view.scale * factor, MIN_SCALE, MAX_SCALE);
+  const ratio = scale / view.scale;
+  return { scale, x: x - (x - view.x) * ratio, y: y - (y - view.y) * ratio };
+}
+
+export const panBy = (view: View, dx: number, dy: number): View => ({ ...view, x: view.x + dx, y: view.y + dy });
+
+export const toPicture = (view: View, [x, y]: Point): Point => [(x - view.x) / view.scale, (y - view.y) / view.scale];
+export const toStage = (view: View, [x, y]: Point): Point => [view.x + view.scale * x, view.y + view.scale * y];
+
+export const clamp = (value: number, low: number, high: number): number => Math.min(high, Math.max(low, value));
+
+export const distance = ([ax, ay]: Point, [bx, by]: Point): number => Math.hypot(bx - ax, by - ay);
+
+/** Whether a point is inside a polygon (even-odd rule). */
+export function contains(polygon: readonly Point[], [x, y]: Point): boolean {
+  let inside = false;
+  for (let i = 0, j = polygon.length - 1; i < polygon.length; j = i++) {
+    const [xi, yi] = polygon[i] ?? [0, 0];
+    const [xj, yj] = polygon[j] ?? [0, 0];
+    if (yi > y !== yj > y && x < ((xj - xi) * (y - yi)) / (yj - yi) + xi) inside = !inside;
+  }
+  return inside;
+}
+
+/** Signed area of a polygon; positive if it runs clockwise on the screen (y down). */
+export function area(polygon: readonly Point[]): number {
+  let sum = 0;
+  for (let i = 0; i < polygon.length; i++) {
+    const [ax, ay] = polygon[i] ?? [0, 0];
+    const [bx, by] = polygon[(i + 1) % polygon.length] ?? [0, 0];
+    sum += ax * by - bx * ay;
+  }
+  return sum / 2;
+}
+
+/** A polyline with fewer points that stays within `tolerance` of the given one (Douglas and Peucker 1973). */
+export function simplify(points: readonly Point[], tolerance: number): Point[] {
+  const first = points[0];
+  const last = points.at(-1);
+  if (!first || !last || points.length < 3) return [...points];
+  let farthest = 0;
+  let split = 0;
+  points.forEach((point, i) => {
+    const away = distanceToSegment(point, first, last);
+    if (away > farthest) [farthest, split] = [away, i];
+  });
+  if (farthest <= tolerance) return [first, last];
+  const head = simplify(points.slice(0, split + 1), tolerance);
+  return [...head.slice(0, -1), ...simplify(points.slice(split), tolerance)];
+}
+
+export function distanceToSegment(point: Point, a: Point, b: Point): number {
+  const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+  const length2 = dx * dx + dy * dy;
+  const along = length2 ? clamp(((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / length2, 0, 1) : 0;
+  return distance(point, [a[0] + along * dx, a[1] + along * dy]);
+}
+
+const DEGREE = Math.PI / 180;
+
+/** Angle of a vector, degrees clockwise from the right in 0..360. */
+export const angleOf = (from: Point, to: Point): number =>
+  (Math.atan2(to[1] - from[1], to[0] - from[0]) / DEGREE + 360) % 360;
+
+/** Half turns of the stroke direction on the way round the centre. */
+const WINDINGS: Record<Pattern, number> = {
+  regular: 0,
+  wedge: 1,
+  trisector: -1,
+  node: 2,
+  center: 2,
+  spiral: 2,
+  saddle: -2,
+};
+/** Angle between strokes and rays, degrees, for rotationally symmetric patterns. */
+const TILTS: Partial<Record<Pattern, number>> = { node: 0, center: 90, spiral: 45 };
+
+/** Whether the pattern is rotationally symmetric, so that its angle rotates each stroke instead. */
+export const isSymmetric = (pattern: Pattern): boolean => pattern in TILTS;
+
+/** Double angle of the strokes of one element at an offset from its centre, radians. */
+function doubleAngle({ pattern, angle = 0 }: DirectionElement, dx: number, dy: number): number {
+  const rotation = isSymmetric(pattern) ? 0 : angle;
+  const around = WINDINGS[pattern] * (Math.atan2(dy, dx) - rotation * DEGREE);
+  return around + 2 * DEGREE * (angle + (TILTS[pattern] ?? 0));
+}
+
+/**
+ * Direction of strokes at a point as the elements ask for it: double angles are added, each weighted by its strength and
+ * exp(-distance / reach). The service computes the exact field; the page shows this one until it arrives.
+ *
+ * @param point fractions of width and height
+ * @param aspect width / height of the picture
+ * @returns angle in radians, 0..pi, y down; weight: length of the sum
+ */
+export function directionAt(
+  elements: readonly DirectionElement[],
+  [x, y]: Point,
+  aspect: number,
+): { angle: number; weight: number } {
+  let [cos, sin] = [0, 0];
+  for (const element of elements) {
+    const { at, reach = 0, strength = 1 } = element;
+    const [dx, dy] = [(x - at[0]) * aspect, y - at[1]];
+    const weight = strength * (reach > 0 ? Math.exp(-Math.hypot(dx, dy) / reach) : 1);
+    const double = doubleAngle(element, dx, dy);
+    cos += weight * Math.cos(double);
+    sin += weight * Math.sin(double);
+  }
+  const angle = Math.atan2(sin, cos) / 2;
+  return { angle: angle < 0 ? angle + Math.PI : angle, weight: Math.hypot(cos, sin) };
+}

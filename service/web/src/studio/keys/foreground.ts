@@ -1,0 +1,105 @@
+/** The foreground that the service spreads from scribbles: shown over the frame and the frames after it while one scribbles. */
+
+import { effect, signal, untracked } from "@preact/signals";
+import { asProblem, isAbort } from "../../api/api";
+import { pictureOf, preview } from "../document/api";
+import type { ProjectDocument } from "../document/document";
+import { createCanvas } from "../drawing/raster";
+import type { Store } from "../state/store";
+import { scribbled } from "./keys";
+
+const REST_MS = 250;
+/** Number of requested frames after the shown one. */
+const AHEAD = 6;
+/** Of the veil over the background. */
+const VEIL_ALPHA = 0.6;
+
+/** A dark veil over the background of a frame; transparent where the foreground is. */
+export type Veil = HTMLCanvasElement;
+
+export class Foreground {
+  /** By frame. */
+  readonly veils = signal<ReadonlyMap<number, Veil>>(new Map());
+  readonly shown = signal(true);
+  private known: unknown = null;
+  private timer = 0;
+  private running = new AbortController();
+  private readonly dispose: () => void;
+
+  constructor(
+    private readonly store: Store,
+    private readonly redraw: () => void,
+  ) {
+    this.dispose = effect(() => this.follow());
+  }
+
+  close(): void {
+    this.dispose();
+    clearTimeout(this.timer);
+    this.running.abort();
+  }
+
+  /** Ask for the foreground of the shown frame once the scribbles or the frame have rested. */
+  private follow(): void {
+    const { store } = this;
+    const layer = store.layer.value;
+    const { scribbles = [] } = layer;
+    const frame = store.frame.value;
+    const wanted = scribbled(layer) && store.previews.value && this.shown.value && scribbles.length > 0;
+    clearTimeout(this.timer);
+    if (this.known !== layer.scribbles || !wanted) {
+      this.known = layer.scribbles;
+      this.running.abort();
+      this.veils.value = new Map();
+    }
+    if (wanted && !untracked(() => this.veils.value.has(frame)))
+      this.timer = window.setTimeout(() => this.load(frame, store.document.peek()), REST_MS);
+  }
+
+  private async load(frame: number, document: ProjectDocument): Promise<void> {
+    const { store } = this;
+    this.running.abort();
+    this.running = new AbortController();
+    const { signal: life } = this.running;
+    const body = { document, ...store.place, frame, around: AHEAD };
+    const show = (at: number, mask: ImageBitmap): void => {
+      if (life.aborted) return;
+      this.veils.value = new Map(this.veils.value).set(at, veilOf(mask));
+      this.redraw();
+    };
+    try {
+      await preview({
+        project: store.projectId,
+        what: "spread",
+        channel: "foreground",
+        body,
+        signal: life,
+        async onrecord(record) {
+          if (record.header.type === "mask") show(record.header.frame, await pictureOf(record));
+        },
+      });
+    } catch (error) {
+      if (!isAbort(error) && !life.aborted) store.problem.value = asProblem(error).message;
+    }
+  }
+
+  /** Draw the veil of the shown frame; the context is in pixels of the video. */
+  draw(context: CanvasRenderingContext2D): void {
+    const veil = this.veils.value.get(this.store.frame.value);
+    const { width, height } = this.store.size;
+    if (veil && this.shown.value) context.drawImage(veil, 0, 0, width, height);
+  }
+}
+
+function veilOf(mask: ImageBitmap): Veil {
+  const [canvas, context] = createCanvas(mask);
+  context.drawImage(mask, 0, 0);
+  const image = context.getImageData(0, 0, mask.width, mask.height);
+  const { data } = image;
+  for (let i = 0; i < data.length; i += 4) {
+    const background = 255 - (data[i] ?? 0);
+    data.set([24, 18, 40, Math.round(VEIL_ALPHA * background)], i);
+  }
+  context.putImageData(image, 0, 0);
+  return canvas;
+}

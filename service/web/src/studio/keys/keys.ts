@@ -1,0 +1,343 @@
+/**
+ * Painted keys, and scribbles of the method patches: their editable pictures, their upload, and their entries in the
+ * document.
+ */
+
+import { effect } from "@preact/signals";
+import * as api from "../../api/api";
+import type { Asset } from "../../api/schemas";
+import { upload } from "../../ui/upload";
+import { isPassing } from "../document/autosave";
+import {
+  addAsset,
+  changeLayer,
+  type Layer,
+  layerOf,
+  type PaintedKey,
+  type PaintLayer,
+  type ProjectDocument,
+  putAtFrame,
+  removeAtFrame,
+  shotOf,
+} from "../document/document";
+import { rewrite } from "../document/undo";
+import { pngOf } from "../drawing/png";
+import { createCanvas, PictureRaster } from "../drawing/raster";
+import type { KeyPicture, PictureLayer, Stroke } from "../drawing/strokes";
+import type { FrameSource } from "../previews/frames";
+import { pictureKey, type State, type Store } from "../state/store";
+import { Bases, baseOf, FRAME_LAYER } from "./bases";
+import type { RasterLayer } from "./psd";
+
+export const PAINT_LAYER = "paint";
+/** Later than the frames around a key, which need the processors first; see `neighbours.ts`. */
+const REST_MS = 600;
+const RETRY_MS = 3000;
+
+export class PaintedKeys {
+  readonly raster: PictureRaster;
+  private readonly uploaded = new WeakSet<KeyPicture>();
+  private readonly bases: Bases;
+  private readonly dispose: () => void;
+  private timer = 0;
+  private running: Promise<void> = Promise.resolve();
+
+  constructor(
+    private readonly store: Store,
+    frames: FrameSource,
+    private readonly onproblem: (problem: api.Problem) => void,
+  ) {
+    this.raster = new PictureRaster(store.size);
+    this.bases = new Bases(store, frames, this.raster);
+    this.dispose = effect(() => {
+      const { pictures } = store.history.value.present;
+      const pending = Object.values(pictures).filter((picture) => !this.uploaded.has(picture)).length;
+      store.uploading.value = pending;
+      clearTimeout(this.timer);
+      if (pending) this.timer = window.setTimeout(() => this.flush(), REST_MS);
+    });
+  }
+
+  close(): void {
+    this.dispose();
+    clearTimeout(this.timer);
+  }
+
+  /** The editable picture of the selected layer at a frame, if it is open. */
+  picture(frame: number): KeyPicture | undefined {
+    return this.store.history.value.present.pictures[pictureKey(this.store.layer.value.id, frame)];
+  }
+
+  key(frame: number): PaintedKey | undefined {
+    return this.store.layer.value.keys?.find((key) => key.frame === frame);
+  }
+
+  /**
+   * Open a frame for painting: its key's layers, or a new picture over the video's frame.
+   *
+   * `wanted`: false once no caller waits for the key; an AbortError is then thrown, and loading ends.
+   */
+  async open(frame: number, wanted?: () => boolean): Promise<KeyPicture> {
+    const known = this.picture(frame);
+    const layer = this.store.layer.value.id;
+    const stored = scribbled(this.store.layer.value) ? this.readScribble(frame) : this.read(layer, frame);
+    const picture = known ?? (await stored) ?? this.blank(layer, frame);
+    await this.bases.load(picture, wanted);
+    if (!known && this.isStored(frame)) this.uploaded.add(picture);
+    return picture;
+  }
+
+  private isStored(frame: number): boolean {
+    const { keys = [], scribbles = [] } = this.store.layer.value;
+    return [...keys, ...scribbles].some((entry) => entry.frame === frame);
+  }
+
+  private blank(layer: string, frame: number): KeyPicture {
+    const paint = emptyLayer(PAINT_LAYER, "Paint", null);
+    return {
+      layers: scribbled(this.store.layer.value)
+        ? [paint]
+        : [emptyLayer(FRAME_LAYER, "Video frame", baseOf(layer, frame)), paint],
+    };
+  }
+
+  private async readScribble(frame: number): Promise<KeyPicture | undefined> {
+    const scribble = this.store.layer.value.scribbles?.find((entry) => entry.frame === frame);
+    if (!scribble) return undefined;
+    const { assets } = this.store.document.value;
+    const strokes = assets[scribble.strokes ?? ""]?.id;
+    const base = strokes ? null : (assets[scribble.image]?.id ?? null);
+    return {
+      layers: [{ ...emptyLayer(PAINT_LAYER, "Paint", base), strokes: strokes ? await readStrokes(strokes) : [] }],
+    };
+  }
+
+  /** The editable form of a stored key. */
+  private async read(layer: string, frame: number): Promise<KeyPicture | undefined> {
+    const key = this.key(frame);
+    if (!key) return undefined;
+    const document = this.store.document.value;
+    const id = (name: string | undefined | null) => (name ? (document.assets[name]?.id ?? null) : null);
+    const stored = key.paint?.layers ?? [];
+    if (!stored.length) return { layers: [emptyLayer(PAINT_LAYER, "Paint", id(key.image))] };
+    const layers = stored.map(async (one): Promise<PictureLayer> => {
+      const strokes = id(one.strokes);
+      return {
+        id: one.id,
+        name: one.name,
+        opacity: one.opacity,
+        visible: one.visible,
+        base: one.id === FRAME_LAYER ? baseOf(layer, frame) : id(one.image),
+        strokes: strokes ? await readStrokes(strokes) : [],
+      };
+    });
+    return { layers: await Promise.all(layers) };
+  }
+
+  /** One step that changes a key's picture. `layer`: the one that was selected when a slow step began. */
+  edit(label: string, frame: number, picture: KeyPicture, layer = this.store.layer.value.id): void {
+    const key = pictureKey(layer, frame);
+    this.store.edit(label, (state) => ({ ...state, pictures: { ...state.pictures, [key]: picture } }));
+  }
+
+  /** Put a picture that was painted elsewhere, of exactly the video's size, at a frame. */
+  async import(frame: number, file: File): Promise<void> {
+    const layer = this.store.layer.value.id;
+    const { width, height } = this.store.size;
+    const picture = await createImageBitmap(file).catch(() => {
+      throw new api.Problem({ detail: `“${file.name}” is not a picture.`, remedy: "Use a PNG." });
+    });
+    if (picture.width !== width || picture.height !== height) {
+      throw new api.Problem({
+        title: "The picture has another size",
+        detail: `“${file.name}” has ${picture.width} × ${picture.height} pixels, the video has ${width} × ${height}.`,
+        remedy: "Export the frame here, paint on it, and keep its size.",
+      });
+    }
+    const asset = await upload(file);
+    this.raster.setBase(asset.id, picture);
+    const layers = [emptyLayer("import", file.name, asset.id), emptyLayer(PAINT_LAYER, "Paint", null)];
+    this.edit("Import a key", frame, { layers }, layer);
+  }
+
+  /** Put raster layers that were painted elsewhere, from back to front, at a frame of a layer of the shot. */
+  async importLayers(frame: number, layers: readonly RasterLayer[], layer: string): Promise<void> {
+    const made = layers.map(async ({ name, canvas, opacity, visible }, i): Promise<PictureLayer> => {
+      const asset = await upload(new File([await pngOf(canvas)], `key-${frame}-layer-${i}.png`, { type: "image/png" }));
+      this.raster.setBase(asset.id, await createImageBitmap(canvas));
+      return { ...emptyLayer(`import-${i}`, name.slice(0, 200), asset.id), opacity, visible };
+    });
+    const layersMade = await Promise.all(made);
+    this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] }, layer);
+    await this.bases.load({ layers: layersMade }); // those that were dropped while others were uploaded
+  }
+
+  /** The layers of a frame's picture in drawing order, from back to front, and the finished picture. */
+  async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    const picture = await this.open(frame);
+    return this.bases.with(picture, async () => this.drawnLayers(key, picture));
+  }
+
+  private drawnLayers(key: string, picture: KeyPicture): { layers: RasterLayer[]; whole: HTMLCanvasElement } {
+    const layers = picture.layers.map(({ id, name, opacity, visible }, i) => {
+      const [canvas, context] = createCanvas(this.store.size);
+      const layer = picture.layers[i];
+      if (layer) context.drawImage(this.raster.layer(`${key}/${id}`, layer), 0, 0);
+      return { name, canvas, opacity, visible };
+    });
+    const [whole, context] = createCanvas(this.store.size);
+    this.raster.draw(context, key, picture);
+    return { layers, whole };
+  }
+
+  /** Make a painted frame the lowest layer of a key of a layer of the shot, to be corrected by hand. */
+  async correct(frame: number, painted: Blob, layer: string): Promise<void> {
+    const asset = await upload(new File([painted], `frame-${frame}.png`, { type: "image/png" }));
+    this.raster.setBase(asset.id, await createImageBitmap(painted));
+    const layers = [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)];
+    this.edit("Correct a frame", frame, { layers }, layer);
+  }
+
+  remove(frame: number): void {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    const place = this.store.place;
+    this.store.edit("Remove a key", ({ document, pictures }) => {
+      const { [key]: _removed, ...rest } = pictures;
+      const change = (layer: ReturnType<Store["layer"]["peek"]>) => ({
+        ...layer,
+        keys: removeAtFrame(layer.keys, frame),
+        scribbles: removeAtFrame(layer.scribbles, frame),
+      });
+      return { document: changeLayer(document, place, change), pictures: rest };
+    });
+  }
+
+  /** The finished picture of a frame as PNG: its key, or the video's frame. */
+  async png(frame: number): Promise<Blob> {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    const picture = await this.open(frame);
+    return this.bases.with(picture, () => this.raster.png(key, picture));
+  }
+
+  /** A picture of the selected layer as PNG, its longest side at most `side` px. */
+  async small(frame: number, picture: KeyPicture, side: number): Promise<Blob> {
+    const key = pictureKey(this.store.layer.value.id, frame);
+    return this.bases.with(picture, () => this.raster.small(key, picture, side));
+  }
+
+  /** Upload every painted key that has changed; resolves when all are in the document. */
+  flush(): Promise<void> {
+    clearTimeout(this.timer);
+    this.running = this.running
+      .then(() => this.uploadAll())
+      .then(
+        () => {
+          this.store.uploadsWait.value = false;
+        },
+        (error) => this.failed(api.asProblem(error)),
+      );
+    return this.running;
+  }
+
+  /** Try again later if that may help. */
+  private failed(problem: api.Problem): void {
+    this.store.uploadsWait.value = isPassing(problem);
+    if (isPassing(problem)) this.timer = window.setTimeout(() => this.flush(), RETRY_MS);
+    else this.onproblem(problem);
+  }
+
+  /** Pictures that are not uploaded yet. */
+  pending(): Record<string, KeyPicture> {
+    const all = Object.entries(this.store.history.value.present.pictures);
+    return Object.fromEntries(all.filter(([, picture]) => !this.uploaded.has(picture)));
+  }
+
+  private async uploadAll(): Promise<void> {
+    const { pictures } = this.store.history.value.present;
+    for (const [key, picture] of Object.entries(pictures)) {
+      if (this.uploaded.has(picture)) continue;
+      await this.uploadOne(key, picture);
+    }
+    const now = this.store.history.value.present.pictures;
+    if (Object.values(now).some((picture) => !this.uploaded.has(picture))) await this.uploadAll();
+  }
+
+  private async uploadOne(key: string, picture: KeyPicture): Promise<void> {
+    const [layer = "", at = "0"] = key.split(":");
+    const frame = Number(at);
+    const png = await this.bases.with(picture, () => this.raster.png(key, picture));
+    const image = await upload(new File([png], `key-${frame}.png`, { type: "image/png" }));
+    const strokes = await Promise.all(picture.layers.map((one) => uploadStrokes(one, frame)));
+    this.uploaded.add(picture);
+    const place = { shot: this.store.shot.value.id, layer };
+    this.store.history.value = rewrite(this.store.history.value, (state: State) =>
+      state.pictures[key] === picture
+        ? { ...state, document: withPicture(state.document, place, frame, picture, image, strokes) }
+        : state,
+    );
+  }
+}
+
+/** Whether the pictures of a layer are scribbles for its foreground instead of painted keys. */
+export const scribbled = (layer: Layer | undefined): boolean => layer?.method === "patches";
+
+/** The document with the uploaded picture as a key or as a scribble of the layer. */
+function withPicture(
+  document: ProjectDocument,
+  place: { shot: string; layer: string },
+  frame: number,
+  picture: KeyPicture,
+  image: Asset,
+  strokes: readonly (Asset | null)[],
+): ProjectDocument {
+  const layer = layerOf(shotOf(document, place.shot), place.layer);
+  if (!scribbled(layer)) return withKey(document, place, frame, picture, image, strokes);
+  const stem = `${place.layer}-scribble-${frame}`;
+  const [withImage, name] = addAsset(document, stem, { id: image.id });
+  const first = strokes.find((asset) => asset !== null);
+  const [next, strokesName] = first ? addAsset(withImage, `${stem}-strokes`, { id: first.id }) : [withImage, null];
+  const entry = { frame, image: name, strokes: strokesName };
+  return changeLayer(next, place, (one) => ({ ...one, scribbles: putAtFrame(one.scribbles, entry) }));
+}
+
+function withKey(
+  document: ProjectDocument,
+  place: { shot: string; layer: string },
+  frame: number,
+  picture: KeyPicture,
+  image: Asset,
+  strokes: readonly (Asset | null)[],
+): ProjectDocument {
+  let [next, name] = addAsset(document, `${place.layer}-key-${frame}`, { id: image.id });
+  const layers = picture.layers.map((one, i): PaintLayer => {
+    const entry: PaintLayer = { id: one.id, name: one.name, opacity: one.opacity, visible: one.visible };
+    const stroke = strokes[i];
+    if (stroke) [next, entry.strokes] = addAsset(next, `${place.layer}-key-${frame}-strokes`, { id: stroke.id });
+    if (one.base?.startsWith("ast_"))
+      [next, entry.image] = addAsset(next, `${place.layer}-key-${frame}-base`, { id: one.base });
+    return entry;
+  });
+  const key: PaintedKey = { frame, image: name, paint: { layers } };
+  return changeLayer(next, place, (layer) => ({ ...layer, keys: putAtFrame(layer.keys, key) }));
+}
+
+async function uploadStrokes({ strokes }: PictureLayer, frame: number): Promise<Asset | null> {
+  if (!strokes.length) return null;
+  const text = JSON.stringify({ version: 1, strokes });
+  return upload(new File([text], `key-${frame}-strokes.json`, { type: "application/json" }));
+}
+
+async function readStrokes(asset: string): Promise<readonly Stroke[]> {
+  const answer = await api.request(api.paths.content(asset));
+  return ((await answer.json()) as { strokes: Stroke[] }).strokes;
+}
+
+const emptyLayer = (id: string, name: string, base: string | null): PictureLayer => ({
+  id,
+  name,
+  opacity: 1,
+  visible: true,
+  base,
+  strokes: [],
+});

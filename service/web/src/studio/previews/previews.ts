@@ -1,0 +1,200 @@
+/** Previews of the shown frame, requested when document and frame have not changed for a while, and shown coarse first. */
+
+import { effect } from "@preact/signals";
+import * as api from "../../api/api";
+import { hasPreviews, pictureOf, preview } from "../document/api";
+import { type Layer, type ProjectDocument, shownAlone } from "../document/document";
+import type { FrameHeader, PreviewRecord } from "../document/records";
+import { PAINT_TOOLS, type Store } from "../state/store";
+
+const REST_MS = 100;
+/** A frame that is painted sooner comes without a coarse picture before it. */
+const SOON_MS = 300;
+const SIDE_PX = 960;
+const BUSY_MS = 1200;
+/** A frame near a painted key that has been looked at for so long is painted at full size. */
+const FULL_REST_MS = 800;
+const NEAR_FRAMES = 3;
+const PAINTING = "Painting this frame…";
+const ENLARGING = "Painting this frame at full size…";
+
+export interface Previews {
+  /** A frame as the film will have it, painted at the video's size; PNG. Keys further than a dozen frames do not count. */
+  full(frame: number): Promise<Blob>;
+  /** Find frames that are worth a key. */
+  suggest(): Promise<void>;
+  close(): void;
+}
+
+export function startPreviews(store: Store): Previews {
+  let timer = 0;
+  let running = new AbortController();
+  const life = new AbortController();
+  let ready = false;
+  /** Whether the last frame took long. */
+  let slow = true;
+
+  hasPreviews(store.projectId).then((found) => {
+    ready = true;
+    store.previews.value = found;
+    schedule();
+  });
+
+  const dispose = effect(schedule);
+
+  function schedule(): void {
+    const document = store.document.value;
+    const frame = store.frame.value;
+    const layer = shownAlone(store.shot.value, store.layerId.value);
+    const painting = PAINT_TOOLS.includes(store.tool.value);
+    clearTimeout(timer);
+    running.abort();
+    const known = store.results.peek().get(frame);
+    const done = known?.final && known.document === document && known.layer === layer;
+    // With a brush, the stage shows the key itself.
+    if (painting || done) notBusy(PAINTING);
+    else if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
+  }
+
+  function notBusy(what: string): void {
+    if (store.busy.peek() === what) store.busy.value = "";
+  }
+
+  async function paint(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
+    running = new AbortController();
+    const { signal } = running;
+    store.busy.value = PAINTING;
+    try {
+      if (store.previews.value) await stream(document, frame, layer, signal);
+      else await single(document, frame, signal);
+      if (signal.aborted) return;
+      store.problem.value = "";
+      if (nearKey(frame)) timer = window.setTimeout(() => enlarge(document, frame, layer), FULL_REST_MS);
+    } catch (error) {
+      if (api.isAbort(error) || signal.aborted) return;
+      const problem = api.asProblem(error);
+      if (problem.status === 503) {
+        timer = window.setTimeout(() => paint(document, frame, layer), BUSY_MS);
+      } else store.problem.value = [problem.message, problem.remedy].filter(Boolean).join(" ");
+    } finally {
+      if (!signal.aborted) store.busy.value = "";
+    }
+  }
+
+  /** Whether the frame follows a key that somebody paints. */
+  function nearKey(frame: number): boolean {
+    const { method, keys = [] } = store.layer.peek();
+    const large = (store.results.peek().get(frame)?.scale ?? 1) < 0.999;
+    return large && method === "analogy" && keys.some((key) => Math.abs(key.frame - frame) <= NEAR_FRAMES);
+  }
+
+  async function enlarge(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
+    running = new AbortController();
+    const { signal } = running;
+    try {
+      const picture = await createImageBitmap(await full(frame, signal));
+      if (!signal.aborted) store.showResult({ frame, picture, scale: 1, final: true, document, layer });
+    } catch (error) {
+      if (!api.isAbort(error) && !signal.aborted) console.info("Impasto: no picture at full size.", error);
+    }
+  }
+
+  async function stream(
+    document: ProjectDocument,
+    frame: number,
+    layer: string | undefined,
+    signal: AbortSignal,
+  ): Promise<void> {
+    const body = { document, shot: store.shot.peek().id, layer, frame, coarse: slow, max_side_px: SIDE_PX };
+    let coarseMs = 0;
+    const shown: Promise<void>[] = [];
+    const show = async (header: FrameHeader, record: PreviewRecord) => {
+      const picture = await pictureOf(record);
+      const { frame: at, scale, final } = header;
+      if (!signal.aborted) store.showResult({ frame: at, picture, scale, final, document, layer });
+    };
+    await preview({
+      project: store.projectId,
+      what: "paint",
+      channel: "stage",
+      body,
+      signal,
+      onrecord(record) {
+        const { header } = record;
+        if (header.type !== "frame") return;
+        if (header.final) slow = header.ms - coarseMs > SOON_MS;
+        else coarseMs = header.ms;
+        shown.push(show(header, record));
+      },
+    });
+    await Promise.all(shown);
+  }
+
+  /** A service without previews of projects: one frame by the layer's method, without painted keys and regions. */
+  async function single(document: ProjectDocument, frame: number, signal: AbortSignal): Promise<void> {
+    const layer = store.layer.peek();
+    const body = { ...plainRequest(document, store.shot.peek().video, layer), frame, max_side_px: SIDE_PX };
+    const picture = await createImageBitmap(await api.preview(body, signal));
+    const scale = picture.width / store.size.width;
+    if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document, layer: layer.id });
+  }
+
+  async function full(frame: number, signal = life.signal): Promise<Blob> {
+    const { width, height } = store.size;
+    const layer = shownAlone(store.shot.value, store.layerId.value);
+    const place = { document: store.document.value, shot: store.shot.value.id, layer };
+    let found: Blob | null = null;
+    store.busy.value = ENLARGING;
+    await preview({
+      project: store.projectId,
+      what: "paint",
+      channel: "full",
+      body: { ...place, frame, coarse: false, max_side_px: Math.max(width, height) },
+      signal,
+      onrecord({ header, payload }) {
+        if (header.type === "frame" && header.final) found = new Blob([payload], { type: header.media_type });
+      },
+    }).finally(() => notBusy(ENLARGING));
+    if (!found) throw new api.Problem({ detail: "The frame could not be painted.", remedy: "Try it again." });
+    return found;
+  }
+
+  async function suggest(): Promise<void> {
+    const place = { document: store.document.value, shot: store.shot.value.id, layer: store.layerId.value };
+    await preview({
+      project: store.projectId,
+      what: "keys",
+      channel: "keys",
+      body: place,
+      signal: life.signal,
+      onrecord({ header }) {
+        if (header.type === "progress") store.busy.value = `${header.note}, ${Math.round(100 * header.done)} %`;
+        if (header.type === "keys") store.suggested.value = header.frames;
+      },
+    }).finally(() => {
+      store.busy.value = "";
+    });
+  }
+
+  return {
+    full: (frame) => full(frame),
+    suggest,
+    close() {
+      dispose();
+      clearTimeout(timer);
+      running.abort();
+      life.abort();
+    },
+  };
+}
+
+function plainRequest(document: ProjectDocument, video: string, layer: Layer): Omit<api.JobBody, "output" | "name"> {
+  const id = (name: string) => document.assets[name]?.id ?? "";
+  const inputs = Object.fromEntries(Object.entries(layer.inputs ?? {}).map(([input, name]) => [input, id(name)]));
+  return {
+    method: layer.method,
+    inputs: { video: id(video), ...inputs },
+    params: layer.params ?? {},
+    seed: layer.seed ?? 0,
+  };
+}

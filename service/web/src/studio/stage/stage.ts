@@ -1,0 +1,281 @@
+/** The stage: one canvas with the frame, its painting, the key under the pen and the tools' marks; zoom, pan and wipe. */
+
+import { effect } from "@preact/signals";
+import { fitView, panBy, toPicture, type View, zoomAbout } from "../drawing/geometry";
+import type { Films } from "../films/films";
+import type { PaintedKeys } from "../keys/keys";
+import type { PaintTool } from "../keys/paint-tool";
+import type { FrameSource } from "../previews/frames";
+import type { ScrubFrames } from "../previews/scrub";
+import { drawOutlines } from "../regions/region-tool";
+import { PAINT_TOOLS, pictureKey, type Store, type Tool } from "../state/store";
+import type { PointerSample, StageTool } from "../state/tool";
+
+const WHEEL_ZOOM = 1.0015;
+const GRAB_PX = 22;
+/** Opacity of the painting over the frame in the view "onion". */
+const ONION_ALPHA = 0.5;
+
+export interface StageParts {
+  store: Store;
+  frames: FrameSource;
+  scrub: ScrubFrames;
+  films: Films;
+  keys: PaintedKeys;
+  paint: PaintTool;
+  tools: Partial<Record<Tool, StageTool>>;
+  /** Drawn over the picture and below the tools' marks; the context is in pixels of the video. */
+  overlays: readonly ((context: CanvasRenderingContext2D) => void)[];
+}
+
+export interface Stage {
+  redraw(): void;
+  fit(): void;
+  zoom(factor: number): void;
+  close(): void;
+}
+
+export function mountStage(
+  canvas: HTMLCanvasElement,
+  { store, frames, scrub, films, keys, paint, tools, overlays }: StageParts,
+): Stage {
+  const context = canvas.getContext("2d");
+  const pointers = new Map<number, [number, number]>();
+  let pending = 0;
+  let mode: "tool" | "pan" | "wipe" | null = null;
+  let fitted = true;
+
+  const painting = () => PAINT_TOOLS.includes(store.tool.value);
+  const tool = (): StageTool | undefined => (painting() ? paint : tools[store.tool.value]);
+
+  function redraw(): void {
+    if (!pending) pending = requestAnimationFrame(draw);
+  }
+
+  function resize(): void {
+    const { clientWidth, clientHeight } = canvas;
+    const ratio = devicePixelRatio || 1;
+    Object.assign(canvas, { width: Math.round(clientWidth * ratio), height: Math.round(clientHeight * ratio) });
+    if (fitted) fitPicture();
+    redraw();
+  }
+
+  function fitPicture(): void {
+    fitted = true;
+    store.view.value = fitView(store.size, { width: canvas.clientWidth, height: canvas.clientHeight }, 12);
+  }
+
+  function setView(view: View): void {
+    fitted = false;
+    store.view.value = view;
+  }
+
+  // -- drawing
+
+  function draw(): void {
+    pending = 0;
+    if (!context || !canvas.width) return;
+    const ratio = devicePixelRatio || 1;
+    const { scale, x, y } = store.view.value;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * x, ratio * y);
+    context.imageSmoothingEnabled = scale < 3;
+    const key = !store.compared.value && painting() ? paint.shown() : null;
+    const newest = newestFrame();
+    if (!key || !keys.raster.covers(key.picture)) drawSource();
+    if (newest) drawWhole(newest);
+    else if (store.compared.value) drawCompared(store.compared.value);
+    else if (painting()) drawKey(key);
+    else if (store.stageView.value === "film") drawFilm();
+    else drawPainted();
+    const px = 1 / scale;
+    if (!newest) {
+      for (const overlay of overlays) overlay(context);
+      drawOutlines(context, store, px);
+    }
+    tool()?.draw?.(context, px);
+    canvas.dataset.frame = String(scrubbed() ? store.frame.value : frames.shown);
+    canvas.dataset.exact = String(frames.shown === store.frame.value);
+    canvas.dataset.compared = store.compared.value ? "variants" : "";
+    canvas.dataset.film = String(store.stageView.value === "film" && !painting() ? films.shown : "");
+    canvas.dataset.result = store.results.value.get(store.frame.value)?.final ? "final" : "";
+  }
+
+  function drawWhole(picture: CanvasImageSource): void {
+    const { width, height } = store.size;
+    context?.drawImage(picture, 0, 0, width, height);
+  }
+
+  function drawSource(): void {
+    const picture = scrubbed() ?? frames.picture;
+    if (picture) drawWhole(picture);
+  }
+
+  /** The small picture of the wanted frame, while the exact one is not there. */
+  const scrubbed = (): ImageBitmap | undefined =>
+    frames.shown === store.frame.value ? undefined : scrub.at(store.frame.value);
+
+  function drawKey(shown: ReturnType<PaintTool["shown"]>): void {
+    if (!shown || !context) return;
+    const key = pictureKey(store.layerId.value, store.frame.value);
+    context.drawImage(keys.raster.whole(key, shown.picture, shown.live), 0, 0);
+  }
+
+  function drawPainted(): void {
+    const result = store.results.value.get(store.frame.value);
+    const view = store.stageView.value;
+    if (!result || view === "source" || !context) return;
+    const { width, height } = store.size;
+    const from = view === "compare" ? store.split.value * width : 0;
+    context.save();
+    context.globalAlpha = view === "onion" ? ONION_ALPHA : 1;
+    context.beginPath();
+    context.rect(from, 0, width - from, height);
+    context.clip();
+    context.drawImage(result.picture, 0, 0, width, height);
+    context.restore();
+    if (view === "compare") drawDivider(context, from, height);
+  }
+
+  function drawFilm(): void {
+    const picture = films.picture();
+    if (picture) drawWhole(picture);
+  }
+
+  /** Shows a film that is being painted. Its newest frame is seldom the selected one, so that no marks are drawn on it. */
+  function newestFrame(): CanvasImageSource | null {
+    const shown = store.stageView.value === "film" && store.tool.value === "pan" && !store.compared.value;
+    return shown ? films.newest.value : null;
+  }
+
+  function drawCompared({ left, right }: { left: ImageBitmap; right: ImageBitmap }): void {
+    if (!context) return;
+    const { width, height } = store.size;
+    const from = store.split.value * width;
+    context.drawImage(left, 0, 0, width, height);
+    context.save();
+    context.beginPath();
+    context.rect(from, 0, width - from, height);
+    context.clip();
+    context.drawImage(right, 0, 0, width, height);
+    context.restore();
+    drawDivider(context, from, height);
+  }
+
+  function drawDivider(on: CanvasRenderingContext2D, x: number, height: number): void {
+    const px = 1 / store.view.value.scale;
+    on.fillStyle = "#fff";
+    on.fillRect(x - px, 0, 2 * px, height);
+    on.beginPath();
+    on.arc(x, height / 2, 12 * px, 0, 2 * Math.PI);
+    on.fill();
+  }
+
+  // -- pointer
+
+  const local = (event: MouseEvent): [number, number] => {
+    const box = canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  };
+
+  function sample(event: PointerEvent): PointerSample {
+    const pen = event.pointerType === "pen";
+    return {
+      at: toPicture(store.view.value, local(event)),
+      pressure: pen ? event.pressure : 1,
+      shift: event.shiftKey,
+      alt: event.altKey,
+    };
+  }
+
+  function onDivider(at: [number, number]): boolean {
+    const { scale, x } = store.view.value;
+    const painted = store.stageView.value === "compare" && store.results.value.has(store.frame.value);
+    const shown = store.compared.value !== null || (!painting() && painted);
+    return shown && Math.abs(x + scale * store.split.value * store.size.width - at[0]) < GRAB_PX;
+  }
+
+  function pointerDown(event: PointerEvent): void {
+    canvas.setPointerCapture(event.pointerId);
+    canvas.focus({ preventScroll: true });
+    pointers.set(event.pointerId, local(event));
+    event.preventDefault();
+    if (pointers.size > 1) {
+      if (mode === "tool") tool()?.up();
+      mode = "pan";
+    } else if (event.button === 1) mode = "pan";
+    else if (onDivider(local(event)) && (store.compared.value || store.tool.value === "pan")) mode = "wipe";
+    else mode = tool()?.down(sample(event)) ? "tool" : "pan";
+  }
+
+  function pointerMove(event: PointerEvent): void {
+    const before = pointers.get(event.pointerId);
+    if (!before) {
+      tool()?.hover?.(sample(event));
+      canvas.style.cursor =
+        onDivider(local(event)) && store.tool.value === "pan" ? "ew-resize" : (tool()?.cursor ?? "grab");
+      return;
+    }
+    const now = local(event);
+    if (mode === "tool") tool()?.move(coalesced(event));
+    else if (mode === "wipe")
+      store.split.value = Math.min(1, Math.max(0, toPicture(store.view.value, now)[0] / store.size.width));
+    else if (mode === "pan") pan(event.pointerId, before, now);
+    pointers.set(event.pointerId, now);
+  }
+
+  /** All positions since the last event: a pen reports more than one per frame. */
+  function coalesced(event: PointerEvent): PointerSample[] {
+    const all = event.getCoalescedEvents?.() ?? [];
+    return (all.length ? all : [event]).map(sample);
+  }
+
+  function pan(id: number, before: [number, number], now: [number, number]): void {
+    const other = [...pointers].find(([pointer]) => pointer !== id)?.[1];
+    let view = panBy(store.view.value, (now[0] - before[0]) / pointers.size, (now[1] - before[1]) / pointers.size);
+    if (other) {
+      const factor =
+        Math.hypot(now[0] - other[0], now[1] - other[1]) /
+        Math.max(1, Math.hypot(before[0] - other[0], before[1] - other[1]));
+      view = zoomAbout(view, [(now[0] + other[0]) / 2, (now[1] + other[1]) / 2], factor);
+    }
+    setView(view);
+  }
+
+  function pointerUp(event: PointerEvent): void {
+    pointers.delete(event.pointerId);
+    if (mode === "tool") tool()?.up();
+    if (!pointers.size) mode = null;
+  }
+
+  function wheel(event: WheelEvent): void {
+    event.preventDefault();
+    setView(zoomAbout(store.view.value, local(event), WHEEL_ZOOM ** -event.deltaY));
+  }
+
+  canvas.addEventListener("pointerdown", pointerDown);
+  canvas.addEventListener("pointermove", pointerMove);
+  canvas.addEventListener("pointerup", pointerUp);
+  canvas.addEventListener("pointercancel", pointerUp);
+  canvas.addEventListener("pointerleave", () => tool()?.hover?.(null));
+  canvas.addEventListener("wheel", wheel, { passive: false });
+  const observer = new ResizeObserver(resize);
+  observer.observe(canvas);
+  const stop = effect(() => {
+    const { view, stageView, split, results, compared, history, frame, tool: chosen, region, layerId } = store;
+    for (const each of [view, stageView, split, results, compared, history, frame, chosen, region, layerId]) each.value;
+    redraw();
+  });
+
+  return {
+    redraw,
+    fit: fitPicture,
+    zoom: (factor) => setView(zoomAbout(store.view.value, [canvas.clientWidth / 2, canvas.clientHeight / 2], factor)),
+    close() {
+      stop();
+      observer.disconnect();
+      cancelAnimationFrame(pending);
+    },
+  };
+}

@@ -1,0 +1,190 @@
+/** The state of the studio: one project, its history, and what is selected. */
+
+import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
+import type { Asset, Job, Method } from "../../api/schemas";
+import type { Project } from "../document/api";
+import type { SaveState } from "../document/autosave";
+import {
+  changeLayer,
+  type Layer,
+  type LayerPlace,
+  layerOf,
+  type ProjectDocument,
+  type Shot,
+  shotOf,
+} from "../document/document";
+import { GROUP_MS, type History, record, redo, startHistory, undo } from "../document/undo";
+import type { View } from "../drawing/geometry";
+import type { KeyPicture } from "../drawing/strokes";
+import { clampFrame, type Span, spanWith } from "./timeline";
+
+export type Tool =
+  | "pan"
+  | "brush"
+  | "eraser"
+  | "smudge"
+  | "fill"
+  | "picker"
+  | "region"
+  | "lasso"
+  | "direction"
+  | "scribble"
+  | "label"
+  | "loupe";
+export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker"];
+
+/** What undo restores: the document and the editable pictures of painted keys, by `pictureKey`. */
+export interface State {
+  document: ProjectDocument;
+  pictures: Readonly<Record<string, KeyPicture>>;
+}
+
+export const pictureKey = (layer: string, frame: number): string => `${layer}:${frame}`;
+
+/** A painted frame as a preview or a finished job gave it. */
+export interface Result {
+  frame: number;
+  picture: ImageBitmap;
+  /** Size of the preview relative to the video. */
+  scale: number;
+  final: boolean;
+  /** The document that it shows; a newer one makes it old. */
+  document: ProjectDocument;
+  /** The layer that it shows; undefined: all visible ones. */
+  layer: string | undefined;
+}
+
+/** "onion": the painting, half transparent, over the frame; "flicker": where it flickers; "film": the newest film. */
+export type StageView = "source" | "compare" | "onion" | "painted" | "flicker" | "film";
+
+export interface Brush {
+  color: string;
+  size: number;
+  opacity: number;
+}
+
+export class Store {
+  readonly projectId: string;
+  readonly history: Signal<History<State>>;
+  readonly document: ReadonlySignal<ProjectDocument>;
+  readonly shot: ReadonlySignal<Shot>;
+  readonly layer: ReadonlySignal<Layer>;
+  readonly method: ReadonlySignal<Method | undefined>;
+  readonly layerId: Signal<string>;
+  readonly frame = signal(0);
+  /** The frames that the filmstrip shows. */
+  readonly span: Signal<Span>;
+  readonly tool = signal<Tool>("pan");
+  readonly brush = signal<Brush>({ color: "#b43c25", size: 24, opacity: 1 });
+  readonly paintLayer = signal("paint");
+  readonly view = signal<View>({ scale: 1, x: 0, y: 0 });
+  readonly stageView = signal<StageView>("compare");
+  /** Where the wipe divides the picture, 0..1. */
+  readonly split = signal(0.5);
+  readonly region = signal("");
+  readonly results = signal<ReadonlyMap<number, Result>>(new Map());
+  /** Two variants of the shown frame, compared in the wipe. */
+  readonly compared = signal<{ left: ImageBitmap; right: ImageBitmap } | null>(null);
+  readonly neighbours = signal<readonly Result[]>([]);
+  /** Frames that are worth a key, as the service found them. */
+  readonly suggested = signal<readonly number[]>([]);
+  /** First frames of all shots of the video but the first, as far as the service has found them. */
+  readonly cuts = signal<readonly number[]>([]);
+  /** The newest finished film of the shot. */
+  readonly film = signal<Job | null>(null);
+  /** Whether the service previews projects: regions, style cards and painted keys need it. */
+  readonly previews = signal(false);
+  readonly busy = signal("");
+  readonly problem = signal("");
+  readonly saving = signal<SaveState>({ name: "saved" });
+  /** Painted keys that are not uploaded yet. */
+  readonly uploading = signal(0);
+  /** Corrected label maps that are not uploaded yet. */
+  readonly storing = signal(0);
+  /** Whether the service could not be reached when they were to be uploaded. */
+  readonly uploadsWait = signal(false);
+
+  constructor(
+    project: Project,
+    readonly asset: Asset,
+    readonly methods: readonly Method[],
+  ) {
+    this.projectId = project.id;
+    const { document } = project;
+    const shotId = document.shots[0]?.id ?? "";
+    this.history = signal(startHistory<State>({ document, pictures: {} }));
+    this.document = computed(() => this.history.value.present.document);
+    this.layerId = signal(document.shots[0]?.layers.at(-1)?.id ?? "");
+    this.shot = computed(() => must(shotOf(this.document.value, shotId)));
+    this.layer = computed(() => layerOf(this.shot.value, this.layerId.value) ?? must(this.shot.value.layers.at(-1)));
+    this.method = computed(() => methods.find((method) => method.name === this.layer.value.method));
+    this.span = signal([0, this.frames]);
+    this.frame.value = Math.floor(this.frames / 3);
+  }
+
+  get frames(): number {
+    return Math.max(1, this.asset.info.frames ?? 1);
+  }
+
+  get fps(): number {
+    return this.asset.info.fps || 25;
+  }
+
+  get size(): { width: number; height: number } {
+    return { width: this.asset.info.width ?? 16, height: this.asset.info.height ?? 9 };
+  }
+
+  get place(): LayerPlace {
+    return { shot: this.shot.value.id, layer: this.layer.value.id };
+  }
+
+  goTo(frame: number): void {
+    const shown = clampFrame(frame, this.frames);
+    this.span.value = spanWith(this.span.value, this.frames, shown);
+    this.frame.value = shown;
+  }
+
+  /** One step of the user; steps of one group that follow within this time are joined. */
+  edit(label: string, change: (state: State) => State, group = "", within = GROUP_MS): void {
+    const history = this.history.value;
+    this.history.value = record(history, label, change(history.present), { group, at: performance.now(), within });
+  }
+
+  /** One step that changes the document only. */
+  editDocument(
+    label: string,
+    change: (document: ProjectDocument) => ProjectDocument,
+    group = "",
+    within = GROUP_MS,
+  ): void {
+    this.edit(label, (state) => ({ ...state, document: change(state.document) }), group, within);
+  }
+
+  /** One step that changes the selected layer. */
+  editLayer(label: string, change: (layer: Layer) => Layer, group = "", within = GROUP_MS): void {
+    const place = this.place;
+    this.editDocument(label, (document) => changeLayer(document, place, change), group, within);
+  }
+
+  undo(): void {
+    this.history.value = undo(this.history.value);
+  }
+
+  redo(): void {
+    this.history.value = redo(this.history.value);
+  }
+
+  /** Show a painted frame; older ones of the same frame are replaced, and at most `most` are kept. */
+  showResult(result: Result, most = 60): void {
+    const results = new Map(this.results.value);
+    results.delete(result.frame);
+    results.set(result.frame, result);
+    for (const frame of results.keys()) if (results.size > most) results.delete(frame);
+    this.results.value = results;
+  }
+}
+
+function must<T>(value: T | undefined): T {
+  if (value === undefined) throw new Error("The project has no shot or no layer.");
+  return value;
+}

@@ -1,0 +1,244 @@
+/** The tools beside the stage, and the settings of the brush. */
+
+import { percent } from "../../ui/format";
+import { IconButton } from "../../ui/icon";
+import type { IconName } from "../../ui/icons";
+import type { Clusters } from "../clusters/clusters";
+import { type Films, filmHas } from "../films/films";
+import { scribbled } from "../keys/keys";
+import { regionsState } from "../regions/region-tool";
+import type { Stage } from "../stage/stage";
+import { PAINT_TOOLS, type StageView, type Store, type Tool } from "../state/store";
+
+const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
+  pan: { icon: "pan", label: "Move the view", keys: "V" },
+  brush: { icon: "brush", label: "Brush", keys: "B" },
+  eraser: { icon: "eraser", label: "Eraser", keys: "E" },
+  smudge: { icon: "smudge", label: "Smudge", keys: "S" },
+  fill: { icon: "fill", label: "Fill", keys: "G" },
+  picker: { icon: "picker", label: "Pick a colour", keys: "I" },
+  region: { icon: "select", label: "Pick regions", keys: "R" },
+  lasso: { icon: "lasso", label: "Draw a region", keys: "" },
+  direction: { icon: "arrow", label: "Direct the strokes", keys: "D" },
+  label: { icon: "fill", label: "Paint cluster labels", keys: "" },
+  loupe: { icon: "eye", label: "Loupe at full size", keys: "Z" },
+  scribble: { icon: "brush", label: "Scribble", keys: "" },
+};
+
+/** Tools for the inputs of a method: painted keys, or regions with styles and directions. */
+export function toolsOf(method: string, previews: boolean, clusters: boolean): Tool[] {
+  if (method === "analogy") return ["pan", ...PAINT_TOOLS];
+  if (method === "patches") return ["pan", "brush", "eraser", ...(clusters ? (["label"] as const) : [])];
+  if (method !== "multistyle") return ["pan"];
+  return previews ? ["pan", "region", "lasso", "direction"] : ["pan", "lasso", "direction"];
+}
+
+interface ToolbarProps {
+  store: Store;
+  clusters: Clusters;
+  stage: () => Stage | null;
+}
+
+export function Toolbar({ store, clusters, stage }: ToolbarProps) {
+  const regions = store.previews.value && regionsState.value !== "missing";
+  const chosen = toolsOf(store.layer.value.method, regions, clusters.available.value);
+  const tools: Tool[] = store.previews.value ? [...chosen, "loupe"] : chosen;
+  return (
+    <div class="toolbar" role="toolbar" aria-label="Tools" aria-orientation="vertical">
+      {tools.map((tool) => (
+        <IconButton
+          key={tool}
+          name={TOOLS[tool].icon}
+          label={TOOLS[tool].label}
+          keys={TOOLS[tool].keys}
+          pressed={store.tool.value === tool}
+          onClick={() => {
+            store.tool.value = tool;
+            if (tool === "label") clusters.shown.value = true;
+          }}
+        />
+      ))}
+      <hr />
+      <IconButton
+        name="undo"
+        label="Undo"
+        keys="Ctrl+Z"
+        disabled={!store.history.value.past.length}
+        onClick={() => store.undo()}
+      />
+      <IconButton
+        name="redo"
+        label="Redo"
+        keys="Ctrl+Shift+Z"
+        disabled={!store.history.value.future.length}
+        onClick={() => store.redo()}
+      />
+      <hr />
+      <IconButton name="zoom" label="Zoom in" keys="+" onClick={() => stage()?.zoom(1.25)} />
+      <IconButton name="full" label="Show the whole frame" keys="0" onClick={() => stage()?.fit()} />
+    </div>
+  );
+}
+
+const VIEWS: [StageView, string][] = [
+  ["source", "Original"],
+  ["compare", "Compare"],
+  ["onion", "Onion skin"],
+  ["painted", "Painted"],
+  ["flicker", "Flicker"],
+  ["film", "Film"],
+];
+
+/** The bar above the stage: the view, or the brush settings while the user paints. */
+export function StageBar({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
+  const painting = ["label", "brush", "eraser", "smudge", "fill"].includes(store.tool.value);
+  return (
+    <div class="stage-bar">
+      {painting ? <BrushSettings store={store} /> : <ViewSwitch store={store} films={films} />}
+      <StageState store={store} films={films} onfull={onfull} />
+    </div>
+  );
+}
+
+function ViewSwitch({ store, films }: { store: Store; films: Films }) {
+  const views = VIEWS.filter(([view]) => view !== "film" || store.film.value || films.newest.value);
+  return (
+    <div class="views" role="group" aria-label="View">
+      {views.map(([view, title]) => (
+        <button
+          key={view}
+          type="button"
+          aria-pressed={store.stageView.value === view}
+          onClick={() => {
+            store.stageView.value = view;
+          }}
+        >
+          {title}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+function BrushSettings({ store }: { store: Store }) {
+  const brush = store.brush.value;
+  const labels = store.tool.value === "label";
+  const smudging = store.tool.value === "smudge";
+  const opacity = smudging ? "Strength" : "Opacity";
+  const set = (change: Partial<typeof brush>) => {
+    store.brush.value = { ...brush, ...change };
+  };
+  return (
+    <div class="brush-settings">
+      {!labels &&
+        !smudging &&
+        (scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
+      <label>
+        Size
+        <input
+          type="range"
+          min={1}
+          max={200}
+          value={brush.size}
+          aria-label="Brush size"
+          onInput={(event) => set({ size: Number(event.currentTarget.value) })}
+        />
+        <output>{brush.size} px</output>
+      </label>
+      {!labels && (
+        <label>
+          {opacity}
+          <input
+            type="range"
+            min={5}
+            max={100}
+            value={100 * brush.opacity}
+            aria-label={`Brush ${opacity.toLowerCase()}`}
+            onInput={(event) => set({ opacity: Number(event.currentTarget.value) / 100 })}
+          />
+          <output>{Math.round(100 * brush.opacity)} %</output>
+        </label>
+      )}
+      {smudging && <span class="hint">Moves the paint of the layer that is chosen in the panel.</span>}
+    </div>
+  );
+}
+
+function ColorField({ store }: { store: Store }) {
+  return (
+    <label>
+      Colour
+      <input
+        type="color"
+        value={store.brush.value.color}
+        onInput={(event) => {
+          store.brush.value = { ...store.brush.value, color: event.currentTarget.value };
+        }}
+      />
+    </label>
+  );
+}
+
+/** White scribbles mark the foreground, black ones the background. */
+function ScribbleSwitch({ store }: { store: Store }) {
+  const kinds = [
+    ["#ffffff", "Foreground"],
+    ["#000000", "Background"],
+  ] as const;
+  return (
+    <div class="views" role="group" aria-label="Scribbles mark">
+      {kinds.map(([color, title]) => (
+        <button
+          key={color}
+          type="button"
+          aria-pressed={store.brush.value.color === color}
+          onClick={() => {
+            store.brush.value = { ...store.brush.value, color, opacity: 1 };
+            store.tool.value = "brush";
+          }}
+        >
+          {title}
+        </button>
+      ))}
+    </div>
+  );
+}
+
+function filmHint(store: Store, films: Films): string {
+  if (films.newest.value) return "The newest finished frame of the film, which is being painted";
+  return filmHas(store, store.frame.value)
+    ? "The newest film"
+    : "The newest film has no such frame: this is the video's";
+}
+
+/** Whether a preview is on its way, and at which scale the shown one is. */
+function StageState({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
+  const result = store.results.value.get(store.frame.value);
+  const film = store.stageView.value === "film" && store.tool.value === "pan";
+  const scale =
+    store.tool.value === "loupe"
+      ? "The loupe shows the film at 100 % of full size"
+      : film
+        ? filmHint(store, films)
+        : result && store.tool.value === "pan"
+          ? `Preview at ${Math.round(100 * result.scale)} % of full size`
+          : "";
+  const text = store.problem.value || store.busy.value || scale;
+  const painting = PAINT_TOOLS.includes(store.tool.value);
+  /** The film that is being painted; its progress changes too often to be read aloud. */
+  const painted = film && films.newest.value && text === scale ? films.current.value?.job : null;
+  const small = !painting && !film && text === scale && (result?.scale ?? 1) < 0.999;
+  return (
+    <>
+      <p class={`stage-hint ${store.problem.value ? "wrong" : ""}`} role="status">
+        {text}
+        {painted && <span aria-hidden="true"> · {percent(painted.progress)}</span>}
+      </p>
+      {small && (
+        <button type="button" class="button small" onClick={onfull}>
+          Show at full size
+        </button>
+      )}
+    </>
+  );
+}
