@@ -1,4 +1,4 @@
-"""Optical flow: time and error of our TV-L1 kernel and of DIS, and of OpenCV's.
+"""Optical flow: time and error of our TV-L1 kernel, OpenCV's DualTVL1 and DIS.
 
 The scene's motion is known. The error is the mean end-point error, px, over pixels that are visible in both frames. All
 solvers get the same two frames in one process, and run on one thread, except our TV-L1, which runs on a device.
@@ -50,18 +50,11 @@ def measure(first: SceneFrame, second: Frame) -> Iterator[tuple[str, float, floa
 
 def solvers() -> dict[str, Solver]:
     """Solvers by name."""
-    theirs: dict[str, Any] = {"OpenCV DualTVL1": cv2.optflow.createOptFlow_DualTVL1()}
-    for name in ("MEDIUM", "FAST", "ULTRAFAST"):
-        preset = getattr(cv2, f"DISOPTICAL_FLOW_PRESET_{name}")
-        theirs[f"OpenCV DIS {name.lower()}"] = cv2.DISOpticalFlow.create(preset)
-    found: dict[str, Solver] = {name: partial(_calculated, solver) for name, solver in theirs.items()}
+    theirs: Any = cv2.optflow.createOptFlow_DualTVL1()
+    found: dict[str, Solver] = {"OpenCV DualTVL1": lambda a, b: theirs.calc(a, b, None)}
     for method in ("tvl1", "dis-medium", "dis-fast", "dis-ultrafast"):
         found[method] = partial(estimate, method=method)
     return found
-
-
-def _calculated(solver: Any, first: Any, second: Any) -> Any:
-    return solver.calc(first, second, None)
 
 
 def _ms(solve: Solver, first: Any, second: Any) -> float:

@@ -1,4 +1,4 @@
-"""Face detection with cascades (viola2001rapid): frontal, profile and tilted faces, in pieces of equal cost.
+"""Face detection with OpenCV's cascades (viola2001rapid): frontal, profile and tilted faces, in pieces of equal cost.
 
 A complete search takes longer than a live frame, so that it is divided into pieces: a range of window sizes in a band
 of rows. A hit of a piece is only a candidate; `FaceDetector.confirm` searches its surroundings in fine steps.
@@ -7,7 +7,8 @@ of rows. A hit of a piece is only a candidate; `FaceDetector.confirm` searches i
 from __future__ import annotations
 
 import math
-from functools import cache
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -19,7 +20,6 @@ from numpy.typing import NDArray
 
 from pipeline.errors import DeviceError
 from pipeline.flow.gray import Gray
-from pipeline.segmentation.cascade import Cascade, accepted_windows
 
 Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
@@ -46,6 +46,8 @@ _WINDOW_COST = {"frontal": 1.0, "left": 2.0, "right": 2.0, "tilted left": 1.3, "
 """Cost of testing a window, relative to the frontal cascade's."""
 _LARGE, _LARGE_REPEATS = 4.0, 4
 """Frontal faces of this size, relative to the smallest, are searched this often in a search: they cost little."""
+_idle: dict[str, list[cv2.CascadeClassifier]] = {kind: [] for kind in _CASCADES}
+"""Cascades that no search uses at present. Reading one takes 15 ms, and only one search at a time may use it."""
 
 
 class Piece(NamedTuple):
@@ -112,9 +114,13 @@ class FaceDetector:
         """Windows that the cascade accepts, int32 (n, 4): left, top, width, height in px, in sorted order."""
         kind = "profile" if piece.pose in ("left", "right") else "frontal"
         turned, back = _posed(gray, piece.pose)
-        rows = turned[piece.top : piece.bottom]
-        found = accepted_windows(_cascade(kind), rows, step, piece.least, piece.most)
-        if not found:
+        # Set per thread. Otherwise the cascade opens the system's OpenCL loader, which then hides the registered
+        # runtimes.
+        cv2.ocl.setUseOpenCL(False)
+        least, most = (piece.least, piece.least), (piece.most, piece.most)
+        with _cascade(kind) as cascade:
+            found = cascade.detectMultiScale(turned[piece.top : piece.bottom], step, 0, minSize=least, maxSize=most)
+        if not len(found):
             return NO_HITS
         hits = np.array(found, np.float64)
         centres = (hits[:, :2] + hits[:, 2:] / 2 + (0, piece.top)) @ back[:, :2].T + back[:, 2]
@@ -212,16 +218,26 @@ def _group(hits: NDArray[np.int32], least: int) -> tuple[Boxes, NDArray[np.int64
     return boxes[order], np.array(counts, np.int64).reshape(-1)[order]
 
 
-@cache
-def _cascade(kind: str) -> Cascade:
-    """Raises DeviceError. Reading takes 15 ms."""
-    path = Path(haarcascades) / _CASCADES[kind]
+@contextmanager
+def _cascade(kind: str) -> Iterator[cv2.CascadeClassifier]:
+    """A cascade for one search. After an error it is not used again. Raises DeviceError."""
+    idle = _idle[kind]
     try:
-        return Cascade(path)
-    except (OSError, ValueError, IndexError) as error:
+        cascade = idle.pop()
+    except IndexError:
+        cascade = _load_cascade(kind)
+    yield cascade
+    idle.append(cascade)
+
+
+def _load_cascade(kind: str) -> cv2.CascadeClassifier:
+    path = Path(haarcascades) / _CASCADES[kind]
+    cascade = cv2.CascadeClassifier(str(path))
+    if cascade.empty():
         raise DeviceError(
             "OpenCV's face cascade cannot be read.",
             field="opencv",
             value=path,
             remedy="Install opencv-contrib-python-headless 4.x.",
-        ) from error
+        )
+    return cascade

@@ -86,3 +86,11 @@ def fine_tile(seed: int = 0) -> Tile:
     out = np.ascontiguousarray(rows.transpose(1, 0, 2).reshape(SUBROWS * ACROSS, ALONG), np.float32)
     out.setflags(write=False)
     return out
+
+
+@kernel
+def soft_hair(fine: Tile, column: np.float32, row: np.float32, across: int, along: int) -> np.float32:
+    """Read `fine_tile`, 0..1, at `row` tile rows from the stroke's centre line; sub-rows avoid flicker under motion."""
+    place = int(np.float32(8192.0) + row * np.float32(SUBROWS)) + across * SUBROWS
+    value: np.float32 = fine[place & 255, (int(np.float32(8192.0) + column) + along) & 255]
+    return value

@@ -21,12 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.intrinsics import LANES
 from pipeline.jit import kernel
-from pipeline.prefetch import prefetch
-from pipeline.strokes.bristles import SUBROWS, BristleArgs, bristle_args, fine_tile
+from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
 from pipeline.strokes.brush import HEIGHT, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
-from pipeline.strokes.eight_pixels import TIP, cover_even, cover_tapered, lay, shade, with_spare
 from pipeline.strokes.raster import DRY, SOFT, STREAKS, TAPER_END, TAPER_START, Profiles, StrokeProfile, profiles
 from pipeline.strokes.trace import trace_along, unit_tangents
 
@@ -40,8 +37,8 @@ class FrontToBack(NamedTuple):
     Attributes:
         paint: float32 (height, width, 5): premultiplied red, green, blue and paint height, and the transmittance, which
             is 1 where nothing is painted.
-        finished: bool (height, width), with spare pixels (`with_spare`): those whose transmittance is at most
-            `_OPAQUE`; nothing more is painted there. The paint itself does not fit in the processor's nearer cache.
+        finished: bool (height, width), pixels whose transmittance is at most `_OPAQUE`; nothing more is painted there.
+            The paint itself does not fit in the processor's nearer cache.
     """
 
     paint: NDArray[np.float32]
@@ -52,12 +49,13 @@ _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 _HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
 """Most bristles between the centre line and the side of a stroke; most bristles a px, since finer ones alias and
 flicker under motion; ratio of a bristle's length to its width, relative to `bristles.tile`."""
+_TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
+"""Share of a stroke's length in which it tapers, at either end."""
 _STRAIGHT = np.float32(0.1)
 """Deviation, px, that the simplification of a stroke's polyline allows; long segments cost as much as short ones."""
+_1, _2, _3, _4 = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(4)
 _OPAQUE = np.float32(0.03)
 """Transmittance below which a pixel counts as finished."""
-_LINE = 16
-"""Numbers of 32 bits in a line of the processor's cache."""
 _SCRATCH = 1 << 12
 """Pixels of a stroke's bounding box for which memory is reserved at first; a larger box gets twice what it needs."""
 
@@ -84,7 +82,7 @@ class RasterOptions:
 
 def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
     """Make a buffer without paint, for frames of this shape: (h, w) or (h, w, channels)."""
-    out = FrontToBack(np.empty((*shape[:2], 5), np.float32), with_spare(np.zeros(shape[:2], np.bool_)))
+    out = FrontToBack(np.empty((*shape[:2], 5), np.float32), np.empty(shape[:2], np.bool_))
     clear(out)
     return out
 
@@ -121,8 +119,7 @@ def streamlines_forward(
     tangents = unit_tangents(field) if options.tangents is None else options.tangents
     strokes = trace_along(starts, length_px, field, tangents)
     bristles = bristle_args(fine_tile(options.seed), starts.ids, options.seed)
-    image = None if options.guide is None else with_spare(options.guide)
-    guide = guide_args(len(starts), image, options.tolerance)
+    guide = guide_args(len(starts), options.guide, options.tolerance)
     profile = profiles(options.profile, len(starts))
 
     def paint_band(top: int, bottom: int) -> None:
@@ -203,18 +200,13 @@ def _paint_strokes(
     finished = buffer.finished.reshape(-1)
     points = strokes.points
     # Flat arrays with unsigned indices: signed ones are tested for being negative at every access.
-    pixels, image, tile = buffer.paint.reshape(-1), guide.image.reshape(-1), bristles.tile.reshape(-1)
-    # Per pixel of a stroke's bounding box.
+    pixels, image = buffer.paint.reshape(-1), guide.image.reshape(-1)
+    # Per pixel of a stroke's bounding box: coverage, and position along and across the stroke.
     coverage, lengthwise = np.zeros(_SCRATCH, np.float32), np.empty(_SCRATCH, np.float32)
     crosswise = np.empty(_SCRATCH, np.float32)
-    boxes = coverage, lengthwise, crosswise
     rows = np.empty((band_bottom - band_top, 2), np.int32)
     line = np.empty((points.shape[1], 2), np.float32)
-    all_points, per_stroke = points.reshape(-1), points.shape[1] * 2
-    for turn in range(len(order)):
-        k, later = order[turn], order[min(turn + 2, len(order) - 1)]
-        prefetch(all_points, np.uintp(later * per_stroke))
-        prefetch(all_points, np.uintp(later * per_stroke + _LINE))
+    for k in order:
         r, tolerance = strokes.radius_px[k], guide.tolerances[k]
         taper_start, taper_end = profile[k, TAPER_START], profile[k, TAPER_END]
         dry, soft = profile[k, DRY], profile[k, SOFT]
@@ -234,14 +226,13 @@ def _paint_strokes(
         last_row = min(int(np.floor(high_y + reach)), band_bottom - 1)
         first_column = max(int(np.ceil(low_x - reach)), 0)
         last_column = min(int(np.floor(high_x + reach)), width - 1)
-        if last_row < first_row or last_column < first_column:
+        columns = last_column - first_column + 1
+        if last_row < first_row or columns <= 0:
             continue
-        columns = last_column + 1 - first_column + LANES  # eight pixels that begin in a row end in it
         if (last_row + 1 - first_row) * columns > len(coverage):
             size = 2 * (last_row + 1 - first_row) * columns
             coverage, lengthwise = np.zeros(size, np.float32), np.empty(size, np.float32)
             crosswise = np.empty(size, np.float32)
-            boxes = coverage, lengthwise, crosswise
         for y in range(last_row + 1 - first_row):
             rows[y, 0] = width
             rows[y, 1] = -1
@@ -277,7 +268,7 @@ def _paint_strokes(
                 lean = ay / ax
                 enter, leave = x0 + first_s / ax, x0 + last_s / ax
                 enter, leave = min(enter, leave), max(enter, leave)
-            whole = total <= _ZERO or (before >= TIP * total and before + length <= (_ONE - TIP) * total)
+            whole = total <= _ZERO or (before >= _TIP * total and before + length <= (_ONE - _TIP) * total)
             for y in range(low, high + 1):
                 left, right = left_most, right_most
                 fy = np.float32(y) - y0
@@ -289,42 +280,80 @@ def _paint_strokes(
                 start, final = max(int(np.ceil(left)), first_column), min(int(np.floor(right)), last_column)
                 row = y - first_row
                 box, in_row = row * columns - first_column, y * width
-                if start <= final:
-                    prefetch(image, np.uintp((in_row + start) * 3))
-                    for channel in range((in_row + start) * 5, (in_row + final + 1) * 5, _LINE):
-                        prefetch(pixels, np.uintp(channel))
-                segment = (
-                    x0, ax, ay, fy * ay, fy * ax, length, before, part, r, per_r, taper_start, taper_end, sharp
-                )  # fmt: skip
+                while start <= final and finished[np.uintp(in_row + start)]:
+                    start += 1
+                while start <= final and finished[np.uintp(in_row + final)]:
+                    final -= 1
+                s_row, t_row = fy * ay, fy * ax
                 first_covered, last_covered = rows[row, 0], rows[row, 1]
-                for x in range(start, final + 1, LANES):
-                    at, pixel, count = box + x, in_row + x, final + 1 - x
-                    if whole:
-                        first, last = cover_even(boxes, at, finished, pixel, x, count, segment, ends)
-                    else:
-                        first, last = cover_tapered(boxes, at, finished, pixel, x, count, segment, ends)
-                    if last >= 0:
-                        first_covered, last_covered = min(first_covered, x + first), max(last_covered, x + last)
+                for x in range(start, final + 1):
+                    if finished[np.uintp(in_row + x)]:
+                        continue
+                    fx = np.float32(x) - x0
+                    s, t = fx * ax + s_row, t_row - fx * ay
+                    if s > length and not ends:
+                        continue  # the next segment's round joint covers it
+                    # Without branches, which the processor could not foresee.
+                    p = min(max(s, _ZERO), length)
+                    beyond = s - p
+                    d = np.sqrt(beyond * beyond + t * t)
+                    w = r
+                    if not whole:
+                        u = (before + p) * part
+                        q = max(_ONE - u * _PER_TIP, _ZERO)
+                        v = max(_ONE - (_ONE - u) * _PER_TIP, _ZERO)
+                        w = r * (_ONE - (taper_start * q * q + taper_end * v * v))
+                    c = min((w - d) * sharp + _HALF, _ONE)
+                    at = np.uintp(box + x)
+                    if c > coverage[at]:
+                        coverage[at] = c
+                        lengthwise[at] = before + s
+                        crosswise[at] = min(max(t * per_r, -_ONE), _ONE)
+                        first_covered = min(first_covered, x)
+                        last_covered = max(last_covered, x)
                 rows[row, 0], rows[row, 1] = first_covered, last_covered
             before += length
-        offsets = (bristles.offsets[k] & 63) * SUBROWS, bristles.offsets[k] >> 6
-        g, spread = strokes.grain[k], min(r * _FINEST, _HAIRS)
-        stroke = (
-            strokes.opacity[k], inner2, outer2, tolerance * np.float32(1.25), tolerance * np.float32(0.25),
-            strokes.targets[k, 0], strokes.targets[k, 1], strokes.targets[k, 2], g, profile[k, STREAKS], dry, part,
-            _PULL * spread / r, spread,
-        )  # fmt: skip
-        colour = strokes.colours[k, 0], strokes.colours[k, 1], strokes.colours[k, 2], strokes.relief_px[k]
+        oa, ob = bristles.offsets[k] & 63, bristles.offsets[k] >> 6
+        red, green, blue = strokes.colours[k, 0], strokes.colours[k, 1], strokes.colours[k, 2]
+        target_r, target_g, target_b = strokes.targets[k, 0], strokes.targets[k, 1], strokes.targets[k, 2]
+        g, thick, strength = strokes.grain[k], strokes.relief_px[k], strokes.opacity[k]
+        spread = min(r * _FINEST, _HAIRS)
+        pull = _PULL * spread / r
+        streaks = profile[k, STREAKS]
         for y in range(first_row, last_row + 1):
             row = y - first_row
             box, pixel = row * columns - first_column, y * width
-            first, last = rows[row, 0], rows[row, 1]
-            for x in range(first, last + 1, LANES):
-                shade(boxes, box + x, image, pixel + x, tile, stroke, offsets, guide.enabled)
-            for x in range(first, last + 1):
+            for x in range(rows[row, 0], rows[row, 1] + 1):
                 at = np.uintp(box + x)
-                opacity = coverage[at]
-                if opacity != _ZERO:
-                    coverage[at] = _ZERO
-                    left_over = lay(pixels, (pixel + x) * 5, opacity, lengthwise[at], crosswise[at], colour)
-                    finished[np.uintp(pixel + x)] = left_over <= _OPAQUE
+                a = coverage[at]
+                if a <= _ZERO:
+                    continue
+                coverage[at] = _ZERO
+                a *= strength
+                if guide.enabled:
+                    colour = np.uintp((pixel + x) * 3)
+                    er = np.float32(image[colour]) - target_r
+                    eg = np.float32(image[colour + _1]) - target_g
+                    eb = np.float32(image[colour + _2]) - target_b
+                    e2 = er * er + eg * eg + eb * eb
+                    if e2 >= outer2:
+                        continue
+                    if e2 > inner2:
+                        a *= (tolerance * np.float32(1.25) - np.sqrt(e2)) / (tolerance * np.float32(0.25))
+                along, t = lengthwise[at], crosswise[at]
+                shade, ridge = _ZERO, _ONE - t * t * t * t
+                if g > _ZERO:
+                    trace = soft_hair(bristles.tile, along * pull, t * spread, oa, ob)
+                    shade = g * streaks * (trace - _HALF)
+                    ridge *= _ONE - g * (_ONE - trace)
+                    late = (along * part - _HALF) * np.float32(2.0)
+                    if late > _ZERO:
+                        a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
+                paint = np.uintp((pixel + x) * 5)
+                a *= pixels[paint + _4]
+                pixels[paint] += a * (red + shade)
+                pixels[paint + _1] += a * (green + shade)
+                pixels[paint + _2] += a * (blue + shade)
+                pixels[paint + _3] += a * thick * ridge
+                pixels[paint + _4] -= a
+                finished[np.uintp(pixel + x)] = pixels[paint + _4] <= _OPAQUE

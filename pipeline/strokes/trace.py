@@ -10,15 +10,12 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.jit import kernel
-from pipeline.prefetch import prefetch
 from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, Strokes, discs
 from pipeline.strokes.seeds import Points, Seeds, sample
 
 MAX_POINTS = 48
 """Points of the longest stroke; longer strokes take longer steps."""
 
-_AHEAD, _NEAR = 4, 6
-"""Number of strokes by which memory is read ahead; rows above and below the seed of which that is done, px."""
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
 
 
@@ -154,8 +151,7 @@ def _trace_along(
     """`_trace` without rules: the directions of its steps are read from `tangents`."""
     height, width = field.shape[:2]
     most = points.shape[1] // 2
-    # Flat arrays with unsigned indices: signed ones are tested for being negative.
-    units, given = tangents.reshape(-1), field.reshape(-1)
+    units = tangents.reshape(-1)
     behind, ahead = np.empty((points.shape[1], 2), np.float32), np.empty((points.shape[1], 2), np.float32)
     for k in range(len(starts.xy)):
         reach = starts.length_px[k] * _HALF
@@ -164,11 +160,6 @@ def _trace_along(
         step = reach / np.float32(steps)
         if reach <= _ZERO:
             steps = 0
-        later = min(k + _AHEAD, len(starts.xy) - 1)
-        px, py = int(starts.xy[later, 0] + _HALF), int(starts.xy[later, 1] + _HALF)
-        prefetch(given, np.uintp(2 * (py * width + px)))
-        for row in range(max(py - _NEAR, 0), min(py + _NEAR + 1, height), 2):
-            prefetch(units, np.uintp(2 * (row * width + px)))
         px, py = int(starts.xy[k, 0] + _HALF), int(starts.xy[k, 1] + _HALF)
         first_x, first_y = tangent(field[py, px, 0], field[py, px, 1], _ONE, _ZERO)
         # Both sides in turn, step by step: a step waits for the pixel to which the step before has led, and meanwhile

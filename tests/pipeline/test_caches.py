@@ -16,7 +16,6 @@ FEW_ARGUMENTS = {
     "pipeline/compute/signature.py": {"signature", "_compiled"},  # kernels of the program
     "pipeline/kernel_cache.py": {"_use", "stamp_of", "_imported", "_text"},  # files of the program
     "pipeline/methods/__init__.py": {"_loaded"},  # methods of the program
-    "pipeline/segmentation/face_detector.py": {"_cascade"},  # two kinds of faces
     "pipeline/strokes/emboss.py": {"weave"},  # called with one seed
     "pipeline/synthesis/energy.py": {"taps"},  # radii of patches
     "service/methods/thumbnail.py": {"thumbnail"},  # methods of the program

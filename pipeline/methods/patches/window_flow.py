@@ -42,7 +42,6 @@ def load_kernels() -> None:
     """Load the kernels that the first tasks of a job call; otherwise these tasks wait while one of them loads them."""
     frame, still = np.zeros((16, 16, 3), np.float32), np.zeros((16, 16, 2), np.float32)
     reliability(frame, frame, still, still, 1.0)
-    dis(to_gray(frame.astype(np.uint8)), to_gray(frame.astype(np.uint8)), "medium")
 
 
 def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
