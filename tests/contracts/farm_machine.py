@@ -19,7 +19,7 @@ from hypothesis.stateful import (
 from sqlalchemy import func, select
 
 from pipeline.methods.base import Task
-from tests.contracts.farm_model import FAILED_CODE, FINAL, ModelJob
+from tests.contracts.farm_model import FAILED_CODE, FINAL, ModelJob, ModelTurns
 from workers.blobs.disk import DiskBlobs
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.jobs import state_machine as machine
@@ -84,6 +84,7 @@ class FarmMachine(RuleBasedStateMachine):
         """Owner and idempotency key -> job and its priority."""
         self.running: dict[str, tuple[str, str, str]] = {}
         """Attempt -> job, key, dispatcher, for current attempts."""
+        self.turns = ModelTurns()
         self.ended: list[Attempt] = []
         """Attempts that are no longer current."""
         shutil.rmtree(self.folder / "blobs", ignore_errors=True)
@@ -212,6 +213,8 @@ class FarmMachine(RuleBasedStateMachine):
     def _end(self, attempt_ids: list[str]) -> list[Attempt]:
         """Mark these attempts as no longer current."""
         found = [Attempt(attempt_id, *self.running.pop(attempt_id)[:2]) for attempt_id in attempt_ids]
+        for attempt in found:
+            self.turns.end(attempt.id, self.clock[0])
         self.ended += found
         return found
 
@@ -245,18 +248,23 @@ class FarmMachine(RuleBasedStateMachine):
             return
         self._check_fair(claim, free, busy)
         job, key = self.jobs[claim.job_id], claim.task["key"]
+        waiting = {job.owner for job in self.jobs.values() if job.has_ready_task and busy[job.owner] < MAX_RUNNING}
+        self.turns.begin(claim.attempt_id, job.owner, waiting, self.clock[0])
         assert key == job.claimable(self.clock[0])[0], "tasks are claimed in the order of the plan"
         job.claim(key, claim.attempt_id)
         self.running[claim.attempt_id] = (claim.job_id, key, dispatcher)
         self.blobs.put(f"jobs/{claim.job_id}/{claim.attempt_id}", b"frame")
 
     def _check_fair(self, claim: Claim, free: dict[str, ModelJob], busy: dict[str, int]) -> None:
-        """The highest priority first; then the owner with the least at work; then the owner's oldest job."""
+        """The highest priority first; then the owner with the least at work; of several, the one who has used the least
+        slot time; then the owner's oldest job."""
         assert claim.job_id in free, "it may not run now"
         job = free[claim.job_id]
         assert job.priority == max(other.priority for other in free.values())
         same = {job_id: other for job_id, other in free.items() if other.priority == job.priority}
         assert busy[job.owner] == min(busy[other.owner] for other in same.values())
+        equal = {other.owner for other in same.values() if busy[other.owner] == busy[job.owner]}
+        assert self.turns.counted_s(job.owner) == min(map(self.turns.counted_s, equal))
         assert claim.job_id == min(job_id for job_id, other in same.items() if other.owner == job.owner)
 
     def complete(self, draw: Draw) -> None:
@@ -375,6 +383,11 @@ class FarmMachine(RuleBasedStateMachine):
             assert (shown.state.value, shown.counts) == (job.state, job.counts()), job
             assert (shown.error.code if shown.error else "", messages.get(job_id, 0)) == (job.error, job.messages), job
         assert self.store.queue.mine("dsp_1") | self.store.queue.mine("dsp_2") == self.running.keys()
+        counted = self.store.statistics.snapshot()
+        for state, count in counted["jobs"].items():
+            assert count == sum(job.state == state for job in self.jobs.values()), state
+        for state, count in counted["tasks"].items():
+            assert count == sum(job.counts()[state] for job in self.jobs.values()), state
         if self.steps % VALIDATED_ONE_IN == 0:
             assert self.store.validation.validate_state() == []
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 MAX_FAILURES, MAX_INTERRUPTIONS = 3, 5
-RETRY_DELAY_S, LONGEST_WAIT_S = 2.0, 300.0
+RETRY_DELAY_S, LONGEST_WAIT_S, DEBT_S = 2.0, 300.0, 600.0
 STEPS = 2
 FINAL = ("succeeded", "failed", "cancelled")
 FAILED_CODE, INTERRUPTED_CODE = "internal-error", "interrupted"
@@ -30,6 +31,28 @@ class ModelTask:
     def refresh(self, state: str) -> None:
         """Reset the task, with all its attempts."""
         self.state, self.failures, self.interruptions, self.ready_at = state, 0, 0, 0.0
+
+
+@dataclass
+class ModelTurns:
+    """Slot time of the owners. A claim raises the floor to the least of all owners who wait."""
+
+    used_s: dict[str, float] = field(default_factory=dict)
+    floor_s: float = 0.0
+    began: dict[str, tuple[str, float]] = field(default_factory=dict)
+    """Attempt -> owner, and when it began, s."""
+
+    def counted_s(self, owner: str) -> float:
+        return min(max(self.used_s.get(owner, 0.0), self.floor_s), self.floor_s + DEBT_S)
+
+    def begin(self, attempt: str, owner: str, waiting: Collection[str], now: float) -> None:
+        self.floor_s = min(map(self.counted_s, waiting))
+        self.used_s[owner] = self.counted_s(owner)
+        self.began[attempt] = owner, now
+
+    def end(self, attempt: str, now: float) -> None:
+        owner, began = self.began.pop(attempt)
+        self.used_s[owner] += max(0.0, now - began)
 
 
 @dataclass
@@ -76,6 +99,11 @@ class ModelJob:
         if not self.active or self.doomed:
             return []
         return [key for key, task in self.tasks.items() if task.is_due(now)]
+
+    @property
+    def has_ready_task(self) -> bool:
+        """Whether it has a ready task, due or not, that it may start."""
+        return self.active and not self.doomed and self._having("ready") > 0
 
     def claim(self, key: str, attempt: str) -> None:
         self.tasks[key].state, self.tasks[key].attempt = "running", attempt

@@ -74,6 +74,8 @@ MUTATIONS = (
              (("self.connection.execute(update(attempts).where(*running).values(ended))", "pass"),)),
     Mutation("retry forgets that tasks wait for others", JobTransaction, "_restart_tasks",
              ((".values(blocked)", ".values(free)"),)),
+    Mutation("used slot time is forgotten", JobTransaction, "charge",
+             (("self._used_s += max(0.0, seconds)", "pass"),)),
     Mutation("a step is planned twice", Plans, "_unplanned", ((' and not row["planned"]', ""),)),
     Mutation("an ended job is planned", Plans, "_unplanned", ((' and not RunState(row["state"]).final', ""),)),
     Mutation("every change of state sends a message", JobTransaction, "_announce",

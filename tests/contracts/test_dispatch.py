@@ -70,6 +70,86 @@ def test_owners_are_served_in_turns_whatever_their_number_of_jobs(store: Store) 
     assert Counter(_served(store, 6)) == {"anna": 2, "ben": 2, "cleo": 2}
 
 
+def _run(store: Store, clock: Clock, seconds: float) -> str:
+    """Run the next task on the only slot for so long; returns its owner."""
+    claim = _claim(store)
+    clock.now += seconds
+    assert store.queue.finish(_answer(claim))
+    return str(claim.job["owner"])
+
+
+def test_one_slot_serves_owners_in_turns(store: Store, clock: Clock) -> None:
+    """A second owner's only job begins within three tasks, however many jobs the first one has and has had."""
+    for _ in range(40):
+        _job(store, "anna")
+    _plan(store, Task("x"))
+    assert [_run(store, clock, 5) for _ in range(10)] == ["anna"] * 10
+    _job(store, "ben")
+    _plan(store, Task("x"))
+    assert "ben" in [_run(store, clock, 5) for _ in range(3)]
+
+
+def test_one_slot_is_shared_by_time(store: Store, clock: Clock, url: str) -> None:
+    """Also after a restart: anna's tasks take four times as long as ben's, and each gets half of the slot."""
+    for owner in ("anna", "ben"):
+        _job(store, owner)
+    _plan(store, *(Task(f"t-{i}") for i in range(80)))
+    length = {"anna": 8.0, "ben": 2.0}
+    used = Counter[str]()
+    for opened in (store, _open(url, clock)):
+        for _ in range(20):
+            claim = _claim(opened)
+            owner = claim.job["owner"]
+            used[owner] += length[owner]
+            clock.now += length[owner]
+            assert opened.queue.finish(_answer(claim))
+    opened.close()
+    assert abs(used["anna"] - used["ben"]) <= 8, used
+
+
+def test_idle_time_is_not_saved_up(store: Store, clock: Clock) -> None:
+    _job(store, "anna")
+    _plan(store, *(Task(f"t-{i}") for i in range(40)))
+    assert [_run(store, clock, 5) for _ in range(20)] == ["anna"] * 20
+    _job(store, "ben")
+    _plan(store, *(Task(f"t-{i}") for i in range(40)))
+    assert Counter(_run(store, clock, 5) for _ in range(10)) == {"anna": 5, "ben": 5}
+
+
+def test_cancelled_attempts_count_as_used_time(store: Store, clock: Clock) -> None:
+    for owner in ("anna", "anna", "ben", "ben"):
+        _job(store, owner)
+    _plan(store, Task("x"))
+    assert [_run(store, clock, 1) for _ in range(1)] == ["anna"]
+    assert _claim(store).job["owner"] == "ben"
+    clock.now += 50
+    store.jobs.command(store.jobs.page("running", owner="ben").items[0].id, machine.Cancel())
+    assert _claim(store).job["owner"] == "anna"
+
+
+def test_steps_are_planned_in_turns(store: Store) -> None:
+    """A second owner's job is planned within two, however many unplanned jobs the first one has."""
+    for _ in range(50):
+        _job(store, "anna")
+    assert len(store.plans.to_plan(4)) == 4
+    ben, urgent = _job(store, "ben"), _job(store, "anna", priority=1)
+    found = [todo.job_id for todo in store.plans.to_plan(4)]
+    assert found[0] == urgent and ben in found[1:3]
+    assert ben not in [todo.job_id for todo in store.plans.to_plan(4, skipped=[ben])]
+
+
+def test_owners_with_one_plan_at_a_time_take_turns(store: Store) -> None:
+    for owner in ("anna", "ben", "cleo"):
+        for _ in range(9):
+            _job(store, owner)
+    planned = []
+    for _ in range(9):
+        (todo,) = store.plans.to_plan(1)
+        assert store.plans.planned(todo.job_id, todo.step, [Task("x")])
+        planned.append(store.jobs.get(todo.job_id).owner)
+    assert Counter(planned) == {"anna": 3, "ben": 3, "cleo": 3}
+
+
 def test_jobs_of_an_owner_are_served_in_submission_order(store: Store) -> None:
     jobs = [_job(store, "anna") for _ in range(3)]
     _plan(store, Task("x"), Task("y"))

@@ -31,8 +31,7 @@ class StepPlanner:
         """Plan the steps that are due, most urgent jobs first; returns whether there was one. Raises StorageError."""
         now = time.monotonic()
         self.skipped = {job_id: until for job_id, until in self.skipped.items() if until > now}
-        found = self._store.plans.to_plan(_PLANS_AT_ONCE + len(self.skipped))
-        due = [todo for todo in found if todo.job_id not in self.skipped]
+        due = self._store.plans.to_plan(_PLANS_AT_ONCE, self.skipped)
         for todo in due:
             self.plan_one(todo)
         return bool(due)

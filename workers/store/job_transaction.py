@@ -18,8 +18,9 @@ from workers.jobs import state_machine as machine
 from workers.jobs.job_warnings import merged_warnings
 from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.model import JobWarning, Json, RunState, TaskState
-from workers.store import schema, task_states
+from workers.store import schema, shares, task_states
 from workers.store.records import TaskRow, Values, counts_of, fault_to_json
+from workers.store.tallies import Changes
 
 _PRUNE_EVERY = 100
 RUNNING = "running"
@@ -32,6 +33,7 @@ _TASK = select(schema.tasks).where(schema.tasks.c.id == bindparam("id"), schema.
 _STEP = select(schema.steps).where(
     schema.steps.c.job_id == bindparam("job_id"), schema.steps.c.step == bindparam("step")
 )
+_STEPS = select(schema.steps).where(schema.steps.c.job_id == bindparam("job_id"))
 ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
 """States of jobs that are planned and run."""
 
@@ -60,6 +62,10 @@ class JobTransaction:
         self._policy = policy
         self._changes: Values = {}
         self._events: list[Json] = []
+        self._tallies = Changes()
+        self._used_s = 0.0
+        """Slot time of attempts that this transaction ends, seconds."""
+        self._floor_s: float | None = None
 
     @classmethod
     def open(cls, connection: Connection, job_id: str, now: float, policy: StorePolicy) -> JobTransaction | None:
@@ -119,10 +125,34 @@ class JobTransaction:
         if merged != known:
             self._set(warnings=merged)
 
+    def take_turn(self, floor_s: float) -> None:
+        """A task was claimed; `floor_s`: the least slot time of all owners who wait, see `shares`."""
+        self._floor_s = floor_s
+
+    def charge(self, seconds: float) -> None:
+        """Charge the owner for an attempt that has ended."""
+        self._used_s += max(0.0, seconds)
+
+    def remove(self) -> None:
+        """Delete the job."""
+        steps = self.connection.execute(_STEPS, {"job_id": self.job_id}).mappings()
+        for step in steps:
+            for state in TaskState:
+                self._tallies.tasks(state.value, -step[state.value])
+        self._tallies.job(self.row["state"], -1)
+        self.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == self.job_id))
+
     def close(self) -> None:
-        """Write the job's row and history."""
-        if not self.changed:
-            return
+        """Write the job's row and history, and the sums over all jobs."""
+        if self.changed:
+            self._write()
+        if self._floor_s is not None:
+            shares.take_turn(self.connection, self.row["owner"], self._floor_s)
+        if self._used_s:
+            shares.charge(self.connection, self.row["owner"], self._used_s)
+        self._tallies.write(self.connection, self.job_id)
+
+    def _write(self) -> None:
         seq = self.seq
         if self._events:
             self.connection.execute(insert(schema.events), self._events)
@@ -148,10 +178,14 @@ class JobTransaction:
     def _write_job(self, before: JobSnapshot, after: JobSnapshot) -> None:
         counts = after.counts if after.step == before.step else _all_done(before)
         if counts != before.counts:
-            self._write_counts(before.step, counts)
+            self._write_counts(before.step, before.counts, counts)
+        self._tallies.job(before.run.value, -1)
+        self._tallies.job(after.run.value, 1)
         self._set(state=after.run.value, step=after.step, planned=after.planned, doomed=after.doomed)
         may_start = after.run.value in ACTIVE and after.planned and not after.doomed
-        self._set(ready=after.counts.ready if may_start else 0)
+        ready = after.counts.ready if may_start else 0
+        self._tallies.startable(ready - self.row["ready"])
+        self._set(ready=ready)
         if after.run is RunState.RUNNING and self.row["started_at"] is None:
             self._set(started_at=self.now)
         if after.run is not before.run:
@@ -162,8 +196,10 @@ class JobTransaction:
         self.row.update(changed)
         self._changes.update(changed)
 
-    def _write_counts(self, step: int, counts: Counts) -> None:
+    def _write_counts(self, step: int, before: Counts, counts: Counts) -> None:
         steps = schema.steps
+        for state in TaskState:
+            self._tallies.tasks(state.value, getattr(counts, state.value) - getattr(before, state.value))
         values = {state.value: getattr(counts, state.value) for state in TaskState}
         where = (steps.c.job_id == self.job_id, steps.c.step == step)
         self.connection.execute(update(steps).where(*where).values(values))
@@ -217,6 +253,8 @@ class JobTransaction:
         attempts = schema.attempts
         running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)
         ended = {"outcome": "cancelled", "finished_at": self.now}
+        for started_at in self.connection.execute(select(attempts.c.started_at).where(*running)).scalars():
+            self.charge(self.now - started_at)
         self.connection.execute(update(attempts).where(*running).values(ended))
         self._cancel_tasks(TaskState.RUNNING)
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 from dataclasses import dataclass, fields
 
-from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, func, insert, or_, select, text
+from sqlalchemy import ColumnElement, Connection, Table, bindparam, func, insert, or_, select, text
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
@@ -20,6 +20,7 @@ from workers.store.event_notifier import GONE
 from workers.store.job_transaction import JobTransaction
 from workers.store.job_views import job_views
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
+from workers.store.tallies import Changes
 
 ACTIVE_JOBS = (
     select(func.count())
@@ -219,7 +220,7 @@ class Jobs(StorePart):
                 raise Conflict(
                     "The job has not ended.", field="state", value=job.row["state"], remedy="Cancel it first."
                 )
-            job.connection.execute(delete(schema.jobs).where(schema.jobs.c.id == job_id))
+            job.remove()
         self._notifier.notify(job_id, GONE)
 
     def exists(self, job_id: str) -> bool:
@@ -274,6 +275,9 @@ class Jobs(StorePart):
         _insert_all(connection, schema.job_labels, _pairs(job_id, request.labels, "value"))
         born = {"job_id": job_id, "seq": 1, "at": now, "type": "job.state", "data": {"state": "queued", "error": None}}
         connection.execute(insert(schema.events).values(born))
+        added = Changes()
+        added.job(RunState.QUEUED.value, 1)
+        added.write(connection, job_id)
         return job_id
 
 

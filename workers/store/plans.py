@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from itertools import groupby, zip_longest
 from typing import Any
 
-from sqlalchemy import and_, bindparam, func, insert, select, text, update
+from sqlalchemy import Connection, and_, bindparam, func, insert, select, text, update
 
 from pipeline.methods.base import Task
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
 from workers.model import Fault, JobRequest, Json, RunState, TaskState
-from workers.store import schema
+from workers.store import fair_scheduler, schema
 from workers.store.base import StorePart
 from workers.store.job_transaction import JobTransaction
-from workers.store.records import request_of
+from workers.store.records import Row, request_of
 
 # Built once, because building a statement takes longer than running it.
 _TO_PLAN = (
     select(schema.jobs)
     .where(text(schema.ACTIVE_TEXT), ~schema.jobs.c.planned)
-    .order_by(schema.jobs.c.priority.desc(), schema.jobs.c.id)
+    .where(schema.jobs.c.priority == bindparam("priority"), schema.jobs.c.owner == bindparam("owner"))
+    .order_by(schema.jobs.c.id)
     .limit(bindparam("most"))
 )
 
@@ -47,10 +49,25 @@ class StepToPlan:
 class Plans(StorePart):
     """Every method is one transaction."""
 
-    def to_plan(self, limit: int = 4) -> list[StepToPlan]:
-        """Steps to be planned now, most urgent jobs first."""
+    _last_owner = ""
+    """Owner whose step was returned last by `to_plan`; the next call begins after it."""
+
+    def to_plan(self, limit: int = 4, skipped: Collection[str] = ()) -> list[StepToPlan]:
+        """Steps to be planned now, most urgent jobs first; of equal ones, one of each owner in turn, so that nobody
+        waits for the plans of another owner's thousand jobs.
+
+        Args:
+            skipped: ids of jobs that are passed over.
+        """
+        found: list[Row] = []
         with self._db.read() as connection:
-            return [_step_to_plan(row) for row in connection.execute(_TO_PLAN, {"most": limit}).mappings()]
+            lanes = fair_scheduler.unplanned_lanes(connection, self._last_owner, limit)
+            for _, equal in groupby(lanes, key=lambda lane: lane[0]):
+                queues = [_oldest_of(connection, lane, limit, skipped) for lane in equal]
+                found += [row for turn in zip_longest(*queues) for row in turn if row is not None]
+        turns = found[:limit]
+        self._last_owner = turns[-1]["owner"] if turns else ""
+        return [_step_to_plan(row) for row in turns]
 
     def planned(self, job_id: str, step: int, tasks: Sequence[Task]) -> bool:
         """Store the tasks of a step; False if another process has, or the job has ended since. `tasks` have been
@@ -80,6 +97,12 @@ class Plans(StorePart):
             row = {} if job is None else job.row
             is_next = bool(row) and row["step"] == step and not row["planned"] and not RunState(row["state"]).final
             yield job if is_next else None
+
+
+def _oldest_of(connection: Connection, lane: tuple[int, str], most: int, skipped: Collection[str]) -> Sequence[Row]:
+    query = _TO_PLAN.where(schema.jobs.c.id.not_in(list(skipped))) if skipped else _TO_PLAN
+    values = {"priority": lane[0], "owner": lane[1], "most": most}
+    return connection.execute(query, values).mappings().all()
 
 
 def _step_to_plan(row: Any) -> StepToPlan:

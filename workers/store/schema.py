@@ -8,6 +8,7 @@
     dispatchers (live workers) --< slots (where they run attempts)
     drains (places where nothing new may start)
     live_sessions (of every process, a few seconds old)
+    shares (slot time that every owner has used), tallies (jobs and tasks by state)
     projects --< project_versions, project_assets (named by any version), project_jobs
 
 A job of a project has `jobs.base_id`: the earlier job whose results it may use, or empty if there is none. Traces of
@@ -15,8 +16,10 @@ tasks (their recorded reads) are kept for such jobs only.
 
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
 nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
-contains only the jobs from which a claim may choose. Every write to a job locks its row first, so that writes are
-serialised. Times are seconds since the epoch, by the server's clock where there is one.
+contains only the jobs from which a claim may choose. `tallies` counts jobs and tasks by state over all jobs, in several
+rows, so that transactions seldom wait for each other; their sums are the counts. Every write to a job locks its row
+first, so that writes are serialised; rows of `shares` and `tallies` are locked after all jobs of a transaction, in that
+order. Times are seconds since the epoch, by the server's clock where there is one.
 """
 
 from __future__ import annotations
@@ -43,6 +46,8 @@ from sqlalchemy import (
     false,
     text,
 )
+
+from workers.model import RunState, TaskState
 
 metadata = MetaData(
     naming_convention={
@@ -142,18 +147,24 @@ jobs = Table(
     Column("started_at", Double),
     Column("finished_at", Double),
     UniqueConstraint("owner", "idempotency_key"),
-    Index(None, "state", "priority", "id"),
+    Index(None, "state", "id"),
     Index(None, "owner", "id"),
+    Index(None, "owner", "state", "id"),
+    Index(None, "owner", "method", "id"),
     Index(None, "method", "id"),
+    Index(None, "method", "state", "id"),
     # Few of all jobs are active, so these indexes stay small. Queries must repeat the conditions literally.
     Index("ix_jobs_ready", "priority", "owner", "id", **_where("ready > 0")),
     Index(
         "ix_jobs_unplanned",
         "priority",
+        "owner",
         "id",
         **_where(f"NOT planned AND {ACTIVE_TEXT}", f"planned = 0 AND {ACTIVE_TEXT}"),
     ),
-    Index("ix_jobs_unfinished", "owner", **_where(UNFINISHED_TEXT)),
+    Index("ix_jobs_active", "priority", "owner", "id", **_where(ACTIVE_TEXT)),
+    Index("ix_jobs_unfinished", "owner", "id", **_where(UNFINISHED_TEXT)),
+    Index("ix_jobs_unfinished_id", "id", **_where(UNFINISHED_TEXT)),
 )
 
 job_inputs = Table(
@@ -193,6 +204,7 @@ steps = Table(
     Column("busy_s", Double, nullable=False, default=0.0),
     Column("stages", JSON, nullable=False, default=dict),
     Column("reused", Integer, nullable=False, default=0, server_default="0"),
+    Column("pace_s", Double),
 )
 
 tasks = Table(
@@ -286,6 +298,24 @@ drains = Table(
     Column("at", Double, nullable=False),
     Column("by", String(80), nullable=False),
     Column("reason", Text, nullable=False),
+)
+
+shares = Table(
+    "shares",
+    metadata,
+    Column("owner", String(80), primary_key=True),
+    Column("used_s", Double, nullable=False),
+    Column("floor_s", Double, nullable=False),
+    Index(None, "floor_s"),
+)
+
+tallies = Table(
+    "tallies",
+    metadata,
+    Column("shard", Integer, primary_key=True, autoincrement=False),
+    *(Column(f"jobs_{state.value}", BigInteger, nullable=False, default=0) for state in RunState),
+    *(Column(f"tasks_{state.value}", BigInteger, nullable=False, default=0) for state in TaskState),
+    Column("startable", BigInteger, nullable=False, default=0),
 )
 
 live_sessions = Table(

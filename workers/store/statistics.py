@@ -2,43 +2,18 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable
-
 from sqlalchemy import Connection, func, select
 
-from workers.model import Json, RunState, TaskState
-from workers.store import schema
+from workers.model import Json, RunState
+from workers.store import schema, tallies
 from workers.store.base import Clock, StorePart
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
-from workers.store.job_transaction import ACTIVE, RUNNING, StorePolicy
+from workers.store.job_transaction import RUNNING, StorePolicy
 
 _FAILURE_WINDOW_S = 900.0
 _PACE_S = 300.0
-_CHEAP_S, _SHARE = 0.05, 20
-
-
-class CachedCounts:
-    """Counts over the whole history, cached for twenty times the duration of the query, so that queries take at most a
-    twentieth of the database's time. Thread-safe."""
-
-    def __init__(self, count: Callable[[Connection], dict[str, int]]) -> None:
-        self._count = count
-        self._lock = threading.Lock()
-        self._counts: dict[str, int] = {}
-        self._good_until = 0.0
-
-    def get(self, connection: Connection) -> dict[str, int]:
-        with self._lock:
-            began = time.monotonic()
-            if began >= self._good_until:
-                self._counts = self._count(connection)
-                took = time.monotonic() - began
-                self._good_until = began + (_SHARE * took if took > _CHEAP_S else 0.0)
-            return dict(self._counts)
 
 
 class Statistics(StorePart):
@@ -49,19 +24,18 @@ class Statistics(StorePart):
     ) -> None:
         super().__init__(db, notifier, policy, now)
         self._counters = counters
-        self._jobs = CachedCounts(_jobs_by_state)
-        self._tasks = CachedCounts(_tasks_by_state)
 
     def snapshot(self) -> Json:
         """Jobs and tasks by state, queue depth and age (s), attempts that run, failures by code (15 min), frames
         finished a second by method (5 min), webhook messages that wait; totals since this process began; and the
         time of all this."""
         with self._db.read() as connection:
+            counts = tallies.read(connection)
             return {
                 "at": self._now(),
-                "jobs": self._jobs.get(connection),
-                "tasks": self._tasks.get(connection),
-                "queue": _queue(connection, self._now()),
+                "jobs": tallies.jobs_by_state(counts),
+                "tasks": tallies.tasks_by_state(counts),
+                "queue": {"ready_tasks": counts["startable"], "oldest_s": _oldest_s(connection, self._now())},
                 "attempts_running": _count(connection),
                 "failures": _failures(connection, self._now() - _FAILURE_WINDOW_S),
                 "frames_per_s": _frames_per_s(connection, self._now() - _PACE_S),
@@ -70,26 +44,12 @@ class Statistics(StorePart):
             }
 
 
-def _jobs_by_state(connection: Connection) -> dict[str, int]:
-    found = connection.execute(select(schema.jobs.c.state, func.count()).group_by(schema.jobs.c.state))
-    return {state.value: 0 for state in RunState} | {state: int(n) for state, n in found}
-
-
-def _tasks_by_state(connection: Connection) -> dict[str, int]:
-    columns = [func.coalesce(func.sum(schema.steps.c[state.value]), 0) for state in TaskState]
-    row = connection.execute(select(*columns)).one()
-    return {state.value: int(n) for state, n in zip(TaskState, row, strict=True)}
-
-
-def _queue(connection: Connection, now: float) -> Json:
-    """Number of tasks that could run now, and the waiting time of the oldest queued job."""
-    jobs, steps = schema.jobs, schema.steps
-    current = (steps.c.job_id == jobs.c.id) & (steps.c.step == jobs.c.step)
-    ready = select(func.coalesce(func.sum(steps.c.ready), 0)).join(jobs, current).where(jobs.c.state.in_(ACTIVE))
-    oldest = select(func.min(jobs.c.created_at)).where(jobs.c.state == RunState.QUEUED.value)
+def _oldest_s(connection: Connection, now: float) -> float:
+    """Waiting time of the oldest queued job, seconds."""
+    jobs = schema.jobs
+    oldest = select(jobs.c.created_at).where(jobs.c.state == RunState.QUEUED.value).order_by(jobs.c.id).limit(1)
     since = connection.execute(oldest).scalar()
-    age = 0.0 if since is None else max(0.0, now - since)
-    return {"ready_tasks": int(connection.execute(ready).scalar_one()), "oldest_s": age}
+    return 0.0 if since is None else max(0.0, now - since)
 
 
 def _count(connection: Connection) -> int:

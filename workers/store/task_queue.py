@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -21,6 +21,7 @@ from workers.store.claims import Claim, ClaimFailed, claim_in
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
+from workers.store.fair_scheduler import Lane
 from workers.store.job_transaction import RUNNING, JobTransaction, StorePolicy
 from workers.store.job_views import meters_of
 from workers.store.progress import job_eta_s, job_progress
@@ -74,11 +75,14 @@ class TaskQueue(StorePart):
             try:
                 with self._db.write() as connection:
                     self._enlist(connection, dispatcher, lease_s)
-                    row = None if is_drained(connection, dispatcher) else self._next_job(connection, skipped)
+                    lanes = self._lanes(connection, dispatcher)
+                    row = self._next_job(connection, lanes, skipped)
                     if row is None:
                         return None
                     job = JobTransaction(connection, row, self._now(), self._policy)
                     claim = claim_in(job, dispatcher)
+                    if claim is not None:
+                        job.take_turn(min(lane.used_s for lane in lanes))
                     job.close()
             except StorageError:
                 raise
@@ -91,10 +95,13 @@ class TaskQueue(StorePart):
                 return claim
         return None
 
-    def _next_job(self, connection: Connection, skipped: Collection[str]) -> RowMapping | None:
+    def _lanes(self, connection: Connection, dispatcher: str) -> list[Lane]:
+        """Lanes from which this dispatcher may claim."""
+        return [] if is_drained(connection, dispatcher) else fair_scheduler.lanes(connection, self._policy.owner_tasks)
+
+    def _next_job(self, connection: Connection, lanes: Sequence[Lane], skipped: Collection[str]) -> RowMapping | None:
         """A job with a ready task, locked. It waits for a job that another dispatcher has locked only if there is no
         other, so that two dispatchers can both work on a single job."""
-        lanes = fair_scheduler.lanes(connection, self._policy.owner_tasks)
         for wait in (False,) if self._db.is_sqlite else (False, True):
             for lane in lanes:
                 if (row := fair_scheduler.job_in(connection, lane, self._now(), wait, skipped)) is not None:
@@ -350,6 +357,7 @@ def _end(current: _CurrentAttempt, event: StateEvent, outcome: TaskOutcome, work
         "worker": worker or attempt["worker"],
     }
     job.connection.execute(update(schema.attempts).where(schema.attempts.c.id == attempt["id"]).values(ended))
+    job.charge(job.now - attempt["started_at"])
     after = job.apply(event, task).task
     state = TaskState.READY if after is None else after.state
     job.add_task_event(task, state, attempt=attempt["number"], outcome=ended["outcome"], error=ended["fault"])

@@ -13,7 +13,7 @@ from sqlalchemy import Connection, bindparam, func, or_, select, text
 
 from workers.model import RunState, TaskState
 from workers.operations import Violation
-from workers.store import schema, task_states
+from workers.store import schema, tallies, task_states
 from workers.store.base import StorePart
 from workers.store.job_transaction import ACTIVE, RUNNING
 
@@ -87,6 +87,7 @@ def _checks(
         ("events-ahead", cancel, lambda: _events_ahead(connection, rows)),
         ("input-without-asset", "Cancel the job, and submit it again with an asset that exists.",
          lambda: _inputs_without_asset(connection, rows)),
+        ("wrong-sums", "None is needed: statistics only.", lambda: _wrong_sums(connection)),
         ("orphan", "Delete the row: what it belonged to is gone.", lambda: _orphans(connection)),
         ("result-without-file", "Delete the job and submit it again.", lambda: _without_result(connection, rows)),
     )  # fmt: skip
@@ -174,6 +175,17 @@ def _wrong_counts(
             kept = sum(step[each.value] for step in steps.get(job_id, ()))
             if kept != (count := real.get((job_id, each.value), 0)):
                 yield job_id, f"Its counters say {kept} tasks {each.value}, and there are {count}."
+
+
+def _wrong_sums(connection: Connection) -> Found:
+    """Sums over all jobs that differ from the unfinished jobs, which an index counts."""
+    counts, jobs = tallies.read(connection), schema.jobs
+    query = select(jobs.c.state, func.count()).where(text(schema.UNFINISHED_TEXT)).group_by(jobs.c.state)
+    real = {state: int(count) for state, count in connection.execute(query)}
+    for state in RunState:
+        if not state.final and counts[f"jobs_{state.value}"] != real.get(state.value, 0):
+            kept = counts[f"jobs_{state.value}"]
+            yield state.value, f"The sum says {kept} jobs {state.value}, and there are {real.get(state.value, 0)}."
 
 
 def _current(job: Any, steps: dict[str, list[Any]]) -> Any:
