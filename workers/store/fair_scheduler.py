@@ -100,9 +100,9 @@ def _job_in(wait: bool) -> Select[Any]:
 def _lanes() -> Select[Any]:
     """Priority, owner, oldest job and quotas of every lane. The index leads from one lane to the next without reading a
     lane."""
-    heads, jobs, keys = _heads(), schema.jobs, schema.api_keys
-    columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, keys.c.quotas)
-    return select(*columns).join(heads, heads.c.id == jobs.c.id).outerjoin(keys, keys.c.id == jobs.c.owner)
+    heads, jobs, owners = _heads(), schema.jobs, schema.owners
+    columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, owners.c.quotas)
+    return select(*columns).join(heads, heads.c.id == jobs.c.id).outerjoin(owners, owners.c.id == jobs.c.owner)
 
 
 def _heads() -> CTE:
