@@ -7,8 +7,8 @@ with a prefix: `ast_`, `job_`, `tsk_`, `att_`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import StrEnum
-from typing import Any
+from enum import Enum, StrEnum
+from typing import Any, Final
 
 from pipeline.methods.base import Resources
 
@@ -21,6 +21,8 @@ MAX_LABELS, MAX_LABEL_NAME, MAX_LABEL_VALUE = 32, 80, 200
 MAX_NAME, MAX_URL = 200, 2000
 """Maximum characters of a job's name and of a webhook's URL."""
 MAX_PRIORITY = 100
+EXPORT_LABEL = "export"
+"""Label of an export (`farm.exports`): the id of the job whose film it converts."""
 MAX_QUALITY = 51
 """Largest constant rate factor."""
 
@@ -67,6 +69,17 @@ class Asset:
     """Results of probing: width, height, frames, fps, duration_s, codec, has_audio, rotation_deg, ..."""
     created_at: float
     owner: str = ""
+
+
+class AnyOwner(Enum):
+    """Type of `ANY_OWNER`."""
+
+    ANY_OWNER = "any owner"
+
+
+ANY_OWNER: Final = AnyOwner.ANY_OWNER
+"""In place of an owner: the assets of all owners. Only an operator (scope "admin") may name it; everybody else reaches
+an asset through the entry of one owner. `tests/workers/test_asset_owners.py` lists the modules that use it."""
 
 
 def asset_key(asset_id: str) -> str:
@@ -323,12 +336,14 @@ class ApiKey:
     """A key as operators see it. Only a hash of the secret is stored."""
 
     id: str
-    """`key_...`; also the `owner` of everything created with it."""
+    """`key_...`"""
+    owner: str
+    """Owner of everything created with it, who may have several keys. Its id is that of the owner's first key."""
     name: str
     scopes: frozenset[str]
     """Members of SCOPES."""
     quotas: dict[str, int]
-    """Name -> limit, for the service ("active_jobs", "asset_bytes", "requests_per_minute") and the
+    """The owner's quotas: name -> limit, for the service ("active_jobs", "asset_bytes", "requests_per_minute") and the
     dispatcher ("running_tasks")."""
     created_at: float
     revoked_at: float | None = None

@@ -18,25 +18,46 @@ if TYPE_CHECKING:
     from workers.model import ApiKey
     from workers.store.keys import Keys
 
-app = typer.Typer(no_args_is_help=True, help="Create, list and revoke API keys of the service with this home.")
+app = typer.Typer(no_args_is_help=True, help="Create, list, replace and revoke API keys of the service with this home.")
 
 
 @app.command()
 def create(
     name: Annotated[str, typer.Argument(help="Name of the key's user, for your own reference.")],
     scope: Annotated[list[str] | None, typer.Option(help="read, submit or admin; several are possible.")] = None,
+    owner: Annotated[
+        str | None, typer.Option(help="An existing owner, who gets a further key; else a new one.")
+    ] = None,
     home: HomeOption = None,
     database: DatabaseOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Create a key and show its secret, which cannot be shown again."""
     with _keys(home, database) as keys:
-        key, secret = keys.create(name, scope or ["read", "submit"])
+        key, secret = keys.create(name, scope or ["read", "submit"], owner=owner)
+    _show_secret(key, secret, as_json)
+
+
+@app.command()
+def rotate(
+    key_id: Annotated[str, typer.Argument(metavar="KEY", help="The key's id.")],
+    home: HomeOption = None,
+    database: DatabaseOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Replace a key: show the secret of a new one with the same owner and scopes, and revoke the old one."""
+    with _keys(home, database) as keys:
+        key, secret = keys.rotate(key_id)
+    _show_secret(key, secret, as_json)
+
+
+def _show_secret(key: ApiKey, secret: str, as_json: bool) -> None:
     if as_json:
         emit(_row(key) | {"secret": secret})
-    else:
-        out.print(secret, markup=False)
-        print_status(f"{key.id} for {name}: {', '.join(sorted(key.scopes))}. The secret is not stored: copy it now.")
+        return
+    out.print(secret, markup=False)
+    scopes = ", ".join(sorted(key.scopes))
+    print_status(f"{key.id} for {key.name}, owner {key.owner}: {scopes}. The secret is not stored: copy it now.")
 
 
 @app.command("list")
@@ -47,10 +68,15 @@ def list_(home: HomeOption = None, database: DatabaseOption = None, as_json: Jso
     if as_json:
         emit(rows)
         return
-    listed = table("key", "name", "scopes", "created", "revoked")
+    listed = table("key", "owner", "name", "scopes", "created", "revoked")
     for row in rows:
         listed.add_row(
-            row["id"], row["name"], ", ".join(row["scopes"]), _day(row["created_at"]), _day(row["revoked_at"])
+            row["id"],
+            row["owner"],
+            row["name"],
+            ", ".join(row["scopes"]),
+            _day(row["created_at"]),
+            _day(row["revoked_at"]),
         )
     print_table(listed)
 
@@ -85,6 +111,7 @@ def _keys(home: Path | None, database: str | None) -> Iterator[Keys]:
 def _row(key: ApiKey) -> Json:
     return {
         "id": key.id,
+        "owner": key.owner,
         "name": key.name,
         "scopes": sorted(key.scopes),
         "quotas": key.quotas,

@@ -113,19 +113,20 @@ async def _frame_slot(context: Annotated[ServiceContext, Depends(_context)]) -> 
 bearer = HTTPBearer(auto_error=False, description="An API key. On loopback none is needed by default.")
 
 
-def _requires(scope: Scope) -> Callable[..., Awaitable[Principal]]:
+def _requires(*scopes: Scope) -> Callable[..., Awaitable[Principal]]:
     async def caller(
         request: Request, _documented: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)] = None
     ) -> Principal:
         principal = cast(Principal, request.state.principal)
-        if principal.may(scope):
-            return principal
-        raise Forbidden(
-            f"This key lacks the scope {scope.value!r}.",
-            field="Authorization",
-            value=", ".join(sorted(principal.scopes)),
-            remedy=f"Use a key with the scope {scope.value!r}.",
-        )
+        for scope in scopes:
+            if not principal.may(scope):
+                raise Forbidden(
+                    f"This key lacks the scope {scope.value!r}.",
+                    field="Authorization",
+                    value=", ".join(sorted(principal.scopes)),
+                    remedy=f"Use a key with the scope {scope.value!r}.",
+                )
+        return principal
 
     return caller
 
@@ -133,6 +134,8 @@ def _requires(scope: Scope) -> Callable[..., Awaitable[Principal]]:
 Context = Annotated[ServiceContext, Depends(_context)]
 Reader = Annotated[Principal, Depends(_requires(Scope.READ))]
 Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
+Sharer = Annotated[Principal, Depends(_requires(Scope.SUBMIT, Scope.READ))]
+"""A caller who lets others read: nobody gives away more than they have."""
 Admin = Annotated[Principal, Depends(_requires(Scope.ADMIN))]
 NEEDS_FRAME_SLOT = Depends(_frame_slot, scope="function")
 """Dependency of a route that decodes frames: at most `frame_slots` such requests run at once."""

@@ -70,7 +70,7 @@ class Gate:
         if fixed and hmac.compare_digest(secret.encode(), fixed.get_secret_value().encode()):
             return OPERATOR
         key = await run_in_threadpool(self._keys.verify, secret)
-        return Principal(key.id, key.scopes, key.quotas) if key else None
+        return Principal(key.owner, key.scopes, key.quotas, key.id) if key else None
 
     def _check_rate(self, principal: Principal | None, address: str) -> None:
         caller = (principal and principal.owner) or address

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from workers.model import ANY_OWNER, AnyOwner
+
 
 class Scope(StrEnum):
     READ = "read"
@@ -18,10 +20,12 @@ class Principal:
     """A caller: the holder of a key, or anyone where no key is required."""
 
     owner: str
-    """The key's id, which owns what the caller creates; "" without a key."""
+    """Owner of what the caller creates: the key's owner; "" without a key."""
     scopes: frozenset[str]
     quotas: dict[str, int] = field(default_factory=dict)
-    """The key's own limits, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
+    """The owner's limits, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
+    key: str = ""
+    """Id of the caller's key; "" without a stored key."""
 
     def may(self, scope: Scope) -> bool:
         return scope in self.scopes or Scope.ADMIN in self.scopes
@@ -34,6 +38,11 @@ class Principal:
     def only_owner(self) -> str | None:
         """The only owner whose entries a listing shows; None: all owners."""
         return None if Scope.ADMIN in self.scopes else self.owner
+
+    @property
+    def reach(self) -> str | AnyOwner:
+        """The owner through whose entries the caller reaches assets; an operator reaches those of all owners."""
+        return ANY_OWNER if Scope.ADMIN in self.scopes else self.owner
 
 
 EVERYONE = Principal("", frozenset(Scope))

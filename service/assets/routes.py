@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +19,7 @@ from service.routing import Router
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
 from service.serving import serve
 from workers.errors import NotFound
+from workers.farm_parts.stored_file import asset_file
 from workers.model import Asset
 
 router = Router(prefix="/v1/assets", tags=["assets"])
@@ -70,7 +70,7 @@ async def _receive(request: Request, context: ServiceContext, path: Path) -> Fil
 @router.get("")
 def list_assets(context: Context, caller: Reader, cursor: Cursor = None, limit: Limit = 50) -> Listing[Asset]:
     """Your assets, newest first."""
-    page = context.farm.assets.page(owner=caller.only_owner, cursor=cursor, limit=limit)
+    page = context.farm.assets.page(caller.reach, cursor=cursor, limit=limit)
     return Listing(page.items, page.cursor)
 
 
@@ -90,9 +90,7 @@ def get_content(
     asset_id: AssetId, request: Request, context: Context, caller: Reader, download: Download = False
 ) -> Response:
     """The file, whole or a range of it."""
-    asset = visible(context, caller, asset_id)
-    served = replace(context.farm.assets.file(asset_id), filename=asset.filename)  # the caller's name for these bytes
-    return serve(context, served, request, download)
+    return serve(context, asset_file(visible(context, caller, asset_id)), request, download)
 
 
 @router.get("/{asset_id}/frame", response_class=Response, responses=JPEG, dependencies=[NEEDS_FRAME_SLOT])
@@ -105,7 +103,7 @@ def get_frame(
 ) -> Response:
     """One frame, decoded by the service, for videos that a browser cannot play. 503 while all slots are taken."""
     visible(context, caller, asset_id)
-    jpeg = context.farm.assets.frame(asset_id, index, max_side_px)
+    jpeg = context.farm.assets.frame(asset_id, caller.reach, index, max_side_px)
     return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
 
 
@@ -113,13 +111,13 @@ def get_frame(
 def delete_asset(asset_id: AssetId, context: Context, caller: Submitter) -> None:
     """Delete an asset. 409 while an unfinished job uses it."""
     visible(context, caller, asset_id)
-    context.farm.assets.delete(asset_id, caller.only_owner)
+    context.farm.assets.delete(asset_id, caller.reach)
 
 
 def visible(context: ServiceContext, caller: Principal, asset_id: str, field: str = "asset_id") -> Asset:
     """The asset as the caller uploaded it. Raises NotFound, also for assets of other owners only."""
     try:
-        return context.farm.assets.get(asset_id, caller.only_owner)
+        return context.farm.assets.get(asset_id, caller.reach)
     except NotFound:
         raise NotFound(
             "There is no such asset.", field=field, value=asset_id, remedy="See GET /v1/assets for yours."

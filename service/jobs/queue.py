@@ -42,7 +42,7 @@ def _seconds_left(context: ServiceContext, job: Job) -> float | None:
 
     def one(part: JobRequest) -> Estimate:
         finished = context.farm.jobs.page(state="succeeded", method=part.method, limit=SAMPLES).items
-        return estimate(part, finished, context.farm.assets.get)
+        return estimate(part, job.owner, finished, context.farm.assets.get)
 
     whole = summed([one(part) for part in parts(job.request)]).seconds
     return None if whole is None else whole * (1 - job.progress)

@@ -36,6 +36,9 @@ class KeyIn(BaseModel):
     name: str = Field(min_length=1, max_length=100)
     scopes: frozenset[Scope] = Field(min_length=1)
     quotas: QuotasIn = QuotasIn()
+    owner: str | None = Field(
+        default=None, pattern=ID, description="An existing owner, who gets a further key. None: a new owner."
+    )
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,11 @@ class NewKeyOut:
 
 @router.post("", status_code=201)
 def create_key(body: KeyIn, context: Context, _caller: Admin) -> NewKeyOut:
-    """Create a key. Its holder sees only jobs and assets created with it, unless it has the scope "admin"."""
+    """Create a key, of a new owner or a further one of an existing owner. Its holder sees only what belongs to its
+    owner, unless it has the scope "admin"."""
     quotas = body.quotas.model_dump(exclude_none=True)
-    return NewKeyOut(*context.farm.keys.create(body.name, [scope.value for scope in body.scopes], quotas))
+    scopes = [scope.value for scope in body.scopes]
+    return NewKeyOut(*context.farm.keys.create(body.name, scopes, quotas, body.owner))
 
 
 @router.get("")
@@ -58,7 +63,14 @@ def list_keys(context: Context, _caller: Admin) -> Listing[ApiKey]:
     return Listing(tuple(context.farm.keys.list()), None)
 
 
+@router.post("/{key_id}/rotate", status_code=201)
+def rotate_key(key_id: Annotated[str, Path(pattern=ID)], context: Context, _caller: Admin) -> NewKeyOut:
+    """Replace a key: a new one with the same owner, name and scopes; the old one is revoked at once. To let both be
+    valid for a while, create a further key of the owner, and revoke the old one later."""
+    return NewKeyOut(*context.farm.keys.rotate(key_id))
+
+
 @router.delete("/{key_id}")
 def revoke_key(key_id: Annotated[str, Path(pattern=ID)], context: Context, _caller: Admin) -> ApiKey:
-    """Revoke a key at once. Jobs and assets created with it stay."""
+    """Revoke a key at once, and the shared links that were made with it. What belongs to its owner stays."""
     return context.farm.keys.revoke(key_id)

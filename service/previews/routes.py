@@ -26,7 +26,9 @@ def preview(body: PreviewIn, context: Context, caller: Submitter) -> Response:
     if not context.previews.acquire(blocking=False):
         raise Busy("Previews are busy.", headers=retry_after(1), remedy="Ask again in a second.")
     try:
-        png = context.farm.jobs.preview(body.request(), body.frame, body.max_side_px, body.design, earlier)
+        png = context.farm.jobs.preview(
+            body.request(), caller.reach, body.frame, body.max_side_px, body.design, earlier
+        )
     finally:
         context.previews.release()
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

@@ -12,7 +12,7 @@ from service.jobs.lookup import check_inputs
 from service.jobs.schemas import JobIn
 from service.projects.lookup import find_project
 from service.routing import Router
-from workers.model import JobRequest
+from workers.model import AnyOwner, JobRequest
 from workers.projects.document import FrameRange, Id
 from workers.projects.estimates import SAMPLES, Estimate, estimate, parts, summed
 from workers.projects.faults import refuse_if_any
@@ -53,16 +53,19 @@ class EstimatesOut:
 def estimate_jobs(body: EstimateIn, context: Context, caller: Reader) -> EstimatesOut:
     """Wall time, CPU time, memory and disk of jobs once they begin: from finished jobs of the same method on this farm,
     else (`samples` 0) from the method's own figures."""
-    items = tuple(_estimate(context, shot, request) for shot, request in _requests(context, caller, body))
+    items = tuple(_estimate(context, *each) for each in _requests(context, caller, body))
     jobs = context.farm.snapshot()["jobs"]
     return EstimatesOut(items, int(jobs["queued"]) + int(jobs["running"]))
 
 
-def _requests(context: ServiceContext, caller: Principal, body: EstimateIn) -> list[tuple[str, JobRequest]]:
-    found: list[tuple[str, JobRequest]] = []
+def _requests(
+    context: ServiceContext, caller: Principal, body: EstimateIn
+) -> list[tuple[str, JobRequest, str | AnyOwner]]:
+    """(shot, request, owner of its assets)."""
+    found: list[tuple[str, JobRequest, str | AnyOwner]] = []
     if body.request is not None:
         check_inputs(context, caller, body.request)
-        found.append(("", body.request.request()))
+        found.append(("", body.request.request(), caller.reach))
     if body.project is not None:
         project = find_project(context, caller, body.project)
         document = parse_document(context.farm.projects.document(project.id)[1])
@@ -71,14 +74,15 @@ def _requests(context: ServiceContext, caller: Principal, body: EstimateIn) -> l
         for job in submissions(document, selection):
             video = job.inputs["video"]
             assert isinstance(video, Uploaded)
-            found.append((job.shot, JobRequest(job.method, {"video": video.asset_id}, job.params, frames=job.frames)))
+            request = JobRequest(job.method, {"video": video.asset_id}, job.params, frames=job.frames)
+            found.append((job.shot, request, project.owner))
     return found
 
 
-def _estimate(context: ServiceContext, shot: str, request: JobRequest) -> ShotEstimate:
+def _estimate(context: ServiceContext, shot: str, request: JobRequest, owner: str | AnyOwner) -> ShotEstimate:
     def one(part: JobRequest) -> Estimate:
         finished = context.farm.jobs.page(state="succeeded", method=part.method, limit=SAMPLES).items
-        return estimate(part, finished, context.farm.assets.get)
+        return estimate(part, owner, finished, context.farm.assets.get)
 
     found = summed([one(part) for part in parts(request)])
     return ShotEstimate(**vars(found), shot=shot)

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from fastapi import Path, Request, Response
 
-from service.access.depends import Context, ServiceContext, Submitter
-from service.access.keys import EVERYONE, OPERATOR
+from service.access.depends import Context, ServiceContext, Sharer, Submitter
+from service.access.keys import OPERATOR, Principal
 from service.errors import Gone
 from service.projects.lookup import find_project
 from service.projects.schemas import (
@@ -20,7 +20,7 @@ from service.projects.schemas import (
     project_job_out,
     project_out,
 )
-from service.projects.tokens import Claims, sign, verify
+from service.projects.tokens import Claims, fingerprint, sign, verify
 from service.routing import Router
 from service.schemas import AssetId, JobId, Listing, binary
 from service.serving import serve
@@ -33,11 +33,12 @@ Token = Annotated[str, Path(max_length=1000, description="As the link has it.")]
 
 
 @router.post("/v1/projects/{project_id}/share", status_code=201)
-def share_project(project_id: ProjectId, body: ShareIn, context: Context, caller: Submitter) -> ShareOut:
-    """Make a link that shows the project, its jobs and results to anyone who has it, without a key."""
+def share_project(project_id: ProjectId, body: ShareIn, context: Context, caller: Sharer) -> ShareOut:
+    """Make a link that shows the project, its jobs and results to anyone who has it, without a key. It ends with its
+    time, with the project, with `DELETE .../share`, and with the key that made it. Needs the scopes submit and read."""
     find_project(context, caller, project_id)
     expires_at = int(time.time() + body.days * 86400)
-    claims = Claims(project_id, caller.owner, context.farm.projects.share_epoch(project_id), expires_at)
+    claims = Claims(project_id, _maker(context, caller), context.farm.projects.share_epoch(project_id), expires_at)
     token = sign(claims, context.webhook_secrets.master())
     return ShareOut(token, f"/shared/{token}", float(expires_at))
 
@@ -74,7 +75,7 @@ def get_shared_asset(token: Token, asset_id: AssetId, request: Request, context:
     _, document = context.farm.projects.document(project.id)
     if asset_id not in {ref["id"] for ref in document.get("assets", {}).values()}:
         raise NotFound("The project has no such asset.", field="asset_id", value=asset_id)
-    return serve(context, context.farm.assets.file(asset_id), request)
+    return serve(context, context.farm.assets.file(asset_id, project.owner), request)
 
 
 @router.head("/v1/shared/{token}/jobs/{job_id}/result", include_in_schema=False)
@@ -92,7 +93,7 @@ def get_shared_result(token: Token, job_id: JobId, request: Request, context: Co
 def _shared(context: ServiceContext, token: str) -> Project:
     """The project of a valid token. Raises Gone, without the reason."""
     claims = verify(token, context.webhook_secrets.master(), time.time())
-    if claims is not None and _key_lives(context, claims.key):
+    if claims is not None and _maker_lives(context, claims.key):
         try:
             project = context.farm.projects.get(claims.project)
             if project.deleted_at is None and context.farm.projects.share_epoch(project.id) == claims.epoch:
@@ -102,7 +103,23 @@ def _shared(context: ServiceContext, token: str) -> Project:
     raise Gone("This link shows nothing any more.", field="token", remedy="Ask for a new link.")
 
 
-def _key_lives(context: ServiceContext, key_id: str) -> bool:
-    if key_id in (EVERYONE.owner, OPERATOR.owner):
+def _maker(context: ServiceContext, caller: Principal) -> str:
+    """What a link of the caller lives as long as: a stored key, the present admin key, or ("") the open service."""
+    return _admin_key(context) if caller == OPERATOR else caller.key
+
+
+def _admin_key(context: ServiceContext) -> str:
+    """The admin key's name in a token, which tells nothing of the key: another key has another name."""
+    key = context.settings.admin_key
+    return "" if key is None else f"admin-{fingerprint(key.get_secret_value(), context.webhook_secrets.master())}"
+
+
+def _maker_lives(context: ServiceContext, maker: str) -> bool:
+    if not maker:
+        return context.settings.open
+    if maker == _admin_key(context):
         return True
-    return any(key.id == key_id and key.revoked_at is None for key in context.farm.keys.list())
+    try:
+        return context.farm.keys.get(maker).revoked_at is None
+    except NotFound:
+        return False

@@ -1,7 +1,8 @@
 """Signed tokens of shared links, with the project, the key that made the link, and the time of expiry.
 
 A token is base64url of its JSON claims, a dot, and base64url of their HMAC-SHA256. It is invalid after its expiry, once
-the project's share epoch is raised, or once the key that made it is revoked.
+the project's share epoch is raised, or once what made it no longer gives access: a key that is revoked, an admin key
+that is replaced, or a service that was open and now requires keys.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ class Claims:
 
     project: str
     key: str
-    """Owner id of the key that made the link."""
+    """What made the link: the id of a key, the name of the admin key (`admin-` and its fingerprint), or "" for a
+    service that required no key."""
     epoch: int
     """The project's share epoch when the link was made."""
     expires_at: int
@@ -46,6 +48,11 @@ def verify(token: str, secret: bytes, now: float) -> Claims | None:
     payload: Json = json.loads(body)
     claims = Claims(**payload)
     return claims if now < claims.expires_at else None
+
+
+def fingerprint(key: str, secret: bytes) -> str:
+    """Names a key without telling anything of it: the start of an HMAC with the service's secret."""
+    return hmac.new(secret, b"admin-key:" + key.encode(), hashlib.sha256).hexdigest()[:32]
 
 
 def _mac(body: bytes, secret: bytes) -> bytes:

@@ -85,7 +85,7 @@ class StyleLibrary:
 
     def picture(self, style_id: str, max_side_px: int) -> bytes:
         """The painting scaled to fit; JPEG."""
-        return self._farm.assets.frame(self.painting(style_id).id, 0, max_side_px)
+        return self._farm.assets.frame(self.painting(style_id).id, OWNER, 0, max_side_px)
 
     def _painted(self, one: Exemplar, what: _What) -> Path:
         with self._painting:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 
@@ -133,3 +134,24 @@ def test_every_form_of_a_postgres_url_is_accepted(postgres: Postgres) -> None:
         store = Store(url.replace("postgresql+psycopg://", written))
         store.check()
         store.close()
+
+
+def test_a_key_of_an_earlier_version_becomes_the_first_key_of_its_owner(url: str) -> None:
+    """Its id stays the owner of what it made. A program of that version may still run beside, and create keys."""
+    _at(url, "0007")
+    engine = create_engine(url)
+    row = """INSERT INTO api_keys (id, name, hash, scopes, quotas, created_at)
+        VALUES ('%s', 'anna', '%s', '["read"]', '{"active_jobs"\\: 2}', 1)"""
+    with engine.begin() as connection:
+        connection.execute(text(row % ("key_1", hashlib.sha256(b"secret").hexdigest())))
+    store = Store(url)
+    with engine.begin() as connection:
+        connection.execute(text(row % ("key_2", "h")))
+    engine.dispose()
+    assert [(key.id, key.owner, key.quotas) for key in store.keys.list()] == [
+        ("key_1", "key_1", {"active_jobs": 2}),
+        ("key_2", "key_2", {"active_jobs": 2}),
+    ]
+    key, _ = store.keys.rotate("key_1")
+    assert key.owner == "key_1" and store.keys.verify("impasto_1_secret") is None
+    store.close()

@@ -15,7 +15,7 @@ from pipeline.video.media import Limits, MediaInfo
 from tests.databases import migrated_sqlite
 from workers.farm import Farm
 from workers.jobs.state_machine import Failed
-from workers.model import Delivery, Fault, Job, JobRequest, RunState, TaskOutcome, TaskState, TaskView
+from workers.model import AnyOwner, Delivery, Fault, Job, JobRequest, RunState, TaskOutcome, TaskState, TaskView
 from workers.settings import FarmSettings
 
 MAGIC = b"CLIP"
@@ -52,8 +52,8 @@ class DrivenFarm(Farm):
     def ready(self) -> dict[str, str]:
         return self.parts
 
-    def _frame(self, asset_id: str, index: int, max_side_px: int = 720) -> bytes:
-        self.assets.get(asset_id)
+    def _frame(self, asset_id: str, owner: str | AnyOwner, index: int, max_side_px: int = 720) -> bytes:
+        self.assets.get(asset_id, owner)
         self.preview_gate.wait(10)
         return cv2.imencode(".jpg", np.full((18, 32, 3), min(index, 255), np.uint8))[1].tobytes()
 

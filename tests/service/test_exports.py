@@ -8,7 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from tests.service.driven_farm import MAGIC, DrivenFarm
-from workers.model import RunState
+from workers.errors import NotFound
+from workers.model import ANY_OWNER, RunState
 
 FILM = MAGIC + b" painted"
 
@@ -90,6 +91,11 @@ def test_a_label_of_another_owner_makes_no_export(farm: DrivenFarm, client: Test
     film = farm.jobs.get(job)
     intruder = farm.exports.make(job, film.request.output)
     farm.finish(intruder.id)
+    with pytest.raises(NotFound):  # neither the video nor the film is theirs
+        farm.jobs.submit(intruder.request, owner="key_other")
+    for asset_id in intruder.request.inputs.values():
+        with farm.files.local(farm.assets.file(asset_id, ANY_OWNER)) as path:
+            farm.assets.add(path, "copy.mp4", "key_other")
     other = farm.jobs.submit(intruder.request, owner="key_other")
     farm.finish(other.id)
     assert other.id not in [one.id for one in farm.exports.of(job)]

@@ -312,7 +312,7 @@ def test_tuspy_uploads_in_checksummed_chunks(settings: Settings, farm: DrivenFar
         uploader.upload()
         asset_id = uploader.request.response_headers["impasto-asset"]
     assert asset_id == "ast_" + hashlib.sha256(clip.read_bytes()).hexdigest()
-    assert farm.assets.get(asset_id).filename == "clip.mp4"
+    assert farm.assets.get(asset_id, "").filename == "clip.mp4"
 
 
 def test_tuspy_resumes_after_a_service_restart(settings: Settings, farm: DrivenFarm, clip: Path) -> None:
@@ -326,7 +326,7 @@ def test_tuspy_resumes_after_a_service_restart(settings: Settings, farm: DrivenF
         again = _tus(url).uploader(str(clip), url=url + path, chunk_size=70_000)
         assert again.offset == 140_000
         again.upload()
-        assert farm.assets.get(again.request.response_headers["impasto-asset"])
+        assert farm.assets.get(again.request.response_headers["impasto-asset"], "")
 
 
 def test_a_broken_connection_keeps_the_received_bytes(settings: Settings, farm: DrivenFarm, clip: Path) -> None:

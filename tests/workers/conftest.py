@@ -69,9 +69,9 @@ def data(tmp_path: Path) -> Path:
     return path
 
 
-def request_on(farm: Farm, data: Path, **changes: Any) -> JobRequest:
-    """A request of the toy method on `data`."""
-    asset = farm.assets.add(data, "data.json")
+def request_on(farm: Farm, data: Path, owner: str = "", **changes: Any) -> JobRequest:
+    """A request of the toy method on `data`, as an asset of `owner`."""
+    asset = farm.assets.add(data, "data.json", owner)
     return JobRequest(**{"method": "toy", "inputs": {"data": asset.id}, "seed": 7, **changes})
 
 

@@ -50,8 +50,8 @@ class Faults:
 
 def jobs_of(farm: Farm, data: Path) -> tuple[Job, list[Job]]:
     """The job to be broken, which is first in every order, and two jobs of its owner and of another one."""
-    broken = farm.jobs.submit(request_on(farm, data, name="broken", priority=9), owner="anna")
-    others = [farm.jobs.submit(request_on(farm, data, name=owner), owner=owner) for owner in ("anna", "ben")]
+    broken = farm.jobs.submit(request_on(farm, data, "anna", name="broken", priority=9), owner="anna")
+    others = [farm.jobs.submit(request_on(farm, data, owner, name=owner), owner=owner) for owner in ("anna", "ben")]
     return broken, others
 
 

@@ -144,8 +144,8 @@ def test_higher_priority_and_then_the_owner_with_fewest_tasks_is_served_first(
     open_farm: Callable[..., Farm], data: Path
 ) -> None:
     farm = open_farm(start=False, workers=1)
-    low = farm.jobs.submit(request_on(farm, data), owner="anna")
-    high = farm.jobs.submit(request_on(farm, data, priority=5), owner="ben")
+    low = farm.jobs.submit(request_on(farm, data, "anna"), owner="anna")
+    high = farm.jobs.submit(request_on(farm, data, "ben", priority=5), owner="ben")
     farm.start()
     finished(farm, low.id)
     assert (farm.jobs.get(high.id).finished_at or 1e99) < (farm.jobs.get(low.id).finished_at or 0)
@@ -160,12 +160,12 @@ def test_requeue_runs_one_failed_task_again(farm: Farm, data: Path) -> None:
 
 
 def test_a_repeated_submission_returns_the_same_job(farm: Farm, data: Path) -> None:
-    request = request_on(farm, data)
+    request = request_on(farm, data, "anna")
     job = farm.jobs.submit(request, owner="anna", idempotency_key="k")
     assert job.new
     again = farm.jobs.submit(request, owner="anna", idempotency_key="k", admit=lambda: pytest.fail("it is no new job"))
     assert (again.id, again.new) == (job.id, False)
-    assert farm.jobs.submit(request, owner="ben", idempotency_key="k").id != job.id
+    assert farm.jobs.submit(request_on(farm, data, "ben"), owner="ben", idempotency_key="k").id != job.id
     with pytest.raises(IdempotencyMismatch):
         farm.jobs.submit(request_on(farm, data, seed=8), owner="anna", idempotency_key="k")
 
@@ -191,9 +191,9 @@ def test_an_asset_in_use_cannot_be_deleted(farm: Farm, data: Path) -> None:
     request = request_on(farm, data, params={"sleep_s": 30})
     job = farm.jobs.submit(request)
     with pytest.raises(Conflict):
-        farm.assets.delete(request.inputs["data"])
+        farm.assets.delete(request.inputs["data"], "")
     farm.jobs.cancel(job.id)
-    farm.assets.delete(request.inputs["data"])
+    farm.assets.delete(request.inputs["data"], "")
     with pytest.raises(NotFound, match="asset"):
         farm.jobs.submit(request)
     with pytest.raises(NotFound):

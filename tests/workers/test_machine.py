@@ -178,8 +178,8 @@ def test_two_owners_share_four_processors(settings: FarmSettings, tmp_path: Path
             return super().run(order, report, cancelled)
 
     farm = Farm(settings, LocalPool(lambda: Noting(blobs), 4, machine(4, 16)))
-    request = request_on(farm, data, params={"tasks": 8, "sleep_s": 0.3})
-    jobs = [farm.jobs.submit(request, owner).id for owner in ("alice", "bob")]
+    params = {"tasks": 8, "sleep_s": 0.3}
+    jobs = [farm.jobs.submit(request_on(farm, data, owner, params=params), owner).id for owner in ("alice", "bob")]
     farm.start()
     deadline = time.monotonic() + 60
     while not all(farm.jobs.get(job).state.final for job in jobs) and time.monotonic() < deadline:

@@ -13,7 +13,7 @@ from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.source_frames import SourceFrames
 from workers.farm_parts.stored_file import StoredFile, asset_file
-from workers.model import Asset, Page, asset_key
+from workers.model import AnyOwner, Asset, Page, asset_key
 from workers.store import Store
 
 Probe = Callable[[Path, Limits], MediaInfo]
@@ -67,16 +67,16 @@ class FarmAssets:
             if kept := self._store.assets.add(asset, lambda: self._blobs.size(key) is not None):
                 return kept
 
-    def get(self, asset_id: str, owner: str | None = None) -> Asset:
-        """The asset. Several owners may have the same bytes: with `owner`, that owner's name and time, or NotFound."""
+    def get(self, asset_id: str, owner: str | AnyOwner) -> Asset:
+        """The asset with the name and time of `owner`: several owners may have the same bytes. Raises NotFound."""
         return self._store.assets.get(asset_id, owner)
 
-    def page(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
+    def page(self, owner: str | AnyOwner, cursor: str | None = None, limit: int = 50) -> Page:
         """`Asset` items, newest first."""
         return self._store.assets.page(owner, cursor, limit)
 
-    def delete(self, asset_id: str, owner: str | None = None) -> None:
-        """Delete the asset, or with `owner` only that owner's entry.
+    def delete(self, asset_id: str, owner: str | AnyOwner) -> None:
+        """Delete that owner's entry, and the bytes with the last entry.
 
         Raises:
             Conflict: a job that is not final (of that owner) uses the asset.
@@ -84,18 +84,18 @@ class FarmAssets:
         if self._store.assets.remove(asset_id, owner):
             self._store.assets.unless_known(asset_id, lambda: self._blobs.delete(asset_key(asset_id)))
 
-    def file(self, asset_id: str, owner: str | None = None) -> StoredFile:
-        """The uploaded bytes, under the file name that `owner` (None: the first owner) gave them."""
+    def file(self, asset_id: str, owner: str | AnyOwner) -> StoredFile:
+        """The uploaded bytes, under the file name that `owner` gave them. Raises NotFound."""
         return asset_file(self.get(asset_id, owner))
 
-    def frame(self, asset_id: str, index: int, max_side_px: int = 720) -> bytes:
+    def frame(self, asset_id: str, owner: str | AnyOwner, index: int, max_side_px: int = 720) -> bytes:
         """Frame `index` as uploaded (the last frame of a shorter video), scaled to fit; JPEG bytes.
 
         Raises:
             BadMedia: the frame cannot be decoded.
-            NotFound: the asset does not exist.
+            NotFound: the owner has no such asset.
         """
-        asset = self.get(asset_id)
+        asset = self.get(asset_id, owner)
         try:
             return self._images.get(
                 (asset_id, index, max_side_px), lambda: self._frames.jpeg(asset, index, max_side_px)

@@ -10,10 +10,8 @@ from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.jobs import FarmJobs
-from workers.model import MAX_NAME, Job, JobRequest, OutputSpec, RunState
+from workers.model import EXPORT_LABEL, MAX_NAME, Job, JobRequest, OutputSpec, RunState
 
-EXPORT_LABEL = "export"
-"""Label of an export: the id of the job whose film it is."""
 CONVERT, FILM = "convert", "film"
 SOURCES = ("mp4", "webm", "png")
 """Formats of films that can be exported. A GIF has lost too much quality."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from pipeline.errors import StorageError
 from pipeline.methods import method
@@ -13,7 +14,7 @@ from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.preview import PreviewAsk
 from workers.jobs import state_machine as machine
-from workers.model import Asset, Event, Job, JobRequest, Json, Page, Submitted
+from workers.model import EXPORT_LABEL, AnyOwner, Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.previews.service import PreviewService
 from workers.process.log_context import log_extra
 from workers.scheduling.garbage_collector import GarbageCollector
@@ -64,7 +65,7 @@ class FarmJobs:
 
         Raises:
             BadParameter: method, parameters or inputs are wrong.
-            NotFound: an input's asset does not exist.
+            NotFound: the owner does not have an input's asset.
             IdempotencyMismatch: the key came with another request.
             QuotaExceeded: the owner has `max_active` unfinished jobs.
             StorageFull: there is no space left.
@@ -72,22 +73,29 @@ class FarmJobs:
         if known := self._store.jobs.made_by(request, owner, idempotency_key):
             return known
         admit()
-        accepted = check_request(request, self._inputs(request))
+        accepted = check_request(request, self._inputs(request, owner))
         self._blobs.check_free_space()
         job = self._store.jobs.add(accepted, owner, idempotency_key, max_active, base_id)
         log.info("job accepted", extra=log_extra(job=job.id, owner=owner, method=request.method))
         self._wake()
         return job
 
-    def _inputs(self, request: JobRequest) -> dict[str, Asset]:
-        return {name: self._input(name, asset_id) for name, asset_id in request.inputs.items()}
+    def _inputs(self, request: JobRequest, owner: str | AnyOwner) -> dict[str, Asset]:
+        """The inputs that `owner` has: as an asset, or in an export as the film of a job of theirs."""
+        holders = [owner]
+        with suppress(NotFound):
+            exported = self._store.jobs.get(request.labels.get(EXPORT_LABEL, ""))
+            holders += [exported.id] * (exported.owner == owner)
+        return {name: self._input(name, asset_id, holders) for name, asset_id in request.inputs.items()}
 
-    def _input(self, name: str, asset_id: str) -> Asset:
-        """The asset; an error names the input that refers to it."""
-        try:
-            return self._store.assets.get(asset_id)
-        except NotFound as error:
-            raise NotFound(error.message, field=f"inputs.{name}", value=error.value, remedy=error.remedy) from None
+    def _input(self, name: str, asset_id: str, owners: Sequence[str | AnyOwner]) -> Asset:
+        """The asset of the first of these owners that has it; an error names the input that refers to it."""
+        for owner in owners:
+            with suppress(NotFound):
+                return self._store.assets.get(asset_id, owner)
+        raise NotFound(
+            "The owner of the job has no such asset.", field=f"inputs.{name}", value=asset_id, remedy="Upload it first."
+        )
 
     def get(self, job_id: str) -> Job:
         """Raises NotFound."""
@@ -142,8 +150,11 @@ class FarmJobs:
 
         Raises:
             Conflict: the job did neither fail nor was cancelled.
+            NotFound: its owner no longer has the asset of an input.
             QuotaExceeded: the owner has `max_active` other unfinished jobs.
         """
+        known = self._store.jobs.get(job_id)
+        self._inputs(known.request, known.owner)
         job = self._store.jobs.retry(job_id, max_active)
         self._wake()
         return job
@@ -165,16 +176,17 @@ class FarmJobs:
         return self._store.events.wait(job_id, after, timeout_s)
 
     def preview(
-        self, request: JobRequest, frame: int, max_side_px: int = 640, design: Json | None = None,
-        artefacts_of: str | None = None,
+        self, request: JobRequest, owner: str | AnyOwner, frame: int, max_side_px: int = 640,
+        design: Json | None = None, artefacts_of: str | None = None,
     ) -> bytes:  # fmt: skip
         """One frame (scaled to fit) stylised with the request's parameters; PNG bytes.
 
         Args:
+            owner: the owner of the inputs.
             design: a design document in place of the request's input of that name.
             artefacts_of: id of a finished job of the same method, whose artefacts the preview uses.
         """
-        assets = self._inputs(request)
+        assets = self._inputs(request, owner)
         params = check_request(request, assets).params
         artefacts = {} if artefacts_of is None else self._artefact_keys(artefacts_of, request.method)
         wanted = json.dumps(

@@ -11,7 +11,7 @@ from pipeline.methods.base import PROCESS_BYTES, PlanContext
 from pipeline.methods.layers import LAYERS
 from workers.errors import NotFound
 from workers.jobs.frame_window import window_info
-from workers.model import Asset, Job, JobRequest, Json
+from workers.model import AnyOwner, Asset, Job, JobRequest, Json
 from workers.projects.cost_fit import Work, fitted
 from workers.scheduling.planning import video_info
 
@@ -91,15 +91,18 @@ def _total(values: Sequence[float | None]) -> float | None:
     return sum(known) if len(known) == len(values) else None
 
 
-def estimate(request: JobRequest, finished: Iterable[Job], find: Callable[[str], Asset]) -> Estimate:
+def estimate(
+    request: JobRequest, owner: str | AnyOwner, finished: Iterable[Job], find: Callable[[str, str | AnyOwner], Asset]
+) -> Estimate:
     """The estimate of a job from finished jobs.
 
     Args:
         finished: jobs of the same method that succeeded, the newest first.
-        find: returns the asset of an id. Raises NotFound.
+        owner: the owner of the job's assets.
+        find: returns the asset of an id and an owner. Raises NotFound.
     """
     try:
-        info = find(request.inputs["video"]).info
+        info = find(request.inputs["video"], owner).info
     except (KeyError, NotFound):
         return Estimate(None, None, 0)
     found = (_measured(job, find) for job in finished)
@@ -152,9 +155,9 @@ def _nearest(request: JobRequest, frames: int, pixels: int, history: Sequence[Me
     return sorted(same or alike, key=distance)[:NEAREST]
 
 
-def _measured(job: Job, find: Callable[[str], Asset]) -> MeasuredJob | None:
+def _measured(job: Job, find: Callable[[str, str | AnyOwner], Asset]) -> MeasuredJob | None:
     try:
-        frames, pixels = _size(window_info(find(job.request.inputs["video"]).info, job.request.frames))
+        frames, pixels = _size(window_info(find(job.request.inputs["video"], job.owner).info, job.request.frames))
     except (KeyError, NotFound):
         return None
     if not frames or not pixels or not job.started_at or not job.finished_at:

@@ -173,17 +173,17 @@ class Projects:
 
     def _asset_id(self, material: Material, owner: str) -> str:
         if isinstance(material, Uploaded):
-            return material.asset_id
+            return material.asset_id  # `FarmJobs.submit` refuses it if it is not the owner's
         return self._made(material, owner).id
 
     def _made(self, material: ImagesByFrame | JsonValue, owner: str) -> Asset:
         with tempfile.TemporaryDirectory(prefix="impasto-", dir=self._scratch) as folder:
             path = Path(folder) / "material"
-            name = write_material(material, path, lambda asset_id: b"".join(self._bytes(asset_id)))
+            name = write_material(material, path, lambda asset_id: b"".join(self._bytes(asset_id, owner)))
             return self._assets.add(path, name, owner)
 
-    def _bytes(self, asset_id: str) -> Iterator[bytes]:
-        return self._files.read(self._assets.file(asset_id))
+    def _bytes(self, asset_id: str, owner: str) -> Iterator[bytes]:
+        return self._files.read(self._assets.file(asset_id, owner))
 
     def jobs(self, project_id: str) -> list[tuple[ProjectJob, Job | None]]:
         """Jobs of the project, newest first; None for one that was deleted."""
@@ -216,7 +216,7 @@ class Projects:
         places = [index for index, layer in enumerate(shot.layers) if any(layer.id == own.id for own in chosen)]
         assets = self.assets(document.asset_ids, project.owner)
         refuse_if_any(shot_problems(document, assets, shown, document.shots.index(shot), places))
-        return tuple(layer_sources(document, shown, layer) for layer in chosen)
+        return tuple(layer_sources(document, shown, layer, assets) for layer in chosen)
 
     # -- archives
 
@@ -225,7 +225,7 @@ class Projects:
         project = self.get(project_id)
         _, value = self.document(project_id, version)
         assets = self.assets(parse_document(value).asset_ids, project.owner)
-        write_archive(path, value, assets, self._bytes)
+        write_archive(path, value, assets, lambda asset_id: self._bytes(asset_id, project.owner))
 
     def load(
         self, path: Path, owner: str, limit_bytes: int, admit: Callable[[int], None] = lambda size: None

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from pipeline.methods import methods
-from workers.model import Json, asset_key
+from workers.errors import NotFound
+from workers.model import Asset, Json, asset_key
 from workers.previews.model import LayerSources
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.submissions import parts_used
 
 
-def layer_sources(document: Document, shot: Shot, layer: Layer) -> LayerSources:
-    """The layer's sources. Frame numbers are those of the whole video."""
+def layer_sources(document: Document, shot: Shot, layer: Layer, assets: Mapping[str, Asset]) -> LayerSources:
+    """The layer's sources. Frame numbers are those of the whole video.
+
+    Args:
+        assets: id -> asset, for those that the project's owner has. Raises NotFound for any other.
+    """
     chosen = methods()[layer.method]
 
     def key(name: str) -> str:
-        return asset_key(document.assets[name].id)
+        asset_id = document.assets[name].id
+        if asset_id not in assets:
+            raise NotFound("The asset is not on the server.", field="asset", value=asset_id, remedy="Upload it again.")
+        return asset_key(asset_id)
 
     names = {spec.name for spec in chosen.inputs}
     documents: Json = {}

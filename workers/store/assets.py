@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Select, delete, insert, select
 
 from workers.errors import Conflict, NotFound
-from workers.model import Asset, Page, RunState
+from workers.model import ANY_OWNER, AnyOwner, Asset, Page, RunState
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import asset_of, pack_cursor, unpack_cursor
@@ -36,15 +36,15 @@ class Assets(StorePart):
             _add_owner(connection, asset)
         return self.get(asset.id, asset.owner)
 
-    def get(self, asset_id: str, owner: str | None = None) -> Asset:
-        """The asset; with `owner`, with that owner's file name and time. Raises NotFound."""
+    def get(self, asset_id: str, owner: str | AnyOwner) -> Asset:
+        """The asset with that owner's file name and time (`ANY_OWNER`: the first owner's). Raises NotFound."""
         with self._db.read() as connection:
-            found = _find(connection, asset_id) if owner is None else _find_owned(connection, asset_id, owner)
+            found = _find(connection, asset_id) if owner is ANY_OWNER else _find_owned(connection, asset_id, owner)
         if found is None:
             raise _unknown(asset_id)
         return found
 
-    def page(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
+    def page(self, owner: str | AnyOwner, cursor: str | None = None, limit: int = 50) -> Page:
         """Newest first."""
         at, key, query = _listing(owner)
         if cursor is not None:
@@ -56,8 +56,8 @@ class Assets(StorePart):
         more = len(rows) > limit
         return Page(tuple(items), pack_cursor(items[-1].created_at, items[-1].id) if more else None)
 
-    def remove(self, asset_id: str, owner: str | None = None) -> bool:
-        """Delete the asset, or only the entry of `owner`; returns whether its bytes are no longer needed.
+    def remove(self, asset_id: str, owner: str | AnyOwner) -> bool:
+        """Delete the entry of `owner` (`ANY_OWNER`: of all owners); returns whether its bytes are no longer needed.
 
         Raises:
             NotFound: there is no such asset (of that owner).
@@ -69,7 +69,7 @@ class Assets(StorePart):
             self._db.lock(connection, asset_id)
             connection.execute(select(table.c.id).where(table.c.id == asset_id).with_for_update()).first()
             _refuse_if_used(connection, asset_id, owner)
-            mine = () if owner is None else (owners.c.owner == owner,)
+            mine = () if owner is ANY_OWNER else (owners.c.owner == owner,)
             connection.execute(delete(owners).where(owners.c.asset_id == asset_id, *mine))
             left = connection.execute(select(owners.c.owner).where(owners.c.asset_id == asset_id).limit(1)).first()
             if left is None:
@@ -99,10 +99,10 @@ def _find_owned(connection: Connection, asset_id: str, owner: str) -> Asset | No
     return None if row is None else asset_of(row)
 
 
-def _listing(owner: str | None) -> tuple[ColumnElement[float], ColumnElement[str], Select[Any]]:
+def _listing(owner: str | AnyOwner) -> tuple[ColumnElement[float], ColumnElement[str], Select[Any]]:
     """(time, id, query) of all assets, or of one owner's."""
     table, owners = schema.assets, schema.asset_owners
-    if owner is None:
+    if owner is ANY_OWNER:
         return table.c.created_at, table.c.id, select(table)
     own = ("filename", "created_at", "owner")
     columns = [column for column in table.c if column.name not in own] + [owners.c[name] for name in own]
@@ -119,7 +119,7 @@ def _add_owner(connection: Connection, asset: Asset) -> None:
         connection.execute(insert(owners).values(values))
 
 
-def _refuse_if_used(connection: Connection, asset_id: str, owner: str | None) -> None:
+def _refuse_if_used(connection: Connection, asset_id: str, owner: str | AnyOwner) -> None:
     job_id = _user(connection, asset_id, owner)
     if job_id is not None:
         remedy = "Cancel the job, or wait until it has ended."
@@ -130,7 +130,7 @@ def _refuse_if_used(connection: Connection, asset_id: str, owner: str | None) ->
         raise Conflict(f"The project {name!r} uses this asset.", field="asset", value=asset_id, remedy=remedy)
 
 
-def _user(connection: Connection, asset_id: str, owner: str | None) -> str | None:
+def _user(connection: Connection, asset_id: str, owner: str | AnyOwner) -> str | None:
     """A job (of `owner`) that uses the asset and is not final."""
     jobs, inputs = schema.jobs, schema.job_inputs
     query = (
@@ -139,17 +139,18 @@ def _user(connection: Connection, asset_id: str, owner: str | None) -> str | Non
         .where(inputs.c.asset_id == asset_id, jobs.c.state.not_in(_FINAL))
         .limit(1)
     )
-    if owner is not None:
+    if owner is not ANY_OWNER:
         query = query.where(jobs.c.owner == owner)
     return connection.execute(query).scalar()
 
 
-def _project(connection: Connection, asset_id: str, owner: str | None) -> str | None:
-    """Name of a project (of `owner`) of which a version names the asset."""
-    projects, named = schema.projects, schema.project_assets
-    query = select(projects.c.name).join(named, named.c.project_id == projects.c.id)
+def _project(connection: Connection, asset_id: str, owner: str | AnyOwner) -> str | None:
+    """Name of a project (of `owner`) of which a version names the asset, and whose owner has it."""
+    projects, named, owners = schema.projects, schema.project_assets, schema.asset_owners
+    has = (owners.c.owner == projects.c.owner) & (owners.c.asset_id == named.c.asset_id)
+    query = select(projects.c.name).join(named, named.c.project_id == projects.c.id).join(owners, has)
     query = query.where(named.c.asset_id == asset_id).limit(1)
-    if owner is not None:
+    if owner is not ANY_OWNER:
         query = query.where(projects.c.owner == owner)
     return connection.execute(query).scalar()
 

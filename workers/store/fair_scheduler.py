@@ -113,10 +113,10 @@ def _job_in(wait: bool) -> Select[Any]:
 def _lanes() -> Select[Any]:
     """Priority, owner, oldest job, quotas and slot time of every lane. The index leads from one lane to the next
     without reading a lane."""
-    heads, jobs, keys, used = _heads(_is_ready), schema.jobs, schema.api_keys, schema.shares
-    columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, keys.c.quotas, used.c.used_s, shares.FLOOR.label("floor_s"))
+    heads, jobs, owners, used = _heads(_is_ready), schema.jobs, schema.owners, schema.shares
+    columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, owners.c.quotas, used.c.used_s, shares.FLOOR.label("floor_s"))
     lanes = select(*columns).join(heads, heads.c.id == jobs.c.id)
-    return lanes.outerjoin(keys, keys.c.id == jobs.c.owner).outerjoin(used, used.c.owner == jobs.c.owner)
+    return lanes.outerjoin(owners, owners.c.id == jobs.c.owner).outerjoin(used, used.c.owner == jobs.c.owner)
 
 
 def _unplanned() -> Select[Any]:

@@ -102,8 +102,11 @@ def event_of(row: Row) -> Event:
 
 
 def key_of(row: Row) -> ApiKey:
-    scopes = frozenset(row["scopes"])
-    return ApiKey(row["id"], row["name"], scopes, row["quotas"], row["created_at"], row["revoked_at"])
+    """A key with its owner's quotas (`owner_quotas`); one that an earlier program made is its own owner."""
+    quotas = row["quotas"] if row["owner_quotas"] is None else row["owner_quotas"]
+    owner = row["owner"] or row["id"]
+    times = row["created_at"], row["revoked_at"]
+    return ApiKey(row["id"], owner, row["name"], frozenset(row["scopes"]), quotas, *times)
 
 
 def delivery_of(row: Row) -> Delivery:

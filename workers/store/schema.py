@@ -4,7 +4,7 @@
     jobs --< job_inputs, job_labels, files, events, deliveries
          --< steps --< tasks --< attempts
                        tasks --< task_edges (which task waits for which)
-    api_keys
+    owners --< api_keys (what is owned names the owner only: jobs, asset_owners, projects, deliveries)
     dispatchers (live workers) --< slots (where they run attempts)
     drains (places where nothing new may start)
     live_sessions (of every process, a few seconds old)
@@ -354,10 +354,20 @@ events = Table(
     Column("data", JSON, nullable=False),
 )
 
+owners = Table(
+    "owners",
+    metadata,
+    Column("id", String(80), primary_key=True),
+    Column("name", Text, nullable=False),
+    Column("quotas", JSON, nullable=False),
+    Column("created_at", Double, nullable=False),
+)
+
 api_keys = Table(
     "api_keys",
     metadata,
     Column("id", String(40), primary_key=True),
+    Column("owner", String(80)),
     Column("name", Text, nullable=False),
     Column("hash", String(64), nullable=False),
     Column("scopes", JSON, nullable=False),

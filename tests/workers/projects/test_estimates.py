@@ -10,13 +10,18 @@ import pytest
 from pipeline.methods import method
 from pipeline.methods.base import PROCESS_BYTES
 from tests.workers.projects.documents import asset
-from workers.model import Job, JobRequest, RunState, StepView
+from workers.model import AnyOwner, Asset, Job, JobRequest, RunState, StepView
 from workers.projects.estimates import Estimate, MeasuredJob, estimate, estimate_from
 
 ASSETS = {found.id: found for found in (
     asset("a", "video", frames=100, width=640, height=360), asset("b", "video", frames=50, width=1280, height=720),
     asset("c", "video", frames=50, width=64, height=36),
 )}  # fmt: skip
+
+
+def _find(asset_id: str, owner: str | AnyOwner) -> Asset:
+    assert owner == "", "each job's own owner"
+    return ASSETS[asset_id]
 
 
 def _request(letter: str) -> JobRequest:
@@ -31,7 +36,7 @@ def _job(letter: str, seconds: float) -> Job:
 
 def test_the_estimate_scales_with_frames_and_pixels() -> None:
     finished = [_job("a", 20.0), _job("a", 60.0), _job("a", 40.0)]
-    found = estimate(_request("b"), finished, ASSETS.__getitem__)
+    found = estimate(_request("b"), "", finished, _find)
     assert (found.frames, found.samples) == (50, 3)
     assert found.seconds == pytest.approx(2 * 36.3, abs=0.2), "twice the frames times pixels, geometric mean"
 
@@ -41,13 +46,13 @@ def test_cpu_time_and_memory_are_those_of_the_steps_of_finished_jobs() -> None:
         StepView(name, name, "succeeded", {}, 1.0, 1.0, {}, cpu_s=cpu_s, peak_bytes=peak)
         for name, cpu_s, peak in (("scan", 3.0, 700), ("paint", 17.0, 500))
     )
-    found = estimate(_request("b"), [replace(_job("a", 9.0), steps=steps)], ASSETS.__getitem__)
+    found = estimate(_request("b"), "", [replace(_job("a", 9.0), steps=steps)], _find)
     assert found.cpu_s == pytest.approx(40.0) and found.memory_bytes == 700, "twice the frames times pixels"
 
 
 def test_without_similar_jobs_the_estimate_is_the_methods_own() -> None:
     begun = replace(_job("a", 1.0), finished_at=None)
-    found = estimate(_request("b"), [_job("c", 1.0), begun], ASSETS.__getitem__)
+    found = estimate(_request("b"), "", [_job("c", 1.0), begun], _find)
     rate = method("toy").cpu_s_per_megapixel
     assert (found.frames, found.samples) == (50, 0)
     assert found.cpu_s == found.seconds == pytest.approx(1 + rate * 50 * 1280 * 720 / 1e6, abs=0.1)
@@ -59,8 +64,8 @@ def test_jobs_with_the_same_parameters_are_preferred() -> None:
     dear = replace(_request("a"), params={"tasks": 9})
     finished = [_job("a", 10.0), replace(_job("a", 90.0), request=dear), _job("a", 12.0)]
     asked = replace(_request("a"), params={"tasks": 9})
-    assert estimate(asked, finished, ASSETS.__getitem__).seconds == 90.0
-    assert estimate(_request("a"), finished, ASSETS.__getitem__).seconds == pytest.approx(11.0, abs=0.1)
+    assert estimate(asked, "", finished, _find).seconds == 90.0
+    assert estimate(_request("a"), "", finished, _find).seconds == pytest.approx(11.0, abs=0.1)
 
 
 def _measured(frames: int, width: int, seconds: float) -> MeasuredJob:
@@ -100,4 +105,4 @@ def test_a_tiny_job_does_not_tell_what_a_large_one_takes() -> None:
 
 
 def test_an_unknown_video_gives_no_estimate() -> None:
-    assert estimate(JobRequest("toy", {}), [], ASSETS.__getitem__) == Estimate(None, None, 0)
+    assert estimate(JobRequest("toy", {}), "", [], _find) == Estimate(None, None, 0)
