@@ -36,7 +36,7 @@ from workers.live.worker import LiveWorkers
 from workers.model import Json
 from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
-from workers.pools.machine import Machine, child_workers, this_machine
+from workers.pools.machine import THREADS_HERE, Machine, most_processes, this_machine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewRunner, PreviewService
 from workers.projects.projects import Projects
@@ -218,33 +218,33 @@ def _pool(
         return RayPool(blobs, settings)
     from workers.execution.decoders import IDLE, Decoders
     from workers.execution.handover import Handover
-    from workers.execution.renderer import Renderer, Shared
+    from workers.execution.renderer import Renderer, Shared, prepare_process
+    from workers.execution.warm_up import warm_up_process
     from workers.pools.child_main import child_renderer
     from workers.pools.child_runner import ChildRunner
     from workers.pools.local_pool import LocalPool
 
-    children = _children(settings)
+    threads = THREADS_HERE if private else 0
+    workers = settings.workers or most_processes(settings.most_workers, this_machine().memory_bytes, threads)
     if machine is not None:
-        machine.memory_bytes = max(0, machine.memory_bytes - children * PROCESS_BYTES)
-    decoders = Decoders(blobs, idle=IDLE * (settings.most_workers - children), ahead=ahead)
+        machine.memory_bytes = max(0, machine.memory_bytes - max(0, workers - threads) * PROCESS_BYTES)
+    decoders = Decoders(blobs, idle=IDLE * threads, ahead=ahead)
     shared = Shared(decoders, Handover())
     in_child = partial(child_renderer, settings.for_workers, blobs, overview=not private, one_job=private)
 
-    def renderer() -> Renderer:
-        return Renderer(blobs, settings.scratch, warms_up=settings.warm_up, overview=not private, shared=shared)
+    def runner(number: int) -> Renderer | ChildRunner:
+        if number < threads:
+            return Renderer(blobs, settings.scratch, overview=not private, shared=shared)
+        return ChildRunner(in_child)
+
+    def warm_up(stopped: Callable[[], bool]) -> None:  # this process, for previews and live sessions
+        prepare_process()
+        warm_up_process(stopped)
 
     return LocalPool(
-        renderer, settings.most_workers, machine, settings.task_memory_bytes, close=decoders.close,
-        children=children, make_child=lambda: ChildRunner(in_child),
+        runner, workers, machine, settings.task_memory_bytes, close=decoders.close,
+        warm_up=warm_up if settings.warm_up else None,
     )  # fmt: skip
-
-
-def _children(settings: FarmSettings) -> int:
-    """How many attempts of a local pool run in child processes."""
-    if settings.child_workers is not None:
-        return min(settings.child_workers, settings.most_workers)
-    here = this_machine()
-    return child_workers(min(settings.most_workers, int(here.cpus)), here.memory_bytes)
 
 
 def _live_workers(settings: FarmSettings, blobs: Blobs) -> LiveWorkers | None:

@@ -149,7 +149,7 @@ def undisturbed(folder: Path, shapes: Sequence[Shape] = SHAPES) -> list[bytes]:
     """Results of the jobs in a run without faults, on a local disk with SQLite."""
     settings = FarmSettings(home=folder / "quiet", workers=2, reserve_bytes=0)
     blobs = open_blobs(settings)
-    farm = Farm(settings, LocalPool(lambda: ToyRunner(blobs), 2))
+    farm = Farm(settings, LocalPool(lambda number: ToyRunner(blobs), 2))
     farm.start()
     made = []
     for shape in shapes:

@@ -46,7 +46,7 @@ def open_farm(settings: FarmSettings) -> Iterator[Callable[..., Farm]]:
         if not (chosen.home / "impasto.db").exists():
             migrated_sqlite(chosen.home / "impasto.db")
         blobs = DiskBlobs(chosen.blobs_at)
-        farm = Farm(chosen, LocalPool(lambda: ToyRunner(blobs), chosen.workers))
+        farm = Farm(chosen, LocalPool(lambda number: ToyRunner(blobs), chosen.workers))
         opened.append(farm)
         if start:
             farm.start()

@@ -24,7 +24,7 @@ def main(home: Path) -> None:
     farm_module.probe_guarded = probe
     settings = FarmSettings(home=home, workers=2, reserve_bytes=0, lease_s=600)
     blobs = DiskBlobs(settings.blobs_at)
-    farm = Farm(settings, LocalPool(lambda: ToyRunner(blobs), 2))
+    farm = Farm(settings, LocalPool(lambda number: ToyRunner(blobs), 2))
     data = home / "data.json"
     data.write_text("{}")
     asset = farm.assets.add(data, "data.json")

@@ -67,7 +67,7 @@ def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "local":
-        return LocalPool(lambda: ToyRunner(blobs), settings.workers)
+        return LocalPool(lambda number: ToyRunner(blobs), settings.workers)
     from workers.pools.ray_pool import RayPool
 
     return RayPool(blobs, settings, ToyRunner)

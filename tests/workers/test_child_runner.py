@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -38,7 +39,11 @@ class Deaf:
         time.sleep(60)
         raise AssertionError
 
+    pid = 0
+
     def warm_up(self, stopped: Callable[[], bool]) -> None: ...
+
+    def kill(self) -> None: ...
 
     def close(self) -> None: ...
 
@@ -78,10 +83,7 @@ def child_toy(root: Path) -> ToyRunner:
 def farm(settings: FarmSettings) -> Iterator[Farm]:
     """A farm whose attempts all run in two children."""
     in_child = partial(child_toy, settings.blobs_at)
-    pool = LocalPool(
-        lambda: ToyRunner(DiskBlobs(settings.blobs_at)), 2, children=2, make_child=lambda: ChildRunner(in_child)
-    )
-    farm = Farm(settings, pool)
+    farm = Farm(settings, LocalPool(lambda number: ChildRunner(in_child), 2))
     farm.start()
     yield farm
     farm.stop()
@@ -172,45 +174,58 @@ def test_a_child_has_no_decoder_server_of_its_own(quick: ChildRunner) -> None:
 class Held(Deaf):
     """Holds its orders until the test releases them; notes who ran them."""
 
-    def __init__(self, name: str, ran: list[str], release: threading.Semaphore) -> None:
-        self.name, self.ran, self.release = name, ran, release
+    def __init__(self, number: int, ran: list[int], release: threading.Semaphore, closed: threading.Semaphore) -> None:
+        self.number, self.ran, self.release, self.closed = number, ran, release, closed
 
     def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
-        self.ran.append(self.name)
+        self.ran.append(self.number)
         assert self.release.acquire(timeout=10)
         return TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
 
+    def close(self) -> None:
+        self.closed.release()
 
-def test_children_start_when_orders_wait_and_end_when_they_are_idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(LocalPool, "child_idle_s", 0.2)
-    ran: list[str] = []
-    closed = threading.Semaphore(0)
-    release = threading.Semaphore(0)
+
+def test_workers_start_when_orders_wait_and_end_when_they_are_idle(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LocalPool, "idle_s", 0.2)
+    ran: list[int] = []
+    release, closed = threading.Semaphore(0), threading.Semaphore(0)
     reports: list[Report] = []
-
-    class Child(Held):
-        def close(self) -> None:
-            closed.release()
-
-    pool = LocalPool(
-        lambda: Held("thread", ran, release), 3, children=1, make_child=lambda: Child("child", ran, release)
-    )
+    pool = LocalPool(lambda number: Held(number, ran, release, closed), 3)
     pool.start(reports.append)
-    for number in range(2):
+    for number in range(3):
         pool.submit(order(number))
-    until(lambda: len(ran) == 2)
-    assert ran == ["thread", "thread"]
-    assert len(pool.slots()) == 3, "a child that has not started is a slot, too"
-    pool.submit(order(2))
     until(lambda: len(ran) == 3)
-    assert ran[2] == "child"
+    assert sorted(ran) == [0, 1, 2]
     release.release(3)
-    assert closed.acquire(timeout=10), "the idle child ends"
-    assert len(pool.slots()) == 3
+    assert all(closed.acquire(timeout=10) for _ in range(2)), "the idle workers end, but for the first"
+    assert not closed.acquire(timeout=0.5)
+    assert len(pool.slots()) == 3, "a worker that has not started is a slot, too"
     for number in range(3, 6):
         pool.submit(order(number))
     until(lambda: len(ran) == 6)
-    assert sorted(ran[3:]) == ["child", "thread", "thread"], "another child starts"
+    assert sorted(ran[3:]) == [0, 1, 2], "others start"
     release.release(3)
     until(lambda: sum(report.outcome is not None for report in reports) == 6)
+    pool.stop()
+
+
+def test_an_order_goes_to_the_worker_that_made_its_artefacts() -> None:
+    ran: list[int] = []
+    release, closed = threading.Semaphore(0), threading.Semaphore(0)
+    reports: list[Report] = []
+    pool = LocalPool(lambda number: Held(number, ran, release, closed), 2)
+    pool.start(reports.append)
+    pool.submit(order(0))
+    until(lambda: len(ran) == 1)
+    pool.submit(order(1))
+    until(lambda: len(ran) == 2)
+    release.release(2)
+    until(lambda: pool.free == 2 and sum(report.outcome is not None for report in reports) == 2)
+    made = "jobs/job_1/draw/done/att_1/state.npz"
+    until(lambda: len(pool._idle) == 2)
+    pool.submit(dataclasses.replace(order(2), artefacts={"draw/state": made}))
+    until(lambda: len(ran) == 3)
+    assert ran[2] == ran[1]
+    release.release()
     pool.stop()

@@ -32,6 +32,8 @@ class ManualPool:
         self.orders: list[TaskOrder] = []
         self.cancelled: list[str] = []
         self.abandoned: list[str] = []
+        self.moved = self.moves = 0
+        """Bytes that attempts have moved, and that they move between two questions."""
         self.listen: Listen = lambda report: None
 
     shares_memory = False
@@ -54,8 +56,13 @@ class ManualPool:
     def cancel(self, attempt_id: str) -> None:
         self.cancelled.append(attempt_id)
 
-    def abandon(self, attempt_id: str) -> None:
+    def abandon(self, attempt_id: str) -> str:
         self.abandoned.append(attempt_id)
+        return "it was abandoned"
+
+    def moved_bytes(self, attempt_id: str) -> int:
+        self.moved += self.moves
+        return self.moved
 
     def describe(self) -> dict[str, object]:
         return {"kind": "by hand", "workers": self.capacity, "busy": {}}
@@ -108,13 +115,27 @@ def test_the_death_of_a_worker_counts_as_an_attempt(
 
 
 def test_a_silent_worker_loses_its_attempt(manual_farm: Callable[..., Farm], pool: ManualPool, data: Path) -> None:
-    farm = manual_farm(stall_s=0.5, attempts=1)
+    farm = manual_farm(stall_s=0.5, attempts=1, interruptions=2)
     job = farm.jobs.submit(request_on(farm, data))
-    order = pool.next()
+    first, second = pool.next(), pool.next()
+    assert first.task_id == second.task_id, "it is not charged, and runs again"
     error = finished(farm, job.id).error
     assert error is not None
-    assert error.code == "stalled"
-    assert pool.abandoned == [order.attempt_id]
+    assert error.code == "interrupted", "a task that always hangs ends, too"
+    assert pool.abandoned == [first.attempt_id, second.attempt_id]
+
+
+def test_an_attempt_that_moves_bytes_does_not_hang(
+    manual_farm: Callable[..., Farm], pool: ManualPool, data: Path
+) -> None:
+    farm = manual_farm(stall_s=0.5)
+    farm.jobs.submit(request_on(farm, data))
+    pool.next()
+    pool.moves = 2 << 20
+    time.sleep(2)
+    assert pool.abandoned == []
+    pool.moves = 0
+    until(lambda: pool.abandoned)
 
 
 def test_a_late_answer_of_an_abandoned_attempt_is_ignored(

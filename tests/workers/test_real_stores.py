@@ -43,7 +43,7 @@ def opened() -> Iterator[Callable[..., Farm]]:
 
     def open_one(settings: FarmSettings, works: bool = True) -> Farm:
         blobs = open_blobs(settings)
-        pool = LocalPool(lambda: ToyRunner(blobs), settings.workers) if works else None
+        pool = LocalPool(lambda number: ToyRunner(blobs), settings.workers) if works else None
         farms.append(Farm(settings, pool))
         farms[-1].start()
         return farms[-1]

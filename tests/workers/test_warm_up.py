@@ -108,7 +108,7 @@ def test_a_pool_is_ready_while_it_warms_up(tmp_path: Path) -> None:
                 ended.wait(0.01)
             ended.set()
 
-    pool = LocalPool(lambda: Slow(DiskBlobs(tmp_path)), 1)
+    pool = LocalPool(lambda number: Slow(DiskBlobs(tmp_path)), 1, warm_up=lambda stopped: None)
     pool.start(lambda report: None)
     assert not ended.is_set()
     pool.stop()

@@ -163,6 +163,12 @@ class ToyRunner:
 
     def warm_up(self, stopped: Callable[[], bool]) -> None: ...
 
+    @property
+    def pid(self) -> int:
+        return os.getpid()
+
+    def kill(self) -> None: ...
+
     def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
         context = _Context(self._blobs, order, report, cancelled)

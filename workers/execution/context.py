@@ -38,6 +38,7 @@ from workers.execution.stage_timer import StageTimer
 from workers.jobs.frame_window import WindowImages, window_document, window_index
 from workers.model import FAIL, TaskOrder
 from workers.pools.base import Tell
+from workers.process.heartbeat import current_heartbeat
 from workers.process.log_context import belong
 from workers.process.logs import attempt_facts
 from workers.scheduling.planning import video_info
@@ -90,6 +91,7 @@ class AttemptContext:
         self._scratch = scratch
         self._report = report
         self._cancelled = cancelled
+        self._beat = current_heartbeat()
         self._last_check = self._last_report = float("-inf")
         self._done = 0.0
         self._publisher = PreviewPublisher(blobs, self._key("live"))
@@ -225,6 +227,7 @@ class AttemptContext:
     # -- artefacts
 
     def save(self, name: str, arrays: Arrays) -> None:
+        self._beat()
         with self.stages.waiting("store"):
             digest = f"-{arrays_digest(arrays)}" if self._order.traced else ""
             key = self._key(f"{_checked(name)}{digest}.npz")
@@ -233,6 +236,7 @@ class AttemptContext:
         self._keep(name, key)
 
     def load(self, step: str, name: str) -> dict[str, AnyArray]:
+        self._beat()
         self.reads.record(f"artefact {step}/{name}")
         key = self._order.artefacts[f"{step}/{name}"]
         with self.stages.waiting("store"):
@@ -330,6 +334,7 @@ class AttemptContext:
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
         belong(self._facts)
+        self._beat()
         return self.stages.clock(stage)
 
     def progress(self, done: float) -> None:
@@ -341,6 +346,7 @@ class AttemptContext:
 
     def _check_cancelled(self) -> None:
         belong(self._facts)
+        self._beat()
         now = time.monotonic()
         if now - self._last_check < _ASK_EVERY_S:
             return

@@ -15,9 +15,11 @@ from types import MappingProxyType
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
 from pipeline.video.guard.ahead import ThumbnailsAhead
+from pipeline.video.guard.decoder_process import ANSWER_S
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.media import Limits
 from workers.blobs.base import Blobs
+from workers.process.heartbeat import heartbeats_of_another
 
 IDLE = 3
 """Idle readers of a worker that stay open."""
@@ -109,7 +111,8 @@ class Decoders:
             thumbnails.close()
         with ExitStack() as stack:
             path = stack.enter_context(self._blobs.local(key))
-            reader = stack.enter_context(GuardedReader(path, self._limits))
+            with heartbeats_of_another(ANSWER_S):  # it reads the whole file for the index
+                reader = stack.enter_context(GuardedReader(path, self._limits))
             return _Open(key, reader, stack.pop_all())
 
     def _give(self, borrowed: _Open) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import faulthandler
 import logging
+import os
 import shutil
 import sys
 import tempfile
@@ -34,6 +36,7 @@ from workers.faults import fault_from
 from workers.jobs.state_machine import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
 from workers.pools.base import Tell
+from workers.process.heartbeat import heartbeats
 from workers.process.logs import AttemptLog, captured, set_up_logs
 from workers.settings import FarmSettings
 
@@ -41,6 +44,8 @@ _LOG = logging.getLogger(__name__)
 
 
 SWITCH_INTERVAL_S = 0.0005
+HUNG_STATUS = 75
+"""Exit status of a process that has ended itself because an attempt hung in one of its threads (EX_TEMPFAIL)."""
 
 
 def prepare_process() -> None:
@@ -111,6 +116,15 @@ class Renderer:
         if self._owns_decoders:
             self._decoders.close()
 
+    @property
+    def pid(self) -> int:
+        return os.getpid()
+
+    def kill(self) -> None:
+        """End this process, because a thread that hangs cannot be ended. `impasto render` starts it again."""
+        faulthandler.dump_traceback(all_threads=True)
+        os._exit(HUNG_STATUS)
+
     def warm_up(self, stopped: Callable[[], bool] = lambda: False) -> None:
         """Load kernels before the first frame, once per process. May be called from any thread; never raises."""
         if self._warms_up:
@@ -131,11 +145,11 @@ class Renderer:
             cancelled: called about ten times a second; once it returns True, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
-            outcome = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
+            outcome, told = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, ""), _Told(report)
             _LOG.info("step %s, task %s", order.step, order.key)
             try:
-                with METER.attempt() as usage:
-                    outcome = self._run(order, report, cancelled)
+                with METER.attempt() as usage, heartbeats(told.repeat):
+                    outcome = self._run(order, told, cancelled)
                 outcome = replace(outcome, stages={**outcome.stages, **usage.measures()})
             except Cancelled:
                 outcome = replace(outcome, cancelled=True)
@@ -201,6 +215,20 @@ class Renderer:
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+class _Told:
+    """Passes progress on, and repeats the last one as a heartbeat."""
+
+    def __init__(self, report: Tell) -> None:
+        self._report, self._done = report, 0.0
+
+    def __call__(self, done: float, preview: str = "") -> None:
+        self._done = done
+        self._report(done, preview)
+
+    def repeat(self) -> None:
+        self._report(self._done)
 
 
 def remote_renderer(settings: FarmSettings, blobs: Blobs, scratch: Path | None) -> Renderer:

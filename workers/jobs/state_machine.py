@@ -240,8 +240,8 @@ def _interrupted(state: State, event: Interrupted) -> tuple[State, Effects]:
         counted,
         Fault(
             "interrupted",
-            f"The service died {times} times while this task ran.",
-            "Look for a lack of memory on the machine, then retry the job.",
+            f"The process of this task died or hung {times} times.",
+            "Look for a lack of memory on the machine, and at the task's log, then retry the job.",
         ),
     )
 

@@ -83,8 +83,8 @@ class _RenderActor:
         return f"{socket.gethostname()}:{os.getpid()}", ray.get_runtime_context().get_node_id()
 
     @ray.method(concurrency_group=CONTROL)
-    def progress(self) -> tuple[str, float, str]:
-        """(attempt id, 0..1, blob key of its newest frame) of the present attempt."""
+    def progress(self) -> tuple[str, float, str, int]:
+        """See `AttemptMonitor.progress`. Also answered while the attempt hangs in Python."""
         return self._monitor.progress()
 
     @ray.method(concurrency_group=CONTROL)

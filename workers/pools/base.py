@@ -75,8 +75,18 @@ class Pool(Protocol):
         """Ask a running attempt to stop; within a second it reports a cancelled outcome."""
         ...
 
-    def abandon(self, attempt_id: str) -> None:
-        """Give up an attempt that no longer reports; its worker is replaced."""
+    def abandon(self, attempt_id: str) -> str:
+        """End an attempt that hangs, with its process, which is replaced.
+
+        Returns:
+            What was seen of it, for the log. Empty: nothing was ended, because the attempt waits for its process to
+            start, which has a time limit of its own.
+        """
+        ...
+
+    def moved_bytes(self, attempt_id: str) -> int:
+        """Bytes that the attempt's process has read and written so far; 0 if that is not known. An attempt that moves
+        bytes does not hang."""
         ...
 
     def describe(self) -> dict[str, object]:

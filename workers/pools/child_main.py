@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import queue
+import signal
 import threading
 from functools import partial
 from multiprocessing.connection import Connection
@@ -14,11 +16,15 @@ from workers.execution.decoders import Decoders
 from workers.execution.handover import Handover
 from workers.execution.renderer import Renderer, Shared
 from workers.model import TaskOrder
-from workers.pools.child_runner import Cancel, Progress
+from workers.pools.child_runner import Cancel, Progress, WarmUp
 from workers.pools.local_pool import TaskRunner
 from workers.process.free_memory import keep_free_memory, limit_free_memory
 from workers.process.logs import set_up_logs
+from workers.process.starting import WARM_UP_THREAD
+from workers.process.vital_signs import show_stacks_on_signal
 from workers.settings import FarmSettings
+
+_PR_SET_PDEATHSIG = 1
 
 
 def main(descriptor: int, decoders: int) -> None:
@@ -28,6 +34,8 @@ def main(descriptor: int, decoders: int) -> None:
         descriptor: file descriptor of the connection to the parent.
         decoders: file descriptor of the connection to the parent's decoder server.
     """
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)  # also while native code holds the interpreter lock
+    show_stacks_on_signal()
     adopt_decoder_server(decoders)
     wire = Connection(descriptor)
     make_runner = wire.recv()
@@ -72,6 +80,9 @@ class _Child:
                 message = self._wire.recv()
                 if isinstance(message, Cancel):
                     self._cancelled = message.attempt_id
+                elif isinstance(message, WarmUp):
+                    warm_up = partial(self._runner.warm_up, lambda: False)
+                    threading.Thread(target=warm_up, name=WARM_UP_THREAD, daemon=True).start()
                 else:
                     self._orders.put(message)
         except (EOFError, OSError):

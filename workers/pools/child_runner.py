@@ -1,8 +1,7 @@
 """A runner whose orders run in a process of its own.
 
-A pool of threads runs attempts beyond the first ones in children: a thread of this process sends an order, passes
-reports on, and waits for the outcome. If a child crashes, for example in native code, only its attempt fails, and the
-next order gets a new child.
+A thread of this process sends an order, passes reports on, and waits for the outcome. If a child crashes or hangs, for
+example in native code, only its attempt ends, and the next order gets a new child.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import contextlib
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ sys.path.insert(0, sys.argv[3])
 from workers.pools.child_main import main
 main(int(sys.argv[1]), int(sys.argv[2]))"""
 """The child's program: imports the package from the same place as this process."""
-START_S = 120.0
+START_S = 50.0
 """Time limit of the child's imports, seconds."""
 CANCEL_S = 10.0
 """Time after which a cancelled attempt that does not end is killed with its child, seconds."""
@@ -54,6 +54,11 @@ class Cancel:
 
 
 @dataclass(frozen=True)
+class WarmUp:
+    """Message to the child: load kernels in the background."""
+
+
+@dataclass(frozen=True)
 class Progress:
     """Message of the child: see `workers.pools.base.Tell`."""
 
@@ -62,7 +67,8 @@ class Progress:
 
 
 class ChildRunner:
-    """Starts a child, which takes about a second, and runs one order at a time in it. Not thread-safe; close it.
+    """Starts a child, which takes about a second, and runs one order at a time in it. Close it. Only `kill` and
+    `warm_up` may be called from another thread.
 
     Args:
         make_runner: makes the runner in the child, to which it is pickled.
@@ -72,6 +78,7 @@ class ChildRunner:
 
     def __init__(self, make_runner: Callable[[], TaskRunner]) -> None:
         self._make_runner = make_runner
+        self._sending = threading.Lock()
         self._start()
 
     def _start(self) -> None:
@@ -109,10 +116,10 @@ class ChildRunner:
             self._start()
         kill_at = None
         with self._broken_wire():
-            self._wire.send(order)
+            self._send(order)
             while True:
                 if kill_at is None and cancelled():
-                    self._wire.send(Cancel(order.attempt_id))
+                    self._send(Cancel(order.attempt_id))
                     kill_at = time.monotonic() + CANCEL_S
                 if kill_at is not None and time.monotonic() > kill_at:
                     self.close()
@@ -125,7 +132,17 @@ class ChildRunner:
                 report(message.done, message.preview)
 
     def warm_up(self, stopped: Callable[[], bool]) -> None:
-        """Does nothing: a child loads kernels when it needs them."""
+        """Let the child load kernels in the background, until it ends."""
+        with contextlib.suppress(OSError):
+            self._send(WarmUp())
+
+    def kill(self) -> None:
+        """Kill the child; `run` raises ChildDied."""
+        self._process.kill()
+
+    def _send(self, message: object) -> None:
+        with self._sending:
+            self._wire.send(message)
 
     def close(self) -> None:
         """End the child, which ends when its connection is closed."""

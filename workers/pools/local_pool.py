@@ -1,7 +1,8 @@
-"""Runs attempts in threads of this process, and in child processes beyond the first threads.
+"""Runs attempts on this machine. Each worker of the pool is a thread that waits for one runner.
 
-NumPy, OpenCV, OpenCL and Numba release Python's interpreter lock, but not all the time: on a machine of many processors
-threads would wait for it (`workers.pools.child_runner`).
+The runner of a service is a child process (`workers.pools.child_runner`), because a thread cannot be ended when a
+library hangs in it. `impasto render` runs its first attempts in its own threads, which start at once, and ends the
+whole process instead.
 """
 
 from __future__ import annotations
@@ -25,12 +26,13 @@ from workers.operations import Slot
 from workers.pools.base import Report, Tell
 from workers.pools.machine import Machine
 from workers.process.starting import WARM_UP_THREAD
+from workers.process.vital_signs import diagnose_hang, moved_bytes
 
 log = logging.getLogger(__name__)
 
 _STOP_CHECK_S = 0.2
 """Interval at which an attempt that waits for memory checks whether it was stopped, seconds."""
-_REPORT_S = 30.0
+_REPORT_S = 10.0
 """Interval of reports of an attempt that waits for memory, seconds: without them it would count as lost."""
 
 Listen = Callable[[Report], None]
@@ -47,16 +49,26 @@ class TaskRunner(Protocol):
         """Warm up in the background, in parallel with `run`, until it is done or `stopped`."""
         ...
 
+    @property
+    def pid(self) -> int:
+        """Process in which it runs orders."""
+        ...
+
+    def kill(self) -> None:
+        """End an order that hangs, with its process. Called from another thread than `run`."""
+        ...
+
 
 @dataclass(order=True)
 class _Worker:
     """A thread that runs orders one after another."""
 
     number: int
-    child: bool = field(compare=False)
-    """Whether it runs them in a child process."""
     orders: queue.SimpleQueue[TaskOrder | None] = field(default_factory=queue.SimpleQueue, compare=False)
     thread: threading.Thread | None = field(default=None, compare=False)
+    runner: TaskRunner | None = field(default=None, compare=False)
+    last_attempt: str = field(default="", compare=False)
+    """Id of the last attempt, whose artefacts its process may still have in memory."""
 
     @property
     def name(self) -> str:
@@ -68,51 +80,46 @@ class _Worker:
 
 
 class LocalPool:
-    """A pool of threads. Each makes its runner at its first order. An order goes to the first idle thread. If there is
-    none, a child process starts for the orders that wait, until all children have started.
+    """A pool of workers. The first one starts with the pool, others when an order finds no idle worker; it goes to the
+    first worker that is ready.
 
     Args:
-        make_runner: makes a runner that works in this process.
+        make_runner: makes the runner of a worker, whose number is given: 0 for the first.
         workers: maximum number of attempts that run at once.
-        children: how many of them run in child processes.
-        make_child: makes a runner with a child process.
         machine: admits attempts by the resources that they need; None: always `workers` at once.
         task_memory_bytes: memory of a process with a task that declares no memory.
         close: releases what the runners share, after the last one has ended.
+        warm_up: warms up this process, until it is done or its argument returns True; then the first runner is warmed
+            up. None: nothing is.
     """
 
     shares_memory = False
-    child_idle_s = 600.0
-    """A child process that was idle for this long ends, seconds: it keeps a few hundred MB of memory."""
+    idle_s = 600.0
+    """A worker other than the first that was idle for this long ends, seconds: it keeps a few hundred MB of memory."""
 
     def __init__(
         self,
-        make_runner: Callable[[], TaskRunner],
+        make_runner: Callable[[int], TaskRunner],
         workers: int,
         machine: Machine | None = None,
         task_memory_bytes: int = 1 << 30,
         close: Callable[[], None] = lambda: None,
-        children: int = 0,
-        make_child: Callable[[], TaskRunner] | None = None,
+        warm_up: Callable[[Callable[[], bool]], None] | None = None,
     ) -> None:
         self.capacity = workers
-        self._make_runner, self._close = make_runner, close
-        self._unstarted = children
-        """Number of child processes that may still be started."""
-        self._make_child = make_child or make_runner
+        self._make_runner, self._close, self._warm_up = make_runner, close, warm_up
         self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._waiting: deque[TaskOrder] = deque()
         self._idle: list[_Worker] = []
         """Idle workers in the order in which they get orders."""
         self._stops: dict[str, threading.Event] = {}
-        self._busy: dict[str, str] = {}
-        self._abandoned: set[str] = set()
+        self._busy: dict[str, _Worker] = {}
         self._lock = threading.Lock()
         self._workers: list[_Worker] = []
-        self._count = 0
-        """Number of workers that were ever added."""
         self._stopping = threading.Event()
-        self._warming = threading.Thread(target=self._warm_up, name=WARM_UP_THREAD, daemon=True)
+        self._first_made = threading.Event()
+        """Set when the first worker has its runner."""
+        self._warming = threading.Thread(target=self._get_ready, name=WARM_UP_THREAD, daemon=True)
         self._listen: Listen = lambda report: None
         self._node = socket.gethostname()
         self._drained = False
@@ -120,23 +127,19 @@ class LocalPool:
     @property
     def free(self) -> int:
         with self._lock:
-            slots = 0 if self._drained else self.capacity - len(self._stops) + len(self._abandoned)
+            slots = 0 if self._drained else self.capacity - len(self._stops)
         return slots if self._machine is None else min(slots, self._machine.free)
 
     def drain(self, nodes: Collection[str]) -> None:
         self._drained = self._node in nodes
 
     def slots(self) -> tuple[Slot, ...]:
-        with self._lock:
-            given_up = {self._busy.get(attempt_id) for attempt_id in self._abandoned}
-            names = [worker.name for worker in self._workers if worker.alive and worker.name not in given_up]
-            names += [f"impasto-worker-{self._count + k}" for k in range(self._unstarted)]  # not started yet
-        return tuple(Slot(name, self._node) for name in names)
+        return tuple(Slot(_Worker(number).name, self._node) for number in range(self.capacity))
 
     def start(self, listen: Listen) -> None:
         self._listen = listen
-        for _ in range(self.capacity - self._unstarted):
-            self._add_worker(child=False)
+        with self._lock:
+            self._add_worker()
         self._warming.start()
 
     def submit(self, order: TaskOrder) -> None:
@@ -147,32 +150,45 @@ class LocalPool:
             self._machine.admit(order.attempt_id, share)
         with self._lock:
             if self._idle:
-                self._idle.pop(0).orders.put(order)
+                self._take_idle(order).orders.put(order)
                 return
             self._waiting.append(order)
-            starts, self._unstarted = self._unstarted > 0, max(0, self._unstarted - 1)
-        if starts:
-            self._add_worker(child=True)
+            if len(self._workers) < self.capacity:
+                self._add_worker()
+
+    def _take_idle(self, order: TaskOrder) -> _Worker:
+        """An idle worker, preferably one whose process has made an artefact that the order loads."""
+        makers = {key.rpartition("/")[0].rpartition("/")[2] for key in order.artefacts.values()}
+        chosen = next((worker for worker in self._idle if worker.last_attempt in makers), self._idle[0])
+        self._idle.remove(chosen)
+        return chosen
 
     def cancel(self, attempt_id: str) -> None:
         with self._lock:
             if stop := self._stops.get(attempt_id):
                 stop.set()
 
-    def abandon(self, attempt_id: str) -> None:
-        """Give up an attempt that does not answer. A thread cannot be killed, so another one takes its place."""
-        self.cancel(attempt_id)
+    def abandon(self, attempt_id: str) -> str:
         with self._lock:
-            if attempt_id not in self._busy or attempt_id in self._abandoned:
-                return
-            self._abandoned.add(attempt_id)
-            child = any(worker.child for worker in self._workers if worker.name == self._busy[attempt_id])
-        self._release(attempt_id)
-        self._add_worker(child)
+            worker = self._busy.get(attempt_id)
+            runner = None if worker is None else worker.runner
+        if runner is None:
+            return ""
+        found = diagnose_hang(runner.pid)
+        with self._lock:
+            if self._busy.get(attempt_id) is worker:  # it has not ended in the meantime
+                runner.kill()
+        return found
+
+    def moved_bytes(self, attempt_id: str) -> int:
+        with self._lock:
+            worker = self._busy.get(attempt_id)
+        return 0 if worker is None or worker.runner is None else moved_bytes(worker.runner.pid)
 
     def describe(self) -> dict[str, object]:
         with self._lock:
-            return {"kind": "local", "workers": self.capacity, "busy": dict(self._busy)}
+            busy = {attempt_id: worker.name for attempt_id, worker in self._busy.items()}
+        return {"kind": "local", "workers": self.capacity, "busy": busy}
 
     def stop(self, grace_s: float = 5.0) -> None:
         self._stopping.set()
@@ -187,75 +203,65 @@ class LocalPool:
             thread.join(max(0.0, deadline - time.monotonic()))
         self._close()
 
-    def _warm_up(self) -> None:
-        runner = self._make_runner()
-        runner.warm_up(self._stopping.is_set)
-        runner.close()
+    def _get_ready(self) -> None:
+        """Warm up this process, then the first worker, which loads from the cache what this process has compiled."""
+        if self._warm_up is None:
+            return
+        self._warm_up(self._stopping.is_set)
+        self._first_made.wait()
+        runner = self._workers[0].runner
+        if runner is not None:
+            runner.warm_up(self._stopping.is_set)
 
-    def _add_worker(self, child: bool) -> None:
-        with self._lock:
-            worker = _Worker(self._count, child)
-            self._count += 1
-            self._workers.append(worker)
-            if not child:  # a child takes orders when it has started
-                self._offer(worker)
+    def _add_worker(self) -> None:
+        """Start a worker, which takes orders once its runner is made. The caller has the lock."""
+        numbers = {worker.number for worker in self._workers}
+        worker = _Worker(next(number for number in range(self.capacity) if number not in numbers))
+        self._workers.append(worker)
         worker.thread = threading.Thread(target=self._work, args=(worker,), name=worker.name, daemon=True)
         worker.thread.start()
 
     def _offer(self, worker: _Worker) -> None:
-        """Give a worker the next order that waits, or make it idle. The caller has the lock."""
-        if self._waiting:
-            worker.orders.put(self._waiting.popleft())
-        else:
-            insort(self._idle, worker)
+        """Give a worker the next order that waits, or make it idle."""
+        with self._lock:
+            if self._waiting:
+                worker.orders.put(self._waiting.popleft())
+            else:
+                insort(self._idle, worker)
 
     def _work(self, worker: _Worker) -> None:
-        runner = self._start_child(worker) if worker.child else None
-        while (order := self._next_order(worker)) is not None:
-            runner = self._run(order, runner, worker)
-            if self._was_abandoned(order.attempt_id):
-                break  # another thread has taken this one's place
-            with self._lock:
-                self._offer(worker)
-        if runner is not None:
-            runner.close()
-
-    def _start_child(self, worker: _Worker) -> TaskRunner | None:
-        """A runner with a child process; None if it cannot be started, which the first order will report."""
         try:
-            return self._make_child()
-        except Exception:
+            worker.runner = self._make_runner(worker.number)
+        except Exception:  # the first order will report it
             log.warning("A worker process could not be started.", exc_info=True)
-            return None
-        finally:
-            with self._lock:
-                self._offer(worker)
+        self._first_made.set()
+        self._offer(worker)
+        while (order := self._next_order(worker)) is not None:
+            self._run(order, worker)
+            worker.last_attempt = order.attempt_id
+            self._offer(worker)
+        if worker.runner is not None:
+            worker.runner.close()
 
     def _next_order(self, worker: _Worker) -> TaskOrder | None:
-        """Wait for the next order. None: the worker shall end, because the pool ends or its child was idle for long."""
+        """Wait for the next order. None: the worker shall end, because the pool ends or the worker was idle for
+        long."""
         try:
-            return worker.orders.get(timeout=self.child_idle_s if worker.child else None)
+            return worker.orders.get(timeout=self.idle_s if worker.number else None)
         except queue.Empty:
             with self._lock:
                 if worker not in self._idle:
                     return worker.orders.get()  # an order has just come
                 self._idle.remove(worker)
                 self._workers.remove(worker)
-                self._unstarted += 1
             return None
 
-    def _was_abandoned(self, attempt_id: str) -> bool:
-        with self._lock:
-            was = attempt_id in self._abandoned
-            self._abandoned.discard(attempt_id)
-            return was
-
-    def _run(self, order: TaskOrder, runner: TaskRunner | None, worker: _Worker) -> TaskRunner | None:
-        """Run one order and report; returns the runner for the next one."""
+    def _run(self, order: TaskOrder, worker: _Worker) -> None:
+        """Run one order and report. A runner that raises is replaced before the next order."""
         attempt_id, name = order.attempt_id, worker.name
         with self._lock:
             stop = self._stops[attempt_id]
-            self._busy[attempt_id] = name
+            self._busy[attempt_id] = worker
         self._listen(Report(attempt_id, worker=name))
 
         def tell(done: float, preview: str = "") -> None:
@@ -263,18 +269,18 @@ class LocalPool:
 
         try:
             self._wait_for_memory(attempt_id, name, stop)
-            runner = runner or (self._make_child() if worker.child else self._make_runner())
-            outcome = runner.run(order, tell, stop.is_set)
+            worker.runner = worker.runner or self._make_runner(worker.number)
+            outcome = worker.runner.run(order, tell, stop.is_set)
         except BaseException as error:
             outcome = failed_outcome(attempt_id, error)
-            if runner is not None:
-                runner.close()
-            runner = None
-        self._release(attempt_id)
+            failed, worker.runner = worker.runner, None
+            if failed is not None:
+                failed.close()
+        if self._machine is not None:
+            self._machine.release(attempt_id)
         with self._lock:
             del self._stops[attempt_id], self._busy[attempt_id]
         self._listen(Report(attempt_id, 1.0, outcome, worker=name))
-        return runner
 
     def _wait_for_memory(self, attempt_id: str, name: str, stop: threading.Event) -> None:
         """Wait until the machine admits the attempt, or it is stopped; meanwhile report to the dispatcher that it is
@@ -284,10 +290,6 @@ class LocalPool:
             if time.monotonic() - reported_s > _REPORT_S:
                 reported_s = time.monotonic()
                 self._listen(Report(attempt_id, worker=f"{name} (waits for memory)"))
-
-    def _release(self, attempt_id: str) -> None:
-        if self._machine is not None:
-            self._machine.release(attempt_id)
 
 
 def task_cpus(order: TaskOrder) -> float:

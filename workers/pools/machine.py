@@ -22,8 +22,8 @@ from pipeline.processors import container_limit, usable_processors
 LIVE_CPUS = 2.0
 """Processors that a live session keeps busy: it analyses a frame while it paints the previous one."""
 THREADS_HERE = 2
-"""Attempts that run at once in threads of one process, before others get processes of their own: two threads wait
-little for the interpreter lock, share decoders, and pass artefacts on in memory."""
+"""Attempts of `impasto render` that run at once in threads of its process, before others get processes of their own:
+two threads wait little for the interpreter lock, share decoders, and pass artefacts on in memory."""
 UNUSED = 0.25
 """Part of the memory that tasks leave to the system, the service and its caches."""
 LEAST_BYTES = 64 << 20
@@ -103,10 +103,10 @@ class Machine:
         self._changed.notify_all()
 
 
-def child_workers(attempts: int, memory_bytes: int) -> int:
-    """How many of the attempts that run at once have child processes: those beyond `THREADS_HERE`, as long as the
-    processes take at most a quarter of the memory."""
-    return max(0, min(attempts - THREADS_HERE, memory_bytes // (4 * PROCESS_BYTES)))
+def most_processes(attempts: int, memory_bytes: int, threads: int = 0) -> int:
+    """How many of these attempts can run at once if each has a process, except those in `threads` of this one: as many
+    as take at most half of the memory, and at least one."""
+    return max(1, min(attempts, threads + memory_bytes // (2 * PROCESS_BYTES)))
 
 
 def this_machine() -> Machine:

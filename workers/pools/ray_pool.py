@@ -79,6 +79,8 @@ class _Worker:
     """Time since which it has waited for a machine and no idle actor was ended for it."""
     too_large_since: float | None = None
     """Time since which no machine of the cluster is large enough for it, even if idle; monotonic s."""
+    signs: int = -1
+    """Sign of life that its actor has last answered with."""
     answer: ObjectRef = None
     """Reference to the outcome of the attempt."""
 
@@ -188,11 +190,16 @@ class RayPool:
         if worker is not None:
             worker.actor.cancel.remote(attempt_id)
 
-    def abandon(self, attempt_id: str) -> None:
+    def abandon(self, attempt_id: str) -> str:
         worker = self._at_work(attempt_id)
-        if worker is not None:
-            ray.kill(worker.actor)
-            self._replace(worker)
+        if worker is None:
+            return "no actor runs it"
+        ray.kill(worker.actor)
+        self._replace(worker)
+        return f"the actor {worker.name} was killed"
+
+    def moved_bytes(self, attempt_id: str) -> int:
+        return 0  # actors count their bytes as signs of life
 
     def describe(self) -> dict[str, object]:
         with self._lock:
@@ -283,10 +290,11 @@ class RayPool:
 
     def _report_progress(self, ref: ObjectRef, worker: _Worker) -> None:
         try:
-            attempt_id, done, preview = ray.get(ref)
+            attempt_id, done, preview, signs = ray.get(ref)
         except RayError:
             return  # the outcome will report the error
-        if attempt_id == worker.attempt_id:
+        if attempt_id == worker.attempt_id and signs != worker.signs:
+            worker.signs = signs
             self._listen(Report(attempt_id, done, worker=worker.name, preview=preview))
 
     # -- actors

@@ -21,7 +21,7 @@ from workers.operations import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
 from workers.process.log_context import log_extra
 from workers.scheduling import step_planner
-from workers.scheduling.flights import Flight, facts_of, log_end, lost_outcome, stalled_outcome
+from workers.scheduling.flights import Flight, facts_of, log_end, log_hang, lost_outcome, stall_limit_s
 from workers.scheduling.orders import Orders
 from workers.scheduling.process_lock import ProcessLock
 from workers.scheduling.step_planner import StepPlanner, is_ours
@@ -42,6 +42,10 @@ _FULL_TICK_S = 5.0
 _CANCEL_CHECK_TICKS = 3
 """Maximum number of ticks between checks for attempts that another process has cancelled."""
 _MAX_BACK_OFF_S = 15.0
+_LATE_S = 5.0
+"""A gap between two ticks of this length is not counted as silence of the attempts, seconds."""
+_MOVES_BYTES = 1 << 20
+"""An attempt that has moved so many bytes since the last look does not hang."""
 _RESOURCE_AWAY_S = 3.0
 """Delay of a task after an unreachable store, a full disk or exhausted descriptors."""
 
@@ -85,7 +89,8 @@ class Dispatcher:
         self._slots: tuple[Slot, ...] | None = None
         """Slots as last written to the store."""
         self._running_parts = (
-            self._handle_reports, self._keep_leases, self._enrol, self._write_progress, self._revoke,
+            self._handle_reports, self._end_hanging, self._keep_leases, self._enrol, self._write_progress,
+            self._revoke,
         )  # fmt: skip
         """Functions for running attempts, called in every tick. Repeatable: an exception in the middle loses
         nothing."""
@@ -154,6 +159,7 @@ class Dispatcher:
         back_off, woken, searched = 0.0, True, float("-inf")
         while not self._stopping:
             self._wake.clear()
+            self._forgive(time.monotonic() - self._last_tick)
             self._last_tick = time.monotonic()
             try:
                 parts: list[Callable[[], None]] = [*self._running_parts]
@@ -213,7 +219,7 @@ class Dispatcher:
 
     def _take(self, report: Report) -> None:
         flight = self._flights.get(report.attempt_id)
-        if flight is None:
+        if flight is None or flight.hang:
             return  # already given up; the store would refuse it, too
         flight.last_report_s = time.monotonic()
         if report.worker and report.worker != flight.worker:
@@ -309,8 +315,37 @@ class Dispatcher:
             self._store.workers.enrol(self.id, self._who, slots)
             self._slots = slots
 
+    def _forgive(self, gap_s: float) -> None:
+        """Attempts are not silent while this thread was: the process was frozen, or the store did not answer."""
+        if gap_s > _LATE_S:
+            for flight in self._flights.values():
+                flight.last_report_s += gap_s
+
+    def _end_hanging(self) -> None:
+        """End attempts that hang in a library. They are not charged: they count as interrupted."""
+        now = time.monotonic()
+        for attempt_id, flight in list(self._flights.items()):
+            if now - flight.last_report_s > flight.stall_s / 3:
+                self._look_for_bytes(attempt_id, flight)
+            if now - flight.last_report_s <= flight.stall_s:
+                continue
+            if not flight.hang:
+                if not (seen := self._pool.abandon(attempt_id)):
+                    flight.last_report_s = now  # it has not begun
+                    continue
+                flight.hang = log_hang(attempt_id, flight, seen)
+            outcome = TaskOutcome(attempt_id, {}, {}, {}, None, {}, flight.hang)
+            self._store.queue.finish(outcome, machine.Interrupted(), flight.worker)
+            self._flights.pop(attempt_id, None)
+
+    def _look_for_bytes(self, attempt_id: str, flight: Flight) -> None:
+        """An attempt that moves bytes without reporting, for example a large file, does not hang."""
+        moved = self._pool.moved_bytes(attempt_id)
+        if moved - flight.moved_bytes >= _MOVES_BYTES:
+            flight.moved_bytes, flight.last_report_s = moved, time.monotonic() - flight.stall_s / 3
+
     def _revoke(self) -> None:
-        """Cancel attempts in the pool that no longer count (their job was cancelled), and give up silent ones."""
+        """Cancel attempts in the pool that no longer count, because their job was cancelled."""
         assert self._process_lock is not None
         now = time.monotonic()
         if not self._flights or now - self._last_cancel_check < _BUSY_TICK_S * min(self._pace(), _CANCEL_CHECK_TICKS):
@@ -321,9 +356,6 @@ class Dispatcher:
             if attempt_id not in mine and not flight.revoked:
                 flight.revoked = True
                 self._pool.cancel(attempt_id)
-            if now - flight.last_report_s > self._settings.stall_s:
-                self._receive(Report(attempt_id, outcome=stalled_outcome(attempt_id, self._settings.stall_s)))
-                self._pool.abandon(attempt_id)
 
     # -- new work
 
@@ -357,7 +389,9 @@ class Dispatcher:
     def _send(self, claim: Claim) -> None:
         """Submit a claimed task to the pool. An error becomes the attempt's outcome, so that its slot is free."""
         try:
-            self._pool.submit(self._orders.order(claim))
+            order = self._orders.order(claim)
+            self._flights[claim.attempt_id].stall_s = stall_limit_s(order, self._settings.stall_s)
+            self._pool.submit(order)
         except Exception as error:
             if not is_ours(error):
                 log.exception("an order failed", extra=log_extra(job=claim.job_id))

@@ -5,11 +5,14 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from workers.model import Fault, TaskOutcome
+from workers.model import Fault, TaskOrder, TaskOutcome
 from workers.pools.base import Report
 from workers.process.log_context import LogContext, log_extra
 
 log = logging.getLogger(__name__)
+
+_PIXELS = 3840 * 2160
+"""Pixels of the largest frames for which `FarmSettings.stall_s` is enough."""
 
 
 @dataclass
@@ -27,6 +30,12 @@ class Flight:
     reported: bool = True
     """Whether the store has the latest `progress` and `preview`."""
     revoked: bool = False
+    stall_s: float = float("inf")
+    """Time without a report after which it hangs, seconds."""
+    hang: str = ""
+    """What was seen of it when it was ended because it hangs; empty: it does not."""
+    moved_bytes: int = 0
+    """Bytes that its process had moved when that was last asked."""
 
 
 def facts_of(attempt_id: str, flight: Flight, **more: str) -> dict[str, LogContext]:
@@ -48,6 +57,18 @@ def lost_outcome(report: Report) -> TaskOutcome:
     return TaskOutcome(report.attempt_id, {}, {}, {}, None, {}, log_text, fault)
 
 
-def stalled_outcome(attempt_id: str, seconds: float) -> TaskOutcome:
-    fault = Fault("stalled", f"The task reported nothing for {seconds:.0f} s.", "See the log of the task, then retry.")
-    return TaskOutcome(attempt_id, {}, {}, {}, None, {}, "", fault)
+def stall_limit_s(order: TaskOrder, stall_s: float) -> float:
+    """Time without a report after which an attempt hangs, seconds. Larger frames take longer."""
+    video = order.input_info.get("video", {})
+    return stall_s * max(1.0, int(video.get("width", 0)) * int(video.get("height", 0)) / _PIXELS)
+
+
+def log_hang(attempt_id: str, flight: Flight, seen: str) -> str:
+    """Log that the attempt hangs; returns the text for the log of the attempt.
+
+    Args:
+        seen: what the pool has seen of it.
+    """
+    message = f"The attempt reported nothing for {flight.stall_s:.0f} s, and its process was ended: {seen}."
+    log.warning("%s", message, extra=facts_of(attempt_id, flight, worker=flight.worker))
+    return message
