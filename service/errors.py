@@ -3,7 +3,7 @@
 ImpastoError
 └── RequestError                errors of the HTTP request itself
     ├── BadRequest 400          ├── MethodNotAllowed 405     ├── RangeNotSatisfiable 416
-    │   └── BadJson 400         ├── RequestTimeout 408       ├── Locked 423
+    │                           ├── RequestTimeout 408       ├── Locked 423
     ├── Unauthorized 401        ├── OffsetMismatch 409       ├── RateLimited 429
     ├── Forbidden 403           ├── WrongVersion 412         ├── ChecksumMismatch 460
     ├── Gone 410                ├── UnsupportedMediaType 415 ├── Busy 503
@@ -31,6 +31,7 @@ from workers.live.worker import NoLiveWorker
 from workers.model import Json
 from workers.projects.faults import BadProject
 from workers.projects.model import VersionMismatch
+from workers.strict_json import BadJson
 
 log = logging.getLogger(__name__)
 
@@ -56,10 +57,6 @@ class RequestError(ImpastoError):
 
 class BadRequest(RequestError):
     code = "bad-request"
-
-
-class BadJson(BadRequest):
-    code = "bad-json"
 
 
 class BadMessage(RequestError):

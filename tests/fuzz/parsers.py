@@ -17,7 +17,7 @@ from pipeline.methods.base import seeded
 from pipeline.video.guard import wire
 from service.access.gate import _bearer
 from service.assets.multipart import FileReceiver
-from service.bodies import strict_json
+from workers.strict_json import strict_json
 from service.live.frames import Header as FrameHeader
 from service.live.frames import pack, unpack
 from service.live.messages import parse

@@ -23,7 +23,7 @@ from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
 from pipeline.video.stills import decode_rgb, encode_png
 from service.access.gate import KEY_PROTOCOL, _bearer, _offered
-from service.bodies import strict_json
+from workers.strict_json import strict_json
 from service.errors import RangeNotSatisfiable
 from service.serving import disposition, wanted
 from service.uploads.headers import Checksum, filename, whole_number

@@ -26,6 +26,7 @@ from workers.projects.sources import layer_sources
 from workers.projects.submissions import Selection, Submission, submissions
 from workers.store.projects import Draft, StoredProjects
 from workers.store.reuse import Reuse
+from workers.strict_json import check_value
 
 Sources = tuple[LayerSources, ...]
 
@@ -266,6 +267,7 @@ def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
 
 
 def _draft(value: Json, author: str) -> Draft:
+    check_value(value)
     document = parse_document(value)
     draft = Draft(value, document.name, document.asset_ids, author)
     if draft.size_bytes > MAX_DOCUMENT_BYTES:
