@@ -44,6 +44,9 @@ SECURITY_HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
+MAX_PLACES = 100
+"""Faults of a request or a document that an answer contains."""
+
 
 class RequestError(ImpastoError):
     """An error of the request. `headers` are added to the answer."""
@@ -245,7 +248,7 @@ def problem(error: ImpastoError, instance: str) -> Problem:
 
 def _places(error: ImpastoError) -> list[ProblemPlace] | None:
     if isinstance(error, BadProject):
-        return [ProblemPlace(**vars(fault)) for fault in error.errors]
+        return [ProblemPlace(**vars(fault)) for fault in error.errors[:MAX_PLACES]]
     return [_place(one) for one in (error, *error.others)] if error.others else None
 
 
@@ -311,8 +314,8 @@ def _on_validation(request: Request, error: Exception) -> Response:
 
 
 def from_validation(error: RequestValidationError) -> ImpastoError:
-    """The errors of a validation: the first one, which contains the others."""
-    return together([_from_detail(found) for found in error.errors()])
+    """The errors of a validation: the first one, which contains the others, at most `MAX_PLACES`."""
+    return together([_from_detail(found) for found in error.errors()[:MAX_PLACES]])
 
 
 def _from_detail(found: Json) -> ImpastoError:
