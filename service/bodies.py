@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import math
-import re
 import time
 from collections.abc import AsyncIterator, Sequence
-from itertools import accumulate
+from contextlib import AsyncExitStack, asynccontextmanager
 from typing import NoReturn
+from weakref import WeakValueDictionary
 
-from pydantic import JsonValue
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pipeline.errors import ImpastoError
-from service.errors import BadJson, BodyTooLarge, RequestTimeout, UnsupportedMediaType, respond
+from service.errors import BodyTooLarge, Busy, RequestTimeout, UnsupportedMediaType, respond
+from workers.strict_json import MAX_VALUES, strict_json
 
 MIN_BYTES_PER_S = 1024
 """Minimum rate of a body; slower ones are aborted, because each occupies a connection."""
-MAX_DEPTH = 64
-"""Maximum depth of lists and objects in a JSON body."""
-_STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
-_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+LARGE_BYTES = 64 * 1024
+"""A larger body needs a slot until the answer begins: parsed, it may take fifty times its size."""
+LARGE_AT_ONCE = 4
+LARGE_WAIT_S = 10.0
 STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import", "/v1/live/whip", "/v1/live/whep")
 """Paths whose routes read the body themselves."""
 
@@ -43,30 +42,77 @@ class JsonBodies:
 
     def __init__(self, app: ASGIApp, max_bytes: int, max_project_bytes: int, idle_s: float) -> None:
         self._app, self._max_bytes, self._idle_s = app, max_bytes, idle_s
-        self._max_project_bytes = max_project_bytes
+        self._max_project_bytes, self._large = max_project_bytes, LargeBodies()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["path"].startswith(STREAMED):
             await self._app(scope, receive, send)
             return
-        try:
-            body = await self._read(scope, receive)
-        except ImpastoError as error:
-            await respond(error, scope["path"])(scope, receive, send)
-            return
-        except ClientDisconnect:
-            return
-        await self._app(scope, _replay(body, receive), send)
+        async with AsyncExitStack() as until_answered:
+            try:
+                body = await self._read(scope, receive, until_answered)
+            except ImpastoError as error:
+                await respond(error, scope["path"])(scope, receive, send)
+                return
+            except ClientDisconnect:
+                return
 
-    async def _read(self, scope: Scope, receive: Receive) -> bytes:
-        limit = self._max_project_bytes if scope["path"].startswith(PROJECTS) else self._max_bytes
-        parts = [chunk async for chunk in chunks(Request(scope, receive), limit, self._idle_s)]
+            async def answer(message: Message) -> None:
+                await until_answered.aclose()
+                await send(message)
+
+            await self._app(scope, _replay(body, receive), answer)
+
+    async def _read(self, scope: Scope, receive: Receive, until_answered: AsyncExitStack) -> bytes:
+        project = scope["path"].startswith(PROJECTS)
+        limit = self._max_project_bytes if project else self._max_bytes
+        parts: list[bytes] = []
+        total = 0
+        async for chunk in chunks(Request(scope, receive), limit, self._idle_s):
+            parts.append(chunk)
+            total += len(chunk)
+            if total > LARGE_BYTES >= total - len(chunk):
+                await until_answered.enter_async_context(self._large.one(_owner(scope)))
         body = b"".join(parts)
         if body:
-            patch = scope["method"] == "PATCH" and scope["path"].startswith(PROJECTS)
-            _check_type(Headers(scope=scope).get("content-type", ""), PATCHES if patch else ("application/json",))
-            strict_json(body)
+            patches = PATCHES if project and scope["method"] == "PATCH" else ("application/json",)
+            _check_type(Headers(scope=scope).get("content-type", ""), patches)
+            await self._check(body, MAX_VALUES if project else MAX_VALUES // 10)
         return body
+
+    async def _check(self, body: bytes, max_values: int) -> None:
+        if len(body) > LARGE_BYTES:
+            await run_in_threadpool(strict_json, body, max_values)
+        else:
+            strict_json(body, max_values)
+
+
+class LargeBodies:
+    """Slots of requests whose bodies are larger than `LARGE_BYTES`. A body that waits for a slot is not read on."""
+
+    def __init__(self) -> None:
+        self._slots = asyncio.Semaphore(LARGE_AT_ONCE)
+        self._owners: WeakValueDictionary[str, asyncio.Semaphore] = WeakValueDictionary()
+
+    @asynccontextmanager
+    async def one(self, owner: str) -> AsyncIterator[None]:
+        """Hold a slot while the block runs; an owner holds half of them at most. Raises Busy."""
+        own = self._owners.setdefault(owner, asyncio.Semaphore(LARGE_AT_ONCE // 2))
+        async with AsyncExitStack() as held:
+            try:
+                async with asyncio.timeout(LARGE_WAIT_S):
+                    await held.enter_async_context(own)
+                    await held.enter_async_context(self._slots)
+            except TimeoutError:
+                raise Busy(
+                    "Too many large bodies are being read.", field="body", remedy="Send fewer at once, or try again."
+                ) from None
+            yield
+
+
+def _owner(scope: Scope) -> str:
+    principal = scope.get("state", {}).get("principal")
+    return principal.owner if principal is not None else "@"
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:
@@ -128,41 +174,3 @@ def _too_slow(received: int) -> RequestTimeout:
 
 def _too_large(max_bytes: int, value: object) -> NoReturn:
     raise BodyTooLarge(f"The body is larger than {max_bytes} bytes.", field="body", value=value, remedy="Send less.")
-
-
-def strict_json(body: bytes) -> JsonValue:
-    """Parse JSON by RFC 8259: no NaN or Infinity, numbers within float64, valid Unicode without NUL, bounded depth.
-
-    Raises: BadJson.
-    """
-    _check_depth(body)
-    try:
-        parsed: JsonValue = json.loads(body, parse_constant=_no_constant, parse_float=_finite)
-        text = json.dumps(parsed, ensure_ascii=False)
-        text.encode()
-    except (ValueError, RecursionError) as error:
-        raise BadJson("The body is not JSON.", field="body", remedy=f"Correct it: {error}.") from None
-    if "\\u0000" in text:
-        raise BadJson("The body contains a NUL character.", field="body", remedy="Remove it.")
-    return parsed
-
-
-def _check_depth(body: bytes) -> None:
-    """Refuse deep nesting before a recursive parser reads it. Brackets inside strings do not count."""
-    brackets = _STRINGS.sub(b"", body).translate(None, _NO_BRACKETS)
-    depth = max(accumulate(1 if byte in b"[{" else -1 for byte in brackets), default=0)
-    if depth > MAX_DEPTH:
-        raise BadJson(
-            f"The body nests deeper than {MAX_DEPTH} levels.", field="body", value=depth, remedy="Nest less deeply."
-        )
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not a JSON number")
-
-
-def _finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"{text[:40]} is too large for a number")
-    return number

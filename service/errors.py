@@ -3,7 +3,7 @@
 ImpastoError
 └── RequestError                errors of the HTTP request itself
     ├── BadRequest 400          ├── MethodNotAllowed 405     ├── RangeNotSatisfiable 416
-    │   └── BadJson 400         ├── RequestTimeout 408       ├── Locked 423
+    │                           ├── RequestTimeout 408       ├── Locked 423
     ├── Unauthorized 401        ├── OffsetMismatch 409       ├── RateLimited 429
     ├── Forbidden 403           ├── WrongVersion 412         ├── ChecksumMismatch 460
     ├── Gone 410                ├── UnsupportedMediaType 415 ├── Busy 503
@@ -31,6 +31,7 @@ from workers.live.worker import NoLiveWorker
 from workers.model import Json
 from workers.projects.faults import BadProject
 from workers.projects.model import VersionMismatch
+from workers.strict_json import BadJson
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +43,9 @@ SECURITY_HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
+
+MAX_PLACES = 100
+"""Faults of a request or a document that an answer contains."""
 
 
 class RequestError(ImpastoError):
@@ -56,10 +60,6 @@ class RequestError(ImpastoError):
 
 class BadRequest(RequestError):
     code = "bad-request"
-
-
-class BadJson(BadRequest):
-    code = "bad-json"
 
 
 class BadMessage(RequestError):
@@ -248,7 +248,7 @@ def problem(error: ImpastoError, instance: str) -> Problem:
 
 def _places(error: ImpastoError) -> list[ProblemPlace] | None:
     if isinstance(error, BadProject):
-        return [ProblemPlace(**vars(fault)) for fault in error.errors]
+        return [ProblemPlace(**vars(fault)) for fault in error.errors[:MAX_PLACES]]
     return [_place(one) for one in (error, *error.others)] if error.others else None
 
 
@@ -314,8 +314,8 @@ def _on_validation(request: Request, error: Exception) -> Response:
 
 
 def from_validation(error: RequestValidationError) -> ImpastoError:
-    """The errors of a validation: the first one, which contains the others."""
-    return together([_from_detail(found) for found in error.errors()])
+    """The errors of a validation: the first one, which contains the others, at most `MAX_PLACES`."""
+    return together([_from_detail(found) for found in error.errors()[:MAX_PLACES]])
 
 
 def _from_detail(found: Json) -> ImpastoError:

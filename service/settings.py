@@ -26,7 +26,8 @@ class Settings(BaseSettings, FarmSettings):
     port: int = Field(default=8420, ge=0, le=65535)
 
     auth: Literal["auto", "required", "off"] = "auto"
-    """"auto": a key is required unless the service is bound to loopback."""
+    """"auto": a key is required unless the service is bound to loopback. "off": none is required; the service then
+    answers requests to names of loopback, to IP addresses, and to `allowed_hosts`."""
     admin_key: SecretStr | None = None
     """A key with every scope that is not stored, for a new server without keys."""
     allowed_hosts: frozenset[str] = frozenset()
@@ -106,7 +107,13 @@ def is_loopback(host: str) -> bool:
     """Whether `host` (a name or address without port) always means this machine."""
     if host.lower().rstrip(".") == "localhost":
         return True
+    return is_address(host) and ipaddress.ip_address(host.strip("[]")).is_loopback
+
+
+def is_address(host: str) -> bool:
+    """Whether `host` is an IP address, not a name."""
     try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
+        ipaddress.ip_address(host.strip("[]"))
     except ValueError:
         return False
+    return True

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from impasto.cli.rendering import RenderOrder
 from impasto.delivery import Target
 from pipeline.errors import BadInput
 from workers.model import Asset, JobRequest, OutputSpec
-from workers.projects.archive import MANIFEST, ProjectArchive, open_project
+from workers.projects.archive import ProjectArchive, open_project
 from workers.projects.checking import problems
 from workers.projects.document import Document
 from workers.projects.faults import refuse_if_any
@@ -18,14 +17,6 @@ from workers.projects.materials import Material, Uploaded, write_material
 from workers.projects.parsing import parse_document
 from workers.projects.submissions import Selection, Submission, submissions
 from workers.settings import FarmSettings
-
-
-def is_project(path: Path) -> bool:
-    """Whether the file is a project that a service exported."""
-    if not path.is_file() or not zipfile.is_zipfile(path):
-        return False
-    with zipfile.ZipFile(path) as archive:
-        return MANIFEST in archive.namelist()
 
 
 def project_order(

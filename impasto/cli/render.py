@@ -181,10 +181,11 @@ def _print_estimate(order: RenderOrder, home: Path, as_json: bool) -> None:
 def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     """The order for a video or an image, or for the shot of an exported project."""
     from impasto.cli.input_files import plain
-    from impasto.cli.project import is_project, project_order
+    from impasto.cli.project import project_order
     from impasto.cli.rendering import RenderOrder
     from impasto.delivery import target
     from workers.model import JobRequest, OutputSpec
+    from workers.projects.archive import is_project
 
     output = options.output or str(scratch / "estimate.mp4")
     where, artefacts, frames = target(output), artefacts_of(options.artefact or []), frames_of(options.frames)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hmac
 import math
-from urllib.parse import urlsplit
+import re
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
@@ -14,7 +14,7 @@ from pipeline.errors import ImpastoError
 from service.access.keys import EVERYONE, OPERATOR, Principal
 from service.access.rates import Rates
 from service.errors import Forbidden, RateLimited, Unauthorized, respond, retry_after
-from service.settings import Settings, is_loopback
+from service.settings import Settings, is_address, is_loopback
 from workers.store.keys import Keys
 
 GUARDED = ("/v1/", "/metrics")
@@ -25,6 +25,8 @@ SHARED = "/v1/shared/"
 
 KEY_PROTOCOL = "impasto.key."
 """Prefix of a WebSocket subprotocol that carries a key."""
+
+_HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:\d{1,5})?")
 
 
 class Gate:
@@ -88,9 +90,9 @@ class Gate:
     def _check_local(self, headers: Headers, scheme: str) -> None:
         """Without keys, pages of other origins must not reach the service, neither directly nor by DNS rebinding."""
         host = headers.get("host", "")
-        if self._settings.auth == "auto" and not self._local_name(host):
+        if not self._trusted(host):
             raise Forbidden(
-                "This service answers requests to this machine only.",
+                "This service does not answer requests to this name without a key.",
                 field="Host",
                 value=host,
                 remedy="Use http://127.0.0.1, add the name to IMPASTO_ALLOWED_HOSTS, or use an API key.",
@@ -105,12 +107,15 @@ class Gate:
                 remedy="Use the service's own page, or an API key from a program.",
             )
 
-    def _local_name(self, host: str) -> bool:
-        try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
+    def _trusted(self, host: str) -> bool:
+        """Whether a Host header is a name that nobody else can point at this machine: of loopback, allowed by the
+        operator, or with `auth` "off" the address itself, which DNS does not resolve."""
+        found = _HOST.fullmatch(host)
+        if found is None:
             return False
-        return is_loopback(name) or name in self._settings.allowed_hosts
+        name = found["name"].strip("[]").lower().rstrip(".")
+        allowed = {one.lower() for one in self._settings.allowed_hosts}
+        return is_loopback(name) or name in allowed or (self._settings.auth == "off" and is_address(name))
 
 
 def _bearer(headers: Headers) -> str | None:

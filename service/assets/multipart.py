@@ -10,7 +10,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from service.errors import BadRequest, UnsupportedMediaType
-from service.uploads.names import check_filename
+from workers.filenames import check_filename
 
 FIELD = "file"
 

@@ -7,12 +7,14 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from pipeline.errors import BadParameter, ImpastoError
-from service.bodies import strict_json
-from service.errors import BadJson, BadMessage, Problem
+from service.errors import BadMessage, Problem
 from workers.live.codecs import webcodecs_name
 from workers.model import MAX_SEED, Json
+from workers.strict_json import BadJson, strict_json
 
 VERSION = 1
+MAX_VALUES = 10_000
+"""Values in one message."""
 Codecs = Annotated[list[str], Field(min_length=1, max_length=16)]
 
 
@@ -217,7 +219,7 @@ def parse(text: str) -> Incoming:
         BadParameter: a field is missing, unknown or invalid.
     """
     try:
-        data = strict_json(text.encode())
+        data = strict_json(text.encode(), MAX_VALUES)
     except (BadJson, UnicodeEncodeError):
         raise BadMessage(
             "Text messages must be JSON.", field="message", value=text[:80], remedy="See docs/live.md for the messages."

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
 from service.access.keys import Principal, Scope
@@ -39,8 +39,8 @@ class Connected(Protocol):
 class LiveSession:
     """A live session: its slot, its stream, and the connection that it serves."""
 
-    def __init__(self, place: SessionSlot, owner: str) -> None:
-        self.id = new_id("liv_")
+    def __init__(self, place: SessionSlot, owner: str, session_id: str) -> None:
+        self.id = session_id
         self.owner = owner
         self.place = place
         self.stream: Stream | None = None
@@ -67,16 +67,25 @@ class Sessions:
         self._resume_s = resume_s
         self._sessions: dict[str, LiveSession] = {}
         self._closing = False
+        self.closers: list[Callable[[], Awaitable[None]]] = []
+        """Called by `close`, for connections that have no session."""
         self._ends: set[asyncio.Task[None]] = set()
 
-    async def claim(self, session_id: str | None, principal: Principal, connection: Connected) -> LiveSession:
-        """The caller's session of that id, whose present connection is closed; otherwise a new session.
+    def check_free(self) -> None:
+        """Raise NoLiveWorker if `claim` would raise it for a new session now."""
+        self.live.place().release()
+
+    async def claim(
+        self, session_id: str | None, principal: Principal, connection: Connected, named: str = ""
+    ) -> LiveSession:
+        """The caller's session of that id, whose present connection is closed; otherwise a new session, whose id is
+        `named` if that is not empty.
 
         Raises NoLiveWorker.
         """
         known = self._sessions.get(session_id or "")
         if known is None or known.owner != principal.owner:
-            known = LiveSession(self.live.place(), principal.owner)
+            known = LiveSession(self.live.place(), principal.owner, named or new_id("liv_"))
             self._sessions[known.id] = known
         before, known.connection = known.connection, connection
         if known.expiry is not None:
@@ -141,6 +150,7 @@ class Sessions:
     async def close(self) -> None:
         """Stop: close every connection with "going-away" and end every session."""
         self._closing = True
+        await asyncio.gather(*(close() for close in self.closers))
         ending = Ending("going-away", "The service stops.", remedy="Connect again in a moment.")
         connected = [s.connection for s in self._sessions.values() if s.connection is not None]
         await asyncio.gather(*(connection.stop(ending) for connection in connected))

@@ -13,7 +13,7 @@ from starlette.responses import FileResponse
 
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.assets.adopt import check_quota, disk_faults, upload_folder
+from service.assets.adopt import check_free_space, check_quota, disk_faults, upload_folder
 from service.bodies import chunks
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import etag, find_project
@@ -75,7 +75,11 @@ async def _receive(request: Request, context: ServiceContext, path: Path) -> Non
 
 
 def _load(context: ServiceContext, caller: Principal, path: Path) -> ProjectOut:
-    limit = _MOST_TIMES * context.settings.max_asset_bytes
-    project = context.farm.projects.load(path, caller.owner, limit, lambda size: check_quota(context, caller, size))
+    def admit(size_bytes: int) -> None:
+        check_quota(context, caller, size_bytes)
+        check_free_space(context, size_bytes)
+
+    with disk_faults():
+        project = context.farm.projects.load(path, caller.owner, _MOST_TIMES * context.settings.max_asset_bytes, admit)
     _, document = context.farm.projects.document(project.id)
     return project_out(project, document)

@@ -8,7 +8,7 @@ from fastapi import Body, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, Submitter
-from service.errors import BadJson, UnsupportedMediaType
+from service.errors import UnsupportedMediaType
 from service.projects.lookup import IfMatch, etag, expected_version, find_project
 from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out
 from service.routing import Router
@@ -19,6 +19,7 @@ from workers.projects.document import empty, json_schema
 from workers.projects.model import Project
 from workers.projects.parsing import parse_document
 from workers.projects.patching import merged, patched
+from workers.strict_json import BadJson
 
 router = Router(prefix="/v1/projects", tags=["projects"])
 

@@ -13,7 +13,7 @@ from starlette.datastructures import Headers
 
 from pipeline.errors import BadParameter
 from service.errors import BadRequest, ChecksumMismatch, UnsupportedMediaType, WrongVersion
-from service.uploads.names import check_filename
+from workers.filenames import check_filename
 
 VERSION = "1.0.0"
 EXTENSIONS = "creation,creation-with-upload,expiration,termination,checksum"

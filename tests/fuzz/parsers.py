@@ -17,23 +17,23 @@ from pipeline.methods.base import seeded
 from pipeline.video.guard import wire
 from service.access.gate import _bearer
 from service.assets.multipart import FileReceiver
-from service.bodies import strict_json
 from service.live.frames import Header as FrameHeader
 from service.live.frames import pack, unpack
 from service.live.messages import parse
 from service.projects.tokens import Claims, sign, verify
 from service.serving import disposition, wanted
 from service.uploads.headers import Checksum, filename, whole_number
-from service.uploads.names import check_filename
 from service.webhooks.targets import is_public
 from tests.fuzz.ledger import Run
 from tests.fuzz.mutate import mutated
 from tests.fuzz.service import document
 from tests.fuzz.values import Random, changed_json, changed_text
 from workers.blobs.keys import check_key
+from workers.filenames import check_filename
 from workers.projects.parsing import parse_document
 from workers.projects.patching import merged, patched
 from workers.store.records import unpack_cursor
+from workers.strict_json import strict_json
 
 STEP = 200
 """Number of cases of every parser in a step."""

@@ -204,15 +204,31 @@ def test_an_admin_creates_and_revokes_keys(settings: Settings, farm: DrivenFarm)
 # -- open on loopback
 
 
+FOREIGN = ["evil.example", "127.0.0.1.evil.example", "[::1", "", "evil@127.0.0.1", "evil@127.0.0.1:8420", "127.0.0.1/x"]
+
+
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8420", "localhost:1", "[::1]:8420", "LOCALHOST"])
 def test_loopback_requests_need_no_key(client: TestClient, host: str) -> None:
     assert client.get("/v1/jobs", headers={"Host": host}).status_code == 200
 
 
-@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "0.0.0.0:8420", "192.168.0.1", "[::1", ""])
+@pytest.mark.parametrize("host", ["0.0.0.0:8420", "192.168.0.1", *FOREIGN])
 def test_an_unknown_host_header_is_refused(client: TestClient, host: str) -> None:
     answer = client.get("/v1/jobs", headers={"Host": host})
     assert (answer.status_code, answer.json()["field"]) == (403, "Host")
+
+
+@pytest.mark.parametrize("bound", ["127.0.0.1", "0.0.0.0"])
+def test_the_host_header_is_checked_without_authentication(settings: Settings, farm: DrivenFarm, bound: str) -> None:
+    more = {"auth": "off", "host": bound, "allowed_hosts": frozenset({"Studio.local"})}
+    client = TestClient(create_app(settings.model_copy(update=more), farm), "http://127.0.0.1:8420")
+    for host in FOREIGN:
+        answer = client.get("/v1/jobs", headers={"Host": host})
+        assert (answer.status_code, answer.json()["field"]) == (403, "Host"), host
+        rebound = {"Host": host, "Origin": f"http://{host}"}
+        assert client.post("/v1/projects", json={"name": "x"}, headers=rebound).status_code == 403, host
+    for host in ("127.0.0.1:8420", "192.168.0.7:8420", "[fd00::7]:80", "studio.local", "localhost"):
+        assert client.get("/v1/jobs", headers={"Host": host}).status_code == 200, host
 
 
 @pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:9999", "https://127.0.0.1:8420"])

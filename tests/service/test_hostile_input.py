@@ -23,15 +23,15 @@ from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
 from pipeline.video.stills import decode_rgb, encode_png
 from service.access.gate import KEY_PROTOCOL, _bearer, _offered
-from service.bodies import strict_json
 from service.errors import RangeNotSatisfiable
 from service.serving import disposition, wanted
 from service.uploads.headers import Checksum, filename, whole_number
-from service.uploads.names import check_filename
 from service.webhooks.targets import check_target, is_public
 from tests.conftest import tiny_frame
 from workers.blobs.keys import check_key
 from workers.execution.arrays import read_arrays
+from workers.filenames import check_filename
+from workers.strict_json import strict_json
 
 CHEAP = settings(
     max_examples=200, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)

@@ -86,6 +86,10 @@ async def test_bad_webrtc_requests_are_refused(url: str) -> None:
             ("whip?method=echo", "x" * 70_000, SDP, 413, "body"),
             ("whip?method=cat", offer, SDP, 422, "method"),
             ("whip?method=echo&params=3", offer, SDP, 422, "params"),
+            ("whip?method=echo&params=" + "[" * 3000, offer, SDP, 422, "params"),
+            ("whip?method=echo&params=NaN", offer, SDP, 422, "params"),
+            ("whip?method=echo", offer + section(offer) * 6, SDP, 422, "body"),
+            ("whip?method=echo", offer + DATA, SDP, 422, "body"),
             ("whip?method=echo&params=%7B%22add%22%3A999%7D", offer, SDP, 422, "params.add"),
             ("whip?method=echo&prefer=fast", offer, SDP, 422, "prefer"),
             ("whip?method=echo&filter=echo", offer, SDP, 422, "filter.method"),
@@ -99,10 +103,59 @@ async def test_bad_webrtc_requests_are_refused(url: str) -> None:
     assert free(url) == 2
 
 
+DATA = "m=application 9 UDP/DTLS/SCTP webrtc-datachannel\r\na=mid:9\r\na=sctp-port:5000\r\n"
+
+
+def section(offer: str) -> str:
+    """The offer's section of its video stream."""
+    return offer[offer.index("m=video") :]
+
+
 def with_video() -> RTCPeerConnection:
     peer = RTCPeerConnection()
     peer.addTransceiver("video")
     return peer
+
+
+class Heard(asyncio.DatagramProtocol):
+    """Counts datagrams."""
+
+    count = 0
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self.count += 1
+
+
+@looped
+async def test_no_packet_is_sent_to_an_address_that_an_offer_names(url: str) -> None:
+    transport, heard = await asyncio.get_running_loop().create_datagram_endpoint(Heard, ("127.0.0.1", 0))
+    port = transport.get_extra_info("sockname")[1]
+    named = [f"a=candidate:{n} 1 udp {2130706431 - n} 127.0.0.1 {port} typ host\r\n" for n in range(300)]
+    named += [f"a=candidate:{n} 1 udp 1 name-{n}.local {port} typ host\r\n" for n in range(300)]
+    offer = await offered(with_video()) + "".join(named)
+    async with httpx.AsyncClient(base_url=url) as http:
+        answer = await http.post("/v1/live/whip?method=echo", content=offer, headers=SDP)
+        assert answer.status_code == 201
+        await asyncio.sleep(2)
+        assert heard.count == 0
+        await http.delete(answer.headers["Location"])
+    transport.close()
+
+
+@looped
+async def test_an_offer_that_never_connects_holds_no_session(url: str) -> None:
+    offer = await offered(with_video())
+    async with httpx.AsyncClient(base_url=url) as http:
+        found = [await http.post("/v1/live/whip?method=echo", content=offer, headers=SDP) for _ in range(6)]
+        assert [answer.status_code for answer in found] == [201] * 4 + [503] * 2
+        assert free(url) == 2
+        async with live(url) as client:
+            await hello(client)
+        for answer in found[:4]:
+            await http.delete(answer.headers["Location"])
+        again = await http.post("/v1/live/whip?method=echo", content=offer, headers=SDP)
+        assert again.status_code == 201
+        await http.delete(again.headers["Location"])
 
 
 @looped

@@ -79,6 +79,17 @@ _LEVELS = (
 """H.264 levels times ten: macroblocks a frame and a second (ITU-T H.264, table A-1)."""
 
 
+def video_context(codec: str, max_side_px: int) -> VideoCodecContext:
+    """FFmpeg's own decoder of `codec`, one of BUILT_ON. It reads the size of a picture from the header, and refuses one
+    of more than `max_side_px`**2 pixels before it allocates memory; libvpx would not."""
+    context = Codec(codec, "r").create()
+    assert isinstance(context, VideoCodecContext)
+    context.thread_count, context.thread_type = 1, "NONE"
+    context.flags |= _LOW_DELAY
+    context.options = {"max_pixels": str((max_side_px + 64) ** 2)}
+    return context
+
+
 class _RawDecoder:
     def decode(self, payload: bytes, size: Size) -> Frame:
         width, height = size
@@ -135,12 +146,7 @@ class _StillEncoder:
 
 class _VideoDecoder:
     def __init__(self, codec: str, max_side_px: int) -> None:
-        context = Codec(codec, "r").create()
-        assert isinstance(context, VideoCodecContext)
-        context.thread_count, context.thread_type = 1, "NONE"
-        context.flags |= _LOW_DELAY
-        context.options = {"max_pixels": str((max_side_px + 64) ** 2)}
-        self._codec, self._context = codec, context
+        self._codec, self._context = codec, video_context(codec, max_side_px)
 
     def decode(self, payload: bytes, size: Size) -> Frame:
         try:

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import json
+
 from jsonpatch import JsonPatch, JsonPatchException
-from jsonpointer import JsonPointerException
+from jsonpointer import JsonPointerException, resolve_pointer
 from pydantic import JsonValue
 
 from pipeline.errors import BadInput
 from workers.model import Json
+from workers.projects.document import MAX_DOCUMENT_BYTES
+from workers.strict_json import MAX_DEPTH, BadJson, Budget, check_value
 
-MAX_OPERATIONS = 10_000
+MAX_OPERATIONS = 1000
+MAX_COPIED_VALUES = 200_000
+"""What all operations `copy` of a patch may copy: as many values, and `MAX_DOCUMENT_BYTES`."""
+_LONGEST_REASON = 200
+"""Characters of the library's explanation that are shown; it may contain the whole document."""
 
 
 class BadPatch(BadInput):
@@ -19,23 +27,40 @@ class BadPatch(BadInput):
 
 
 def patched(document: Json, operations: object) -> JsonValue:
-    """The document after all operations of a JSON Patch.
+    """The document after all operations of a JSON Patch. Time and memory are bounded while it grows, by the number of
+    operations, the size of their values, and what `copy` may copy.
 
     Raises:
-        BadPatch: an operation is malformed, its location does not exist, or a test fails.
+        BadPatch: an operation is malformed, its location does not exist, a test fails, or too much is copied.
+        BadJson: the result is deeper or has more values than a document may have.
     """
     if not isinstance(operations, list) or len(operations) > MAX_OPERATIONS:
         raise BadPatch(
             f"A JSON Patch is a list of at most {MAX_OPERATIONS} operations.", field="body",
             remedy='For example [{"op": "replace", "path": "/name", "value": "Swan"}].',
         )  # fmt: skip
-    try:
-        changed: JsonValue = JsonPatch(operations).apply(document)
-        return changed
-    except (JsonPatchException, JsonPointerException, TypeError, ValueError) as error:
-        raise BadPatch(
-            f"The patch cannot be applied: {error}.", field="body", remedy="Load the document and send a new patch."
-        ) from None
+    changed: JsonValue = json.loads(json.dumps(document))
+    budget = Budget(MAX_COPIED_VALUES, MAX_DOCUMENT_BYTES)
+    for index, operation in enumerate(operations):
+        try:
+            _spend(budget, changed, operation)
+            changed = JsonPatch([operation]).apply(changed, in_place=True)
+        except (BadJson, JsonPatchException, JsonPointerException, TypeError, ValueError) as error:
+            raise BadPatch(
+                f"The patch cannot be applied: {str(error)[:_LONGEST_REASON]}.", field=f"body.{index}",
+                remedy="Load the document and send a new patch.",
+            ) from None  # fmt: skip
+    check_value(changed)
+    return changed
+
+
+def _spend(budget: Budget, document: JsonValue, operation: Json) -> None:
+    """Refuse pointers that are deeper than a document, and count what `copy` copies."""
+    for pointer in (operation["path"], operation.get("from", "")):
+        if pointer.count("/") > MAX_DEPTH:
+            raise ValueError(f"a location is deeper than {MAX_DEPTH} levels")
+    if operation.get("op") == "copy":
+        budget.spend(resolve_pointer(document, operation["from"]))
 
 
 def merged(document: JsonValue, patch: JsonValue) -> JsonValue:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import BadInput, UnreadableMedia
-from workers.errors import NotFound
+from pipeline.errors import BadInput
+from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.jobs import FarmJobs
@@ -26,6 +27,7 @@ from workers.projects.sources import layer_sources
 from workers.projects.submissions import Selection, Submission, submissions
 from workers.store.projects import Draft, StoredProjects
 from workers.store.reuse import Reuse
+from workers.strict_json import check_value
 
 Sources = tuple[LayerSources, ...]
 
@@ -234,28 +236,36 @@ class Projects:
 
         Args:
             limit_bytes: maximum size of the unpacked archive.
-            admit: called with the size of each asset before it is added; may raise an error to refuse it.
+            admit: called with the size of each new asset before it is unpacked; may raise an error to refuse it.
 
         Raises:
             UnreadableMedia: the archive is invalid.
             BadProject: its document is invalid.
         """
-        with open_project(path, limit_bytes) as archive:
+        with open_project(path, limit_bytes) as archive, ExitStack() as undo:
             document = parse_document(archive.document)
             for asset_id in sorted(document.asset_ids & archive.manifest.assets.keys()):
-                self._unpack(archive, asset_id, owner, admit)
-            return self.create(archive.document, owner)
+                if self._unpack(archive, asset_id, owner, admit):
+                    undo.callback(self._give_up, asset_id, owner)
+            made = self.create(archive.document, owner)
+            undo.pop_all()
+            return made
 
-    def _unpack(self, archive: ProjectArchive, asset_id: str, owner: str, admit: Callable[[int], None]) -> None:
+    def _unpack(self, archive: ProjectArchive, asset_id: str, owner: str, admit: Callable[[int], None]) -> bool:
+        """Add an asset of the archive; returns whether the owner did not have it before."""
+        new = not self.assets([asset_id], owner)
+        if new:
+            admit(archive.size_bytes(asset_id))
         with tempfile.TemporaryDirectory(prefix="impasto-", dir=self._scratch) as folder:
             path = Path(folder) / "asset"
             filename = archive.extract(asset_id, path)
-            admit(path.stat().st_size)
-            if (found := self._assets.add(path, filename, owner).id) != asset_id:
-                raise UnreadableMedia(
-                    "An asset of the archive has other bytes than its document names.", field="archive",
-                    value=f"{asset_id} is {found}", remedy="Export the project again.",
-                )  # fmt: skip
+            self._assets.add(path, filename, owner)  # also a known one, whose bytes may be lost
+        return new
+
+    def _give_up(self, asset_id: str, owner: str) -> None:
+        """Delete an asset of a refused import, unless it is in use by now."""
+        with suppress(NotFound, Conflict):
+            self._assets.delete(asset_id, owner)
 
 
 def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
@@ -266,6 +276,7 @@ def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
 
 
 def _draft(value: Json, author: str) -> Draft:
+    check_value(value)
     document = parse_document(value)
     draft = Draft(value, document.name, document.asset_ids, author)
     if draft.size_bytes > MAX_DOCUMENT_BYTES:

@@ -25,6 +25,7 @@ from workers.model import (
     OutputSpec,
     TaskState,
 )
+from workers.strict_json import BadJson, strict_json
 
 Row: TypeAlias = RowMapping | dict[str, Any]
 """A row as read: column -> value."""
@@ -32,6 +33,8 @@ Values: TypeAlias = dict[str, object]
 """A row as written: column -> value."""
 AnySelect: TypeAlias = Select[Any]
 """A query with any columns."""
+_CURSOR_VALUES = 20
+_LARGEST = 2**63 - 1
 
 
 class TaskRow(TypedDict, total=False):
@@ -121,13 +124,18 @@ def pack_cursor(*parts: JsonValue) -> str:
     return base64.urlsafe_b64encode(json.dumps(parts).encode()).decode().rstrip("=")
 
 
+def _is(part: object, kind: type) -> bool:
+    """Whether a part of a cursor has this type, and fits into a column of the database."""
+    return type(part) is kind and not (isinstance(part, int) and abs(part) > _LARGEST)
+
+
 def unpack_cursor(cursor: str, *kinds: type) -> list[Any]:
     """The parts of a cursor that a listing gave out, or `BadParameter`."""
     try:
-        parts = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
-        if len(parts) == len(kinds) and all(type(part) is kind for part, kind in zip(parts, kinds, strict=True)):
+        parts: Any = strict_json(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)), _CURSOR_VALUES)
+        if len(parts) == len(kinds) and all(_is(part, kind) for part, kind in zip(parts, kinds, strict=True)):
             return list(parts)
-    except (ValueError, TypeError):
+    except (BadJson, ValueError, TypeError):
         pass
     raise BadParameter(
         "This is not a cursor of this listing.",

@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from pipeline.errors import ImpastoError
 from pipeline.frames import MIN_SIDE_PX
+from service.access.keys import Principal
 from service.live.closing import Ending
 from service.live.frames import Header
 from service.live.sessions import LiveSession, Sessions
@@ -43,10 +44,14 @@ class Painting:
 
 
 class Publisher:
-    """Runs one session from the first frame until the peer leaves. `service.live.sessions.Connected`."""
+    """Runs one session from the first frame until the peer leaves. `service.live.sessions.Connected`.
+
+    Until then it has no slot: an offer costs nothing, and may never be connected.
+    """
 
     def __init__(self, peer: Peer, sessions: Sessions, painting: Painting, idle_s: float) -> None:
         self._peer, self._sessions, self._painting, self._idle_s = peer, sessions, painting, idle_s
+        self._session: LiveSession | None = None
         self._closed = asyncio.Event()
         self._track: asyncio.Future[MediaStreamTrack] = asyncio.get_running_loop().create_future()
         peer.connection.on("track", self._offered)
@@ -63,9 +68,9 @@ class Publisher:
     async def wait_closed(self) -> None:
         await self._closed.wait()
 
-    async def run(self, session: LiveSession) -> None:
-        """Paint until the peer leaves, then end the session."""
-        work = asyncio.create_task(self._paint(session))
+    async def run(self, caller: Principal, session_id: str) -> None:
+        """Claim a session of that id once the first frame has come, paint until the peer leaves, then end it."""
+        work = asyncio.create_task(self._paint(caller, session_id))
         gone = asyncio.create_task(self._peer.closed.wait())
         try:
             await asyncio.wait({work, gone}, return_when=asyncio.FIRST_COMPLETED)
@@ -75,13 +80,16 @@ class Publisher:
                 log.warning("a WebRTC session failed: %s", result, exc_info=not isinstance(result, ImpastoError))
         finally:
             gone.cancel()
-            self._sessions.end(session)
+            if self._session is not None:
+                self._sessions.end(self._session)
             await self._peer.close()
             self._closed.set()
 
-    async def _paint(self, session: LiveSession) -> None:
+    async def _paint(self, caller: Principal, session_id: str) -> None:
         track = await self._track
         first = await self._receive(track)
+        self._session = session = await self._sessions.claim(None, caller, self, session_id)
+        self._peer.in_use()
         stream = await self._open(session, (first.width, first.height))
         works = [asyncio.create_task(work) for work in (self._read(track, first, stream), self._show(session, stream))]
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated, cast
 
 from fastapi import Query, Request, Response
@@ -11,10 +10,13 @@ from pipeline.errors import BadParameter
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.bodies import chunks
 from service.errors import NotInstalled, UnsupportedMediaType
+from service.live.messages import MAX_VALUES
 from service.live.sessions import Sessions
 from service.routing import Router
 from workers.errors import NotFound
+from workers.ids import new_id
 from workers.model import MAX_SEED, Json
+from workers.strict_json import BadJson, strict_json
 
 if TYPE_CHECKING:
     from service.live.webrtc.peers import Peers
@@ -44,17 +46,12 @@ async def publish(
         raise BadParameter("Unknown preference.", field="prefer", value=prefer, remedy="Write fluent, or sharp.")
     checked = live.params(method, _object(params))
     painting = Painting(method, checked, seed, live.filter(behind, {}) if behind else None, prefer == "fluent")
-    peer = peers.open(caller.owner)
+    sessions.check_free()
+    peer, session_id = peers.open(caller.owner, sends=True), new_id("liv_")
     publisher = Publisher(peer, sessions, painting, context.settings.live_idle_s)
-    session = await sessions.claim(None, caller, publisher)
-    try:
-        answer = await peer.answer(offer)
-    except BaseException:
-        sessions.end(session)
-        await peer.close()
-        raise
-    peers.run(publisher.run(session))
-    return _created(answer, peer.id, session.id)
+    answer = await peer.answer(offer)
+    peers.run(publisher.run(caller, session_id))
+    return _created(answer, peer.id, session_id)
 
 
 @router.post("/v1/live/whep")
@@ -89,6 +86,7 @@ def _peers(request: Request) -> Peers:
     """This process's WebRTC connections. Raises NotInstalled."""
     try:
         from service.live.webrtc.peers import Peers
+        from service.live.webrtc.receiving import install
     except ModuleNotFoundError as missing:
         raise NotInstalled(
             f"WebRTC needs {missing.name}.", field="address", value=request.url.path,
@@ -97,6 +95,8 @@ def _peers(request: Request) -> Peers:
     state = request.app.state
     if not hasattr(state, "peers"):
         state.peers = Peers()
+        install(_sessions(request).live.limits.side_px)
+        _sessions(request).closers.append(state.peers.close)
     return cast("Peers", state.peers)
 
 
@@ -118,10 +118,10 @@ async def _offer(request: Request, context: ServiceContext) -> str:
     return b"".join(parts).decode("utf-8", "replace")
 
 
-def _object(text: str) -> dict[str, Json]:
+def _object(text: str) -> Json:
     try:
-        found = json.loads(text)
-    except ValueError:
+        found = strict_json(text.encode("utf-8", "replace"), MAX_VALUES)
+    except BadJson:
         found = None
     if not isinstance(found, dict):
         raise BadParameter(
