@@ -1,7 +1,8 @@
 """Access to the frames of a video container by exact frame index.
 
 Frame i is the picture shown from the i-th presentation time on. A frame that cannot be decoded is replaced by the frame
-before it and reported in `errors`, so that frame indices and sound stay synchronous.
+before it and reported in `errors`, so that frame indices and sound stay synchronous. A packet without a picture ("not
+coded") repeats the frame before it; that is no damage.
 """
 
 from __future__ import annotations
@@ -12,41 +13,64 @@ from pathlib import Path
 import av
 
 from pipeline.frames import Frame
-from pipeline.video.decoder import DamagedPass, Pass
+from pipeline.video.decoder import DamagedPass, NotAKey, Pass
+from pipeline.video.fields import EarlierNeeded, Numbered, is_interlaced
 from pipeline.video.geometry import Geometry, geometry_of, to_frame
 from pipeline.video.index import Index, build_index
-from pipeline.video.media import Limits, check_size, unreadable
-
-_Placed = tuple[int, av.VideoFrame]
+from pipeline.video.media import Limits, Note, SourceOptions, check_size, unreadable
 
 
 class Clip:
     """Frames of a container, decoded forwards, with seeks to keyframes. One decoder stays open between reads.
 
     A damaged file is always decoded from its start, by a single thread, so that error concealment does not depend on
-    the frame at which reading starts.
+    the frame at which reading starts. So is a file whose frames are counted.
     """
 
-    def __init__(self, path: Path, limits: Limits) -> None:
+    def __init__(self, path: Path, limits: Limits, options: SourceOptions | None = None) -> None:
         self._path = path
         self._limits = limits
-        self._tolerant = False
+        self._options = options or SourceOptions()
         self.errors: list[str] = []
         self.unreadable: list[int] = []
         self._forget()
-        self.index: Index = build_index(path, limits)
-        first = self._retried(0)
-        if first is None:
-            unreadable("No picture of the video can be decoded: it is cut off or damaged.")
+        self.index: Index = build_index(path, limits, self._options)
+        self._tolerant = self.index.stored is None
+        self._interlaced = False
+        """Whether a frame may depend on the one before it."""
+        first = self._first()
         check_size(first.width, first.height, limits)
         self.pixel_format = first.format.name
-        self.geometry: Geometry = geometry_of(first, self._pass.aspect if self._pass else None)
+        assert self._pass is not None
+        self.geometry: Geometry = geometry_of(first, self._pass.aspect)
+
+    def _first(self) -> av.VideoFrame:
+        """The first picture; frames before it that have none are removed from the index."""
+        first = self._retried(0)
+        if first is None or self._current is None or self._pass is None:
+            unreadable("No picture of the video can be decoded: it is cut off or damaged.")
+        place = self._current[0]
+        if place and not self._pass.failed.intersection(range(place)) and not self.index.incomplete:
+            self.index = self.index.without_first(place)
+            self._tolerant = self.index.stored is None
+            self.close()
+            first = self._retried(0) or first
+        assert self._pass is not None
+        self._interlaced = is_interlaced(first, self._options.fields) or self._pass.has_fields
+        return first
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What was chosen, corrected or assumed."""
+        if not self._interlaced or self._options.fields != "auto":
+            return self.index.notes
+        return (*self.index.notes, Note("deinterlaced", "The video is interlaced: its fields were made into frames."))
 
     def _forget(self) -> None:
         self._pass: Pass | None = None
-        self._current: _Placed | None = None
+        self._current: Numbered | None = None
         """The last picture at or before the requested frame (or the first picture of the video)."""
-        self._ahead: _Placed | None = None
+        self._ahead: Numbered | None = None
         """The picture after `_current`, if it was decoded already to detect a gap."""
 
     def close(self) -> None:
@@ -72,18 +96,23 @@ class Clip:
             yield to_frame(picture, self.geometry)
 
     def _is_intact(self, at: int) -> bool:
-        """Whether the picture for frame `at`, which was just found, is that frame and complete."""
-        assert self._current is not None
+        """Whether nothing of frame `at`, whose picture was just found, is lost."""
+        assert self._current is not None and self._pass is not None
         found, picture = self._current
-        return found == at and not picture.is_corrupt and at not in self.index.incomplete
+        lost = at in self._pass.failed or at in self.index.incomplete
+        return not lost and not (found == at and picture.is_corrupt)
 
     def _retried(self, at: int) -> av.VideoFrame | None:
         try:
             return self._picture(at)
         except DamagedPass:
             self._tolerant = True
-            self.close()
-            return self._picture(at)
+        except NotAKey:
+            self.index = self.index.without_keys()
+        except EarlierNeeded:
+            self._interlaced = True
+        self.close()
+        return self._retried(at)
 
     def _picture(self, at: int) -> av.VideoFrame | None:
         """The picture shown at frame `at`: the last one at or before it, otherwise the first one of the video."""
@@ -107,10 +136,11 @@ class Clip:
 
     def _pass_to(self, at: int) -> Pass:
         """The open decoder pass if decoding on reaches `at` fastest, otherwise a new one from the keyframe before."""
-        key = 0 if self._tolerant or not len(self.index.pts) else self.index.key_before(at)
+        wanted = at - 1 if self._interlaced else at
+        key = 0 if self._tolerant or not len(self.index.pts) else self.index.key_before(wanted)
         reached = self.position
         if self._pass is None or reached is None or at < reached or key > self._pass.position:
             self.close()
             errors = self.errors if self._tolerant else None
-            self._pass = Pass(self._path, self.index, key, self._limits, errors)
+            self._pass = Pass(self._path, self.index, key, self._limits, self._options, errors, self._interlaced)
         return self._pass

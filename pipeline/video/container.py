@@ -1,4 +1,4 @@
-"""Safe opening of containers, their video stream and its decoder.
+"""Safe opening of containers, the choice of their streams, and decoders.
 
 Only demuxers of self-contained formats are allowed, since a playlist could refer to other files or network addresses.
 """
@@ -9,14 +9,18 @@ from pathlib import Path
 from typing import Literal
 
 import av
+from av.audio.stream import AudioStream
 from av.codec import CodecContext
 from av.container import InputContainer
+from av.stream import Disposition
 from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
 
-from pipeline.errors import NoVideoStream
-from pipeline.video.media import Limits, unreadable
+from pipeline.errors import BadParameter, NoVideoStream
+from pipeline.video.media import Limits, Note, unreadable
 
+MOV, AVI, MATROSKA, MPEGTS = "mov,mp4,m4a,3gp,3g2,mj2", "avi", "matroska,webm", "mpegts"
+"""FFmpeg's names of demuxers."""
 _DEMUXERS = (
     "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif,apng,mpegts,mpeg,flv,ogg,asf,ivf,obu,h264,hevc,m4v,mjpeg,nut,mxf,"
     "dv,rm,yuv4mpegpipe,mpegvideo,vc1,wtv,mp3,wav,flac,aac,ac3,aiff,caf,amr"
@@ -24,6 +28,8 @@ _DEMUXERS = (
 """Allowed demuxers: video containers, and audio containers, to distinguish audio files from unreadable ones."""
 _WITH_ALPHA: dict[str, Literal["libvpx", "libvpx-vp9"]] = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 """Decoders that also decode the separate alpha plane, which FFmpeg's native decoders ignore."""
+_NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails
+_SECONDARY = Disposition.still_image | Disposition.dependent | Disposition.metadata
 
 
 def open_container(path: Path, limits: Limits) -> InputContainer:
@@ -44,14 +50,24 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or type(error).__name__
 
 
-def video_stream(container: InputContainer) -> VideoStream:
-    """The video stream of a container; ignores cover art.
+def film_streams(container: InputContainer) -> list[VideoStream]:
+    """Video streams without cover art and thumbnails."""
+    return [stream for stream in container.streams.video if not stream.disposition & _NO_FILM]
+
+
+def video_stream(container: InputContainer, chosen: int | None = None) -> VideoStream:
+    """The video stream to read.
+
+    Args:
+        chosen: its number among `film_streams`; None: the one that FFmpeg prefers (by default flag, number of pictures
+            and bit rate), but a still or auxiliary stream only if there is no other.
 
     Raises:
         NoVideoStream: the container has no video stream.
+        BadParameter: there is no stream of this number.
         UnreadableMedia: there is no decoder for its codec.
     """
-    streams = [s for s in container.streams.video if not s.disposition & s.disposition.attached_pic]
+    streams = film_streams(container)
     if not streams:
         raise NoVideoStream(
             "The file holds no video stream.",
@@ -59,9 +75,43 @@ def video_stream(container: InputContainer) -> VideoStream:
             value=", ".join(s.type for s in container.streams) or container.format.name,
             remedy="Upload a file with moving pictures.",
         )
-    if streams[0].codec_context is None:
+    if chosen is not None:
+        found = _numbered(streams, chosen)
+    else:
+        known = [stream for stream in streams if stream.codec_context is not None] or streams
+        usual = [stream for stream in known if not stream.disposition & _SECONDARY] or known
+        best = container.streams.best("video")
+        found = next((stream for stream in usual if best is not None and stream.index == best.index), usual[0])
+    if found.codec_context is None:
         unreadable("The video's codec is unknown.", container.format.name, "Re-encode it as H.264 in MP4.")
-    return streams[0]
+    return found
+
+
+def _numbered(streams: list[VideoStream], number: int) -> VideoStream:
+    if not 0 <= number < len(streams):
+        count = f"{len(streams)} video {'stream' if len(streams) == 1 else 'streams'}"
+        raise BadParameter(
+            f"The file has {count}.", field="source.picture", value=number, remedy=f"Use 0 to {len(streams) - 1}."
+        )
+    return streams[number]
+
+
+def choice_notes(container: InputContainer, found: VideoStream) -> tuple[Note, ...]:
+    """Which of several video streams is read."""
+    streams = film_streams(container)
+    if len(streams) < 2:
+        return ()
+    number = next(at for at, stream in enumerate(streams) if stream.index == found.index)
+    context = found.codec_context
+    what = f"{context.name}, {context.width}x{context.height}"
+    default = ", the default" if found.disposition & Disposition.default else ""
+    message = f"The file has {len(streams)} video streams: stream {number} ({what}{default}) was read."
+    return (Note("stream-choice", message),)
+
+
+def sound_streams(container: InputContainer) -> list[AudioStream]:
+    """The sound tracks that can be decoded."""
+    return [stream for stream in container.streams.audio if stream.codec_context is not None]
 
 
 def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecContext:

@@ -2,7 +2,8 @@
 
 Colour: the stream's own matrix and range. Untagged streams are treated as players treat them: limited range, BT.709
 from 720 lines up and BT.601 below. Transfer functions are not converted (no tone mapping of HDR).
-The conversion uses swscale's fast path, which truncates: values are at most 3 of 255 levels below the exact result.
+Pictures of 8 bits are converted by swscale's fast path, which truncates: values are at most 3 of 255 levels below the
+exact result. Deeper ones are converted exactly.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from pipeline.video.stills import over_white
 
 _HD_LINES = 720
 _SQUARE_TOLERANCE = Fraction(1, 200)
+_EXACT = 0x40000 | 0x2000
+"""SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT of libswscale/swscale.h, which PyAV does not export."""
 _MATRICES = {
     1: Colorspace.ITU709,
     4: Colorspace.FCC,
@@ -74,7 +77,10 @@ def geometry_of(picture: av.VideoFrame, aspect: Fraction | None) -> Geometry:
 
 def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
     """Display matrix (a, b, c, d): x' = a x + c y, y' = b x + d y, 16.16 fixed point; identity if the file has none."""
-    data = picture.side_data.get("DISPLAYMATRIX")
+    try:
+        data = picture.side_data.get("DISPLAYMATRIX")
+    except ValueError:  # side data of a kind that PyAV does not know, for example the view of MV-HEVC
+        data = None
     if data is None:
         return 1, 0, 0, 1
     a, b, _u, c, d = struct.unpack_from("=5i", bytes(cast(SideData, data)))
@@ -101,11 +107,16 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
         src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
         src_color_range=_range_of(picture),
         dst_color_range=ColorRange.JPEG,
-        interpolation=Interpolation.BILINEAR if same else Interpolation.BICUBIC,
+        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | _exactness(picture),
         threads=1,
     )
     pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
     return _oriented(over_white(pixels) if pixels.shape[2] == 4 else pixels, geometry)
+
+
+def _exactness(picture: av.VideoFrame) -> int:
+    """Flags of swscale for a conversion without truncation, if the picture has more than 8 bits."""
+    return _EXACT if picture.format.components[0].bits > 8 else 0
 
 
 def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:

@@ -1,36 +1,55 @@
-"""The frame index of a video: presentation times of its frames, read without decoding."""
+"""The frame index of a video: presentation times of its frames.
+
+Times come from the packets, without decoding, where each packet holds one picture and its time. Other files (AVI with
+B-frames, fields in packets of their own, streams without times) are decoded once, if that is quick; FFmpeg's
+best-effort times are used.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import av
 import numpy as np
 from av.container import InputContainer
-from av.stream import Discard
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from pipeline.video.container import open_container, video_stream
-from pipeline.video.media import SEQUENCE_FPS, Limits
-from pipeline.video.truncation import Ending, Gap, gaps_between, is_whole_gif, missing_at_end
+from pipeline.video.container import (
+    AVI,
+    MATROSKA,
+    MOV,
+    MPEGTS,
+    choice_notes,
+    decoder_of,
+    open_container,
+    video_stream,
+)
+from pipeline.video.media import SEQUENCE_FPS, Limits, Note, SourceOptions
+from pipeline.video.packets import decoded_times
+from pipeline.video.timeline import Timeline, timed_packets
+from pipeline.video.truncation import Gap, Reading, is_cut_off, is_whole_gif, missing_frames, reported_errors
 
-_SEEKABLE = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi")
+_SEEKABLE = (MOV, MATROSKA, AVI)
 """Demuxers that give the same times after a seek as in a read from the start."""
 _DEPENDENT = frozenset({"gif", "apng"})
 """Codecs whose pictures are drawn over the previous one, even if the packets are marked as keyframes."""
+_DECODED_PIXELS = 8_000_000_000
+"""A video of at most this size, pixels of all pictures, is decoded for its times: about 20 s on one core."""
+_FINEST = 1000
+"""Most ticks that a tick is divided into, to give pictures of equal times different ones."""
 
 
 @dataclass(frozen=True)
 class Index:
     """Presentation times of the frames of a video, in display order.
 
-    `exact`: every frame has a time of its own, and the index of a decoded picture is the rank of its time. Otherwise
-    `pts` is generated at the nominal rate, and the number of frames is an estimate.
+    `exact`: the number of frames is known. Otherwise `pts` is generated at the nominal rate, and the number of frames
+    is an estimate.
     """
 
     pts: NDArray[np.int64]
@@ -46,6 +65,11 @@ class Index:
     """Where frames are missing that the file should have."""
     incomplete: frozenset[int] = frozenset()
     """Indices of frames whose data are cut off."""
+    stored: NDArray[np.int64] | None = None
+    """Times of the pictures in the file, ticks of the stream, by which decoded pictures are recognised; None: they are
+    counted."""
+    notes: tuple[Note, ...] = ()
+    """What was chosen, corrected or assumed."""
 
     @property
     def duration_s(self) -> float:
@@ -66,99 +90,181 @@ class Index:
 
     def key_before(self, frame: int) -> int:
         """The last frame at or before `frame` at which decoding can start."""
-        return int(self.keys[np.searchsorted(self.keys, frame, side="right") - 1])
+        return int(self.keys[max(0, int(np.searchsorted(self.keys, frame, side="right")) - 1)])
 
+    def without_keys(self) -> Self:
+        """The index for reads that always begin at the start."""
+        return replace(self, keys=np.zeros(1, np.int64))
 
-def build_index(path: Path, limits: Limits) -> Index:
-    """Build the index from the packets of the video stream, without decoding. Raises UnreadableMedia, NoVideoStream."""
-    with open_container(path, limits) as container:
-        stream = video_stream(container)
-        for other in container.streams:
-            if other.index != stream.index:
-                other.discard = Discard.all
-        packets = list(_shown(container, stream))
-        seekable = container.format.name in _SEEKABLE and stream.codec_context.name not in _DEPENDENT
-        index = _index(packets, stream, seekable)
+    def without_first(self, count: int) -> Self:
+        """The index without the first `count` frames, of which no picture can be decoded."""
+        noun = "picture was" if count == 1 else "pictures were"
+        message = f"{count} {noun} left out before the first one that can be decoded: the file begins within a group."
         return replace(
-            index,
-            missing=_missing(path, limits, packets, stream, index),
-            incomplete=_incomplete(path, container, packets),
+            self,
+            pts=self.pts[count:],
+            keys=np.union1d([0], np.maximum(self.keys - count, 0)),
+            missing=tuple((max(0, frame - count), gap) for frame, gap in self.missing),
+            incomplete=frozenset(frame - count for frame in self.incomplete if frame >= count),
+            stored=None if self.stored is None else self.stored[count:],
+            notes=(*self.notes, Note("left-out", message)),
         )
+
+
+def build_index(path: Path, limits: Limits, options: SourceOptions | None = None) -> Index:
+    """Build the index. Raises UnreadableMedia, NoVideoStream, BadParameter (there is no such stream)."""
+    options = options or SourceOptions()
+    with open_container(path, limits) as container:
+        stream = video_stream(container, options.picture)
+        timeline = Timeline(container)
+        with reported_errors(container) as errors:
+            packets = _shown(container, stream, timeline)
+        index = _index(packets, container, stream)
+        if index is None:
+            index = _decoded(path, limits, options) if _is_quick(packets, stream) else _estimated(len(packets), stream)
+        read = Reading(len(packets), bool(packets) and packets[-1].incomplete, timeline.end_s, errors)
+        cut = is_cut_off(path, stream, index, read)
+        index = replace(
+            index,
+            missing=missing_frames(stream, index, cut, read),
+            incomplete=_incomplete(path, container, packets, len(index.pts)),
+        )
+        notes = (*choice_notes(container, stream), *_correction_note(timeline.corrections), *index.notes)
+        return replace(index, notes=notes)
 
 
 class _Packet(NamedTuple):
     pts: int | None
     time: int | None
-    """`pts`, or for want of it the decoding time."""
+    """`pts`, or for want of it the decoding time; in ticks, corrected."""
     duration: int
     key: bool
     incomplete: bool
 
 
-def _shown(container: InputContainer, stream: VideoStream) -> Iterator[_Packet]:
+def _shown(container: InputContainer, stream: VideoStream, timeline: Timeline) -> list[_Packet]:
     """Every packet that yields a picture."""
-    vp8 = stream.codec_context.name in ("vp8", "libvpx")
+    vp8, broadcast = stream.codec_context.name in ("vp8", "libvpx"), container.format.name == MPEGTS
+    tick = stream.time_base or Fraction(1, 1000)
+    found: list[_Packet] = []
     try:
-        for packet in container.demux(stream):
+        for packet, shift_us in timed_packets(container, [stream], timeline):
             hidden = packet.is_discard or (vp8 and packet.size > 0 and not memoryview(packet)[0] & 0x10)
             if packet.size and not hidden:
                 time = packet.dts if packet.pts is None else packet.pts
-                yield _Packet(packet.pts, time, packet.duration or 0, packet.is_keyframe, packet.is_corrupt)
+                shifted = None if time is None else time + round(Fraction(shift_us, 1_000_000) / tick)
+                # A counter of a broadcast that jumps is no damage of the packet: streams may be joined there.
+                incomplete = packet.is_corrupt and not broadcast
+                found.append(_Packet(packet.pts, shifted, packet.duration or 0, packet.is_keyframe, incomplete))
     except (av.FFmpegError, OSError):
-        return  # truncated file: use the packets read so far
+        pass  # truncated file: use the packets read so far
+    return found
 
 
-def _index(packets: list[_Packet], stream: VideoStream, seekable: bool) -> Index:
-    times = [packet.pts for packet in packets]
-    if packets and None not in times and len(set(times)) == len(times):
-        return _exact(packets, stream.time_base or Fraction(1, 1000), seekable)
-    return _estimated(len(packets), stream.average_rate or stream.guessed_rate or Fraction(SEQUENCE_FPS))
+def _index(packets: Sequence[_Packet], container: InputContainer, stream: VideoStream) -> Index | None:
+    """The index from the times of the packets; None: they are not those of the pictures."""
+    reordered = container.format.name == AVI and stream.codec_context.has_b_frames  # AVI stores no times
+    if not packets or reordered or any(packet.pts is None for packet in packets):
+        return None
+    table = sorted(packets, key=lambda packet: packet.time or 0)
+    stored = np.array([packet.pts for packet in table], np.int64)
+    seekable = container.format.name in _SEEKABLE and stream.codec_context.name not in _DEPENDENT
+    keys = _keys(table, stored) if seekable else np.empty(0, np.int64)
+    times = [packet.time or 0 for packet in table]
+    return _timed(times, table[-1].duration, stream, stored, np.union1d([0], keys))
 
 
-def _exact(packets: list[_Packet], time_base: Fraction, seekable: bool) -> Index:
-    table = sorted(packets, key=lambda packet: packet.pts or 0)
-    pts = np.array([packet.pts for packet in table], np.int64)
-    keys = np.flatnonzero([packet.key for packet in table]).astype(np.int64) if seekable else np.empty(0, np.int64)
-    usual = int(np.median(np.diff(pts))) if len(pts) > 1 else max(1, round(1 / SEQUENCE_FPS / time_base))
-    last = table[-1].duration or usual
-    return Index(pts, np.union1d([0], keys), int(pts[-1]) + last, time_base, True)
+def _keys(table: Sequence[_Packet], stored: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Frames to which a seek leads: key frames whose stored time is their own and fits its place."""
+    rising = np.maximum.accumulate(stored) == stored
+    alone = np.ones(len(stored), bool)
+    alone[1:] &= np.diff(stored) != 0
+    alone[:-1] &= np.diff(stored) != 0
+    key = np.array([packet.key for packet in table])
+    return np.flatnonzero(key & alone) if rising.all() else np.empty(0, np.int64)
 
 
-def _estimated(count: int, rate: Fraction) -> Index:
+def _timed(
+    times: Sequence[int], last: int, stream: VideoStream, stored: NDArray[np.int64] | None, keys: NDArray[np.int64]
+) -> Index:
+    """The index of frames with these times, ascending; equal ones are spread up to the next."""
+    tick = stream.time_base or Fraction(1, 1000)
+    pts = np.array(times, np.int64)
+    steps = np.diff(pts)
+    usual = max(1, int(np.median(steps[steps > 0])) if (steps > 0).any() else round(_frame_s(stream) / tick))
+    equal = int((steps == 0).sum())
+    finer = 1
+    if equal:
+        pts, finer = spread(pts, usual)
+    note = Note("corrected-times", f"The times of {equal} pictures that equal the time before were corrected.")
+    if equal == 1:
+        note = Note("corrected-times", "The time of a picture that equals the time before was corrected.")
+    end = int(pts[-1]) + (last or usual) * finer
+    return Index(pts, keys, end, tick / finer, True, stored=stored, notes=(note,) if equal else ())
+
+
+def spread(pts: NDArray[np.int64], usual: int) -> tuple[NDArray[np.int64], int]:
+    """Strictly increasing times: equal ones are spread evenly up to the next time.
+
+    Args:
+        pts: ascending times, ticks.
+        usual: ticks from the last time to the end.
+
+    Returns:
+        The times, and the number of their ticks in one tick of `pts`. Times that would need a much finer tick are
+        replaced by a steady rate.
+    """
+    distinct, first, counts = np.unique(pts, return_index=True, return_counts=True)
+    steps = np.diff(np.append(distinct, distinct[-1] + usual))
+    finer = int(np.ceil(counts / steps).max())
+    if finer > _FINEST:
+        return pts[0] + np.arange(len(pts), dtype=np.int64) * usual, 1
+    within = np.arange(len(pts)) - np.repeat(first, counts)
+    return np.repeat(distinct * finer, counts) + within * np.repeat(steps * finer, counts) // np.repeat(
+        counts, counts
+    ), finer
+
+
+def _decoded(path: Path, limits: Limits, options: SourceOptions) -> Index:
+    """The index of a video that is decoded for it, by one thread, as every read of it will be."""
+    with open_container(path, limits) as container:
+        stream = video_stream(container, options.picture)
+        times = decoded_times(container, stream, decoder_of(stream, limits, threads=1))
+        if not times or None in times:
+            return _estimated(len(times), stream, exact=True)
+        known = np.maximum.accumulate(np.array(times, np.int64))
+        return _timed([int(time) for time in known], 0, stream, None, np.zeros(1, np.int64))
+
+
+def _is_quick(packets: Sequence[_Packet], stream: VideoStream) -> bool:
+    context = stream.codec_context
+    return len(packets) * max(1, context.width * context.height) <= _DECODED_PIXELS
+
+
+def _estimated(count: int, stream: VideoStream, exact: bool = False) -> Index:
     """Index of frames without times: `count` frames at the nominal rate."""
-    return Index(np.arange(count, dtype=np.int64), np.zeros(1, np.int64), count, 1 / rate, False)
+    rate = 1 / _frame_s(stream)
+    note = Note("assumed", f"The file stores no times: {float(rate):g} frames per second were assumed.")
+    return Index(np.arange(count, dtype=np.int64), np.zeros(1, np.int64), count, 1 / rate, exact, notes=(note,))
 
 
-def _incomplete(path: Path, container: InputContainer, packets: list[_Packet]) -> frozenset[int]:
+def _frame_s(stream: VideoStream) -> Fraction:
+    """Nominal duration of a frame, seconds."""
+    return 1 / Fraction(stream.average_rate or stream.guessed_rate or SEQUENCE_FPS)
+
+
+def _incomplete(path: Path, container: InputContainer, packets: Sequence[_Packet], frames: int) -> frozenset[int]:
     """Frames whose packets the demuxer marks as cut off; the last one of a cut-off GIF, whose demuxer does not."""
-    marked = {number for number, packet in enumerate(_by_time(packets)) if packet.incomplete}
+    table: Iterable[_Packet] = sorted(packets, key=lambda packet: packet.time or 0)
+    marked = {min(number, frames - 1) for number, packet in enumerate(table) if packet.incomplete}
     if packets and container.format.name == "gif" and not is_whole_gif(path):
-        marked.add(len(packets) - 1)
+        marked.add(frames - 1)
     return frozenset(marked)
 
 
-def _by_time(packets: list[_Packet]) -> list[_Packet]:
-    return sorted(packets, key=lambda packet: packet.time or 0)
-
-
-def _missing(path: Path, limits: Limits, packets: list[_Packet], stream: VideoStream, index: Index) -> tuple[Gap, ...]:
-    count = len(packets)
-    last = missing_at_end(path, limits, stream, count, _ending(packets, stream, index))
-    within = gaps_between(index.pts) if index.exact and stream.container.format.name == "matroska,webm" else ()
-    return (*within, (count, last)) if last else within
-
-
-def _ending(packets: list[_Packet], stream: VideoStream, index: Index) -> Ending | None:
-    """The ending of the file's frames; None if their times are unknown."""
-    times = [packet.time for packet in packets if packet.time is not None]
-    if len(times) < max(1, len(packets)) or stream.time_base is None:
-        return None
-    last = max(packet.time + packet.duration for packet in packets if packet.time is not None)
-    pauses = np.diff(np.sort(np.array(times, np.int64)))
-    tick_s = float(stream.time_base)
-    return Ending(
-        end_s=max(last, index.end if index.exact else last) * tick_s,
-        mean_s=1 / index.fps,
-        longest_s=float(pauses.max(initial=0)) * tick_s,
-        cut=any(packet.incomplete for packet in packets),
-    )
+def _correction_note(corrections: int) -> tuple[Note, ...]:
+    if not corrections:
+        return ()
+    places = "one place" if corrections == 1 else f"{corrections} places"
+    message = f"The file's times begin again or jump at {places}: what follows was joined without a gap."
+    return (Note("corrected-times", message),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, Self
 
 from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.frames import MIN_SIDE_PX
@@ -32,6 +32,45 @@ class Limits:
     json_bytes: int = 16 << 20
 
 
+class Note(NamedTuple):
+    """A fact about a file that its user should know: what was chosen, corrected, assumed or left out."""
+
+    code: str
+    """"stream-choice", "corrected-times", "left-out", "assumed", "deinterlaced" or "sound"."""
+    message: str
+    """One sentence."""
+
+
+Fields = Literal["auto", "progressive", "top", "bottom"]
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """How a video file is read.
+
+    Attributes:
+        picture: which of its video streams, counted from 0 without cover pictures; None: FFmpeg's choice.
+        sound: which of its sound tracks are delivered, counted from 0; None: all.
+        fields: "auto": pictures that the file marks as interlaced are deinterlaced; "progressive": none are;
+            "top", "bottom": all are, and this field is the first one.
+    """
+
+    picture: int | None = None
+    sound: tuple[int, ...] | None = None
+    fields: Fields = "auto"
+
+    def as_json(self) -> dict[str, JsonValue]:
+        return {"picture": self.picture, "sound": None if self.sound is None else [*self.sound], "fields": self.fields}
+
+    @classmethod
+    def from_json(cls, value: dict[str, Any] | None) -> Self:
+        """The inverse of `as_json`; None: the defaults."""
+        if value is None:
+            return cls()
+        sound = value.get("sound")
+        return cls(value.get("picture"), None if sound is None else tuple(sound), value.get("fields", "auto"))
+
+
 @dataclass(frozen=True)
 class MediaInfo:
     """Result of probing. `width` and `height` are in px as displayed: after rotation, with square pixels."""
@@ -50,6 +89,8 @@ class MediaInfo:
     """Clockwise rotation for display, from the file's metadata: 0, 90, 180 or 270."""
     damage: str = ""
     """Damage that is visible without decoding the file, one sentence; empty: none."""
+    notes: tuple[str, ...] = ()
+    """What was chosen, corrected or assumed when the file was read, one sentence each."""
 
     def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)

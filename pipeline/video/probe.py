@@ -13,13 +13,14 @@ from pathlib import Path
 
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
-from pipeline.video.container import open_container, video_stream
+from pipeline.video.container import open_container, sound_streams, video_stream
 from pipeline.video.damage import damage_of
 from pipeline.video.guard.decoder_process import start_decoder
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.media import (
     Limits,
     MediaInfo,
+    SourceOptions,
     check_bytes,
     check_length,
     check_size,
@@ -29,7 +30,7 @@ from pipeline.video.sequence import Sequence, open_still, open_zip
 from pipeline.video.shot_files import ShotFiles, is_shot
 
 
-def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
+def probe(path: Path, limits: Limits | None = None, options: SourceOptions | None = None) -> MediaInfo:
     """Probe a file and decode its first frame.
 
     Raises:
@@ -37,7 +38,7 @@ def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
         NoVideoStream: the container has no video stream.
         MediaTooLarge: the file exceeds the limits.
     """
-    limits = limits or Limits()
+    limits, options = limits or Limits(), options or SourceOptions()
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
         media_type = sniff(stream)
@@ -50,7 +51,7 @@ def probe(path: Path, limits: Limits | None = None) -> MediaInfo:
         return _probe_json(path, limits)
     if media_type == "application/zip":
         return _probe_zip(path, limits)
-    return _probe_video(path, media_type, limits)
+    return _probe_video(path, media_type, limits, options)
 
 
 def _probe_json(path: Path, limits: Limits) -> MediaInfo:
@@ -105,9 +106,9 @@ def _check_shot(path: Path, limits: Limits) -> None:
         check_pictures(files, layout, frames.geometry.size)
 
 
-def _probe_video(path: Path, media_type: str, limits: Limits) -> MediaInfo:
+def _probe_video(path: Path, media_type: str, limits: Limits, options: SourceOptions) -> MediaInfo:
     with open_container(path, limits) as container:
-        stream = video_stream(container)
+        stream = video_stream(container, options.picture)
         context = stream.codec_context
         if context.width and context.height:
             check_size(context.width, context.height, limits, "The video")
@@ -117,9 +118,9 @@ def _probe_video(path: Path, media_type: str, limits: Limits) -> MediaInfo:
             "video",
             media_type or _media_type(container.format.name),
             codec=context.name,
-            has_audio=any(s.codec_context is not None for s in container.streams.audio),
+            has_audio=bool(sound_streams(container)),
         )
-    return _described(Clip(path, limits), found, limits)
+    return _described(Clip(path, limits, options), found, limits)
 
 
 def _media_type(demuxer: str) -> str:
@@ -145,18 +146,23 @@ def _described(source: Clip | Sequence, found: MediaInfo, limits: Limits) -> Med
             pixel_format=source.pixel_format,
             rotation_deg=source.geometry.rotation_deg,
             damage=damage_of(index, index.incomplete).describe("The file"),
+            notes=tuple(note.message for note in (source.notes if isinstance(source, Clip) else index.notes)),
         )
     finally:
         source.close()
 
 
-def probe_guarded(path: Path, limits: Limits | None = None, timeout_s: float = 60.0) -> MediaInfo:
+def probe_guarded(
+    path: Path, limits: Limits | None = None, timeout_s: float = 60.0, options: SourceOptions | None = None
+) -> MediaInfo:
     """Run `probe` in a child process with limited time and memory.
 
     Raises:
         BadMedia: as `probe`; also UnreadableMedia if the decoder hangs, crashes or exceeds its memory limit.
     """
     task = {"path": str(path.absolute()), "limits": asdict(limits or Limits())}
+    task["options"] = (options or SourceOptions()).as_json()
     child = start_decoder("probe", task, 1, timeout_s)
     child.close()
-    return MediaInfo(**child.began[0]["info"])
+    info = child.began[0]["info"]
+    return MediaInfo(**info | {"notes": tuple(info["notes"])})

@@ -15,7 +15,7 @@ from pipeline.frames import Frame
 from pipeline.video.clip import Clip
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
 from pipeline.video.index import Index
-from pipeline.video.media import Limits, check_bytes, unreadable
+from pipeline.video.media import Limits, Note, SourceOptions, check_bytes, unreadable
 from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
 
 
@@ -27,11 +27,14 @@ class VideoReader:
     one's size. A read that starts where the last one stopped never seeks. Holds a few frames in memory. Not
     thread-safe. The caller closes it.
 
-    Raises: UnreadableMedia, NoVideoStream, MediaTooLarge.
+    Args:
+        options: how a video container is read; other kinds of files have no such choices.
+
+    Raises: UnreadableMedia, NoVideoStream, MediaTooLarge, BadParameter (the file has no such stream).
     """
 
-    def __init__(self, path: Path, limits: Limits | None = None) -> None:
-        self._source: Clip | Sequence = _open(Path(path), limits or Limits())
+    def __init__(self, path: Path, limits: Limits | None = None, options: SourceOptions | None = None) -> None:
+        self._source: Clip | Sequence = _open(Path(path), limits or Limits(), options or SourceOptions())
 
     def __enter__(self) -> Self:
         return self
@@ -94,6 +97,11 @@ class VideoReader:
         return self._source.unreadable
 
     @property
+    def notes(self) -> tuple[Note, ...]:
+        """What was chosen, corrected or assumed when the file was opened."""
+        return self._source.notes if isinstance(self._source, Clip) else self._source.index.notes
+
+    @property
     def position(self) -> int | None:
         """Index of the first frame that can be read without a seek; None = no decoder is open."""
         return self._source.position
@@ -111,7 +119,7 @@ class VideoReader:
 _FOREVER = 1 << 62
 
 
-def _open(path: Path, limits: Limits) -> Clip | Sequence:
+def _open(path: Path, limits: Limits, options: SourceOptions) -> Clip | Sequence:
     if path.is_dir():
         return open_folder(path, limits)
     check_bytes(path.stat().st_size, limits.size_bytes)
@@ -122,4 +130,4 @@ def _open(path: Path, limits: Limits) -> Clip | Sequence:
         unreadable("The file is JSON, not pictures.")
     if media_type == "application/zip":
         return open_zip(path, limits)
-    return open_still(path, limits) if still else Clip(path, limits)
+    return open_still(path, limits) if still else Clip(path, limits, options)

@@ -1,85 +1,104 @@
-"""Whether a video file ends before the end that its header announces.
+"""Whether a video file is cut off or has holes, as the demuxer reports it, and how many frames are missing then.
 
-Headers round: a file counts as cut off only if more than two frames, and more than the longest pause between two frames
-of the file, are missing; or if its last packet is incomplete.
+Neither a pause nor a header that announces more than there is counts as damage by itself.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import av
+import av.logging
 import numpy as np
 from av.container import InputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from pipeline.video.container import open_container
-from pipeline.video.media import Limits
+from pipeline.video.container import AVI, MATROSKA, MOV
 
-_MOV, _AVI = "mov,mp4,m4a,3gp,3g2,mj2", "avi"
-_ANNOUNCING = frozenset({_MOV, _AVI, "matroska,webm", "asf", "flv"})
-"""Demuxers that read the length from a header. Others estimate it from the data in the file."""
+if TYPE_CHECKING:
+    from pipeline.video.index import Index
+
 Gap = tuple[int, int]
 """(frame, count): `count` frames are missing before frame number `frame` of the file."""
-_ROUNDED_FRAMES = 2.5
-_PAUSES = 1.5
-_GAP_FRAMES = 8
-_STEADY = 0.95
+_FLV = "flv"
+_GAP_FRAMES = 1.5
+_STEADY = 0.9
 """Least share of equal intervals in a video of constant frame rate."""
 
 
 @dataclass(frozen=True)
-class Ending:
-    """Measurements of the end of a file.
+class Reading:
+    """What was found when all packets were read.
 
     Attributes:
-        end_s: end of the last frame.
-        mean_s, longest_s: mean and longest time between two frames.
-        cut: whether the data of a frame are cut off.
+        packets: number of packets with a picture.
+        last_incomplete: whether the last of them is marked as incomplete.
+        end_s: end of the last packet of any stream, seconds.
+        errors: see `reported_errors`.
     """
 
+    packets: int
+    last_incomplete: bool
     end_s: float
-    mean_s: float
-    longest_s: float
-    cut: bool
-
-    @property
-    def tolerated_s(self) -> float:
-        """Missing time, seconds, that does not indicate missing frames."""
-        return 0.5 * self.mean_s if self.cut else max(_ROUNDED_FRAMES * self.mean_s, _PAUSES * self.longest_s)
+    errors: list[str]
 
 
-def missing_at_end(path: Path, limits: Limits, stream: VideoStream, count: int, ending: Ending | None) -> int:
-    """Number of frames that the header announces after the last one of the file.
+@contextmanager
+def reported_errors(container: InputContainer) -> Iterator[list[str]]:
+    """The errors that the Matroska demuxer reports within the block. Other demuxers mark the packets instead."""
+    found: list[str] = []
+    if container.format.name != MATROSKA:
+        yield found
+        return
+    before, repeats = av.logging.get_level(), av.logging.get_skip_repeated()
+    av.logging.set_level(av.logging.ERROR)
+    av.logging.set_skip_repeated(False)
+    try:
+        with av.logging.Capture() as logs:
+            yield found
+        found += [text.strip() for _level, name, text in logs if name == MATROSKA]
+    finally:
+        av.logging.set_level(before)
+        av.logging.set_skip_repeated(repeats)
 
-    Args:
-        count: frames of the file.
-        ending: None = unknown, so that none are missing.
-    """
-    name = stream.container.format.name
-    if ending is None or name not in _ANNOUNCING:
-        return 0
-    announced_s = _announced_end_s(stream)
-    if announced_s - ending.end_s <= ending.tolerated_s:
-        return 0
-    of_the_file = name not in (
-        _MOV,
-        _AVI,
-    )  # the header contains the duration of the longest stream, which may be the sound
-    if of_the_file and announced_s - _last_end_s(path, limits) <= ending.tolerated_s:
-        return 0
-    if not of_the_file and stream.frames > count:
-        return int(stream.frames) - count
-    return max(1, round((announced_s - ending.end_s) / ending.mean_s))
+
+def is_cut_off(path: Path, stream: VideoStream, index: Index, read: Reading) -> bool:
+    """Whether the demuxer finds the end of the file within its data."""
+    if read.last_incomplete or any("prematurely" in error for error in read.errors):
+        return True
+    if stream.container.format.name == MOV:
+        size, entries = path.stat().st_size, stream.index_entries
+        return any(entries[at].pos + entries[at].size > size for at in range(max(0, len(entries) - 2), len(entries)))
+    if stream.container.format.name == AVI:
+        return len(stream.index_entries) > read.packets
+    return stream.container.format.name == _FLV and _ends_early(stream, index, read)
+
+
+def _ends_early(stream: VideoStream, index: Index, read: Reading) -> bool:
+    """Whether an FLV file, whose demuxer does not report a cut, ends long before its header says."""
+    pause_s = float(np.diff(index.pts).max(initial=0) * index.time_base)
+    return _announced_end_s(stream) - read.end_s > max(2.5 / index.fps, 1.5 * pause_s)
+
+
+def missing_frames(stream: VideoStream, index: Index, cut: bool, read: Reading) -> tuple[Gap, ...]:
+    """Missing frames of a file that is cut off or has holes, from its header and from its frame rate."""
+    if not index.exact or not len(index.pts):
+        return ()
+    holes = gaps_between(index.pts) if read.errors else ()
+    announced = int(stream.frames) - read.packets
+    if announced <= 0 and index.fps:
+        end_s = float(index.end * index.time_base)
+        announced = round((_announced_end_s(stream) - end_s) * index.fps)
+    return (*holes, (len(index.pts), announced)) if cut and announced > 0 else holes
 
 
 def gaps_between(pts: NDArray[np.int64]) -> tuple[Gap, ...]:
-    """Gaps of at least eight missing frames in the middle of a video of constant frame rate.
-
-    This is for containers without a table of frames, where the demuxer skips data that it cannot read.
+    """Steps that are longer than one and a half usual ones, as missing frames; none if the frame rate varies.
 
     Args:
         pts: presentation times, ticks, ascending.
@@ -94,26 +113,11 @@ def gaps_between(pts: NDArray[np.int64]) -> tuple[Gap, ...]:
 
 def _announced_end_s(stream: VideoStream) -> float:
     """End of the video according to the header, s; 0: unknown."""
-    container = stream.container
-    if container.format.name == _AVI and stream.average_rate:
-        return float(stream.frames / stream.average_rate)
-    if container.format.name == _MOV and stream.duration and stream.time_base:
+    if stream.duration and stream.time_base:
         return float(((stream.start_time or 0) + stream.duration) * stream.time_base)
+    container = stream.container
     assert isinstance(container, InputContainer)
     return (container.duration or 0) / av.time_base
-
-
-def _last_end_s(path: Path, limits: Limits) -> float:
-    """End of the last packet of any stream, s."""
-    last_s = 0.0
-    with open_container(path, limits) as container:
-        try:
-            for packet in container.demux():
-                if packet.size and packet.pts is not None and packet.time_base:
-                    last_s = max(last_s, float((packet.pts + (packet.duration or 0)) * packet.time_base))
-        except (av.FFmpegError, OSError):
-            pass
-    return last_s
 
 
 def is_whole_gif(path: Path) -> bool:

@@ -16,7 +16,7 @@ from pipeline.frames import Frame, Plane
 from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.index import Index
-from pipeline.video.media import Limits
+from pipeline.video.media import Limits, Note, SourceOptions
 
 FOREVER = 1 << 62
 """End of a read of all frames."""
@@ -31,14 +31,18 @@ class GuardedReader:
 
     Args:
         niceness: added to the niceness of the decoder's process.
+        options: how a video container is read.
 
     Raises: as `VideoReader`; also UnreadableMedia if the decoder hangs, crashes or needs too much memory.
     """
 
-    def __init__(self, path: Path, limits: Limits | None = None, niceness: int = 0) -> None:
+    def __init__(
+        self, path: Path, limits: Limits | None = None, niceness: int = 0, options: SourceOptions | None = None
+    ) -> None:
         limits = limits or Limits()
         self._niceness = niceness
         self._task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
+        self._task["options"] = (options or SourceOptions()).as_json()
         self._shared_bytes = 3 * limits.pixels
         self._child = self._begin()
         about, data = self._child.began
@@ -77,6 +81,11 @@ class GuardedReader:
     @property
     def time_base(self) -> Fraction:
         return self.index.time_base
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What was chosen, corrected or assumed when the file was opened."""
+        return self.index.notes
 
     @property
     def fps(self) -> float:
@@ -142,4 +151,6 @@ def _index(about: Message, data: bytes) -> Index:
     above, below = about["tick"]
     tick, incomplete = Fraction(above, below), frozenset(about["incomplete"])
     missing = tuple((frame, missed) for frame, missed in about["missing"])
-    return Index(times[:count], times[count:], int(about["end"]), tick, bool(about["exact"]), missing, incomplete)
+    notes = tuple(Note(str(code), str(message)) for code, message in about["notes"])
+    end, exact = int(about["end"]), bool(about["exact"])
+    return Index(times[:count], times[count:], end, tick, exact, missing, incomplete, notes=notes)

@@ -28,7 +28,7 @@ from pipeline.video import memory_file
 from pipeline.video.exr import read_exr
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
 from pipeline.video.join import join
-from pipeline.video.media import Limits
+from pipeline.video.media import Limits, SourceOptions
 from pipeline.video.numbered import NumberedImages
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
@@ -67,6 +67,10 @@ def _limits(task: Message) -> Limits:
     return Limits(**task["limits"])
 
 
+def _options(task: Message) -> SourceOptions:
+    return SourceOptions.from_json(task.get("options"))
+
+
 def _video(connection: ChildConnection) -> None:
     """A `VideoReader`: {"start", "stop"} begins a read, {} gives its next frame; with {"thumbnails": n}, thumbnails of
     the next n frames in one array.
@@ -74,12 +78,13 @@ def _video(connection: ChildConnection) -> None:
     While the parent works on a frame, the next one of the same read is decoded.
     """
     task = connection.next()
-    with VideoReader(Path(task["path"]), _limits(task)) as reader:
+    with VideoReader(Path(task["path"]), _limits(task), _options(task)) as reader:
         index = reader.index
         tick = index.time_base
         facts = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
         times = {"tick": (tick.numerator, tick.denominator), "end": index.end, "exact": index.exact}
         times |= {"missing": index.missing, "incomplete": sorted(index.incomplete)}
+        times["notes"] = reader.notes
         data = index.pts.astype("<i8").tobytes() + index.keys.astype("<i8").tobytes()
         connection.answer(facts | times | {"frames": len(index.pts), "position": reader.position}, data)
         faults, frames = _Faults(reader), reader.read(0, 0)
@@ -129,7 +134,7 @@ def _read_next(reader: VideoReader, frames: Iterator[Frame]) -> _Read:
 
 def _probe(connection: ChildConnection) -> None:
     task = connection.next()
-    connection.answer({"info": probe(Path(task["path"]), _limits(task)).as_json()})
+    connection.answer({"info": probe(Path(task["path"]), _limits(task), _options(task)).as_json()})
 
 
 def _images(connection: ChildConnection) -> None:
