@@ -65,10 +65,8 @@ def missing_at_end(path: Path, limits: Limits, stream: VideoStream, count: int, 
     announced_s = _announced_end_s(stream)
     if announced_s - ending.end_s <= ending.tolerated_s:
         return 0
-    of_the_file = name not in (
-        _MOV,
-        _AVI,
-    )  # the header contains the duration of the longest stream, which may be the sound
+    # Other headers contain the duration of the longest stream, which may be the sound.
+    of_the_file = name not in (_MOV, _AVI)
     if of_the_file and announced_s - _last_end_s(path, limits) <= ending.tolerated_s:
         return 0
     if not of_the_file and stream.frames > count:
