@@ -17,9 +17,9 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with without_garbage_collection():
         if sys.argv[1:2] == ["render"] and not {"-h", "--help"} & set(sys.argv):
-            from impasto.cli import early
+            from pipeline.video.guard.decoder_server import start_decoder_server
 
-            early.begin(sys.argv[2:])
+            start_decoder_server()
         from impasto.cli.app import main as run
 
     run()

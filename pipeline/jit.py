@@ -27,24 +27,15 @@ def kernel(function: F) -> F:
     return cast(F, JitKernel(function))
 
 
-def kernel_without_overlap(function: F) -> F:
-    """Compile `function` as `kernel` does. Its array arguments must never share memory: the compiler relies on that,
-    and then also vectorises loops over many arrays."""
-    return cast(F, JitKernel(function, overlap=False))
-
-
 class JitKernel:
     """A function that is compiled or loaded at its first call.
 
     Numba itself is imported then, too: that takes 0.4 s of CPU time, and many of our processes call no kernel.
-
-    Args:
-        overlap: whether array arguments may share memory.
     """
 
-    def __init__(self, function: Callable[..., Any], overlap: bool = True) -> None:
+    def __init__(self, function: Callable[..., Any]) -> None:
         functools.update_wrapper(self, function)
-        self._function, self._overlap = function, overlap
+        self._function = function
         self._compiled: Any = None
         self._run: Callable[..., Any] = self._first_run
 
@@ -60,7 +51,7 @@ class JitKernel:
         """Numba's dispatcher of the function; the function itself where NUMBA_DISABLE_JIT switches compiling off."""
         with _COMPILE_LOCK.of_this_process:
             if self._compiled is None:
-                self._compiled = _dispatcher(self._function, self._overlap)
+                self._compiled = _dispatcher(self._function)
             return self._compiled
 
     @property
@@ -69,37 +60,15 @@ class JitKernel:
         return self.compiled._numba_type_
 
 
-def _dispatcher(function: Callable[..., Any], overlap: bool) -> Any:
+def _dispatcher(function: Callable[..., Any]) -> Any:
     import numba
 
-    from pipeline.kernel_cache import KernelCache
+    from pipeline.kernel_cache import keep_on_disk
 
     compiled: Any = numba.njit(nogil=True, fastmath=False, error_model="numpy")(function)
     if compiled is not function:
-        compiled._cache = KernelCache(function)  # type: ignore[no-untyped-call]
-        compiled.compile = _locked(compiled)
-        if not overlap:
-            compiled._compiler._customize_flags = _without_overlap
+        keep_on_disk(compiled, _COMPILE_LOCK.acquired)
     return compiled
-
-
-def _without_overlap(flags: Any) -> Any:
-    flags.noalias = True
-    return flags
-
-
-def _locked(compiled: Any) -> Callable[[Any], Any]:
-    """Numba's `compile` of this dispatcher, under the lock."""
-    compile_for, folder = compiled.compile, Path(compiled._cache.cache_path)
-
-    def compile_locked(signature: Any) -> Any:
-        with _COMPILE_LOCK.acquired(folder, fcntl.LOCK_SH):
-            if compiled._cache.has(signature, compiled.targetctx):
-                return compile_for(signature)
-        with _COMPILE_LOCK.acquired(folder, fcntl.LOCK_EX):
-            return compile_for(signature)
-
-    return compile_locked
 
 
 class _CompileLock:
@@ -113,18 +82,18 @@ class _CompileLock:
         self._taken = False
 
     @contextmanager
-    def acquired(self, folder: Path, kind: int) -> Iterator[None]:
+    def acquired(self, folder: Path, shared: bool) -> Iterator[None]:
         """Context manager that has the lock file in `folder`.
 
         Args:
-            kind: LOCK_SH or LOCK_EX of `fcntl`; without effect in a block that has the lock.
+            shared: whether others may have it at the same time; without effect in a block that has the lock.
         """
         with self.of_this_process:
             if self._taken:
                 yield
                 return
             self._taken = True
-            handle = _lock_file(folder / LOCK, kind)
+            handle = _lock_file(folder / LOCK, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
             try:
                 yield
             finally:

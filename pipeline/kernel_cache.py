@@ -7,18 +7,20 @@ file before that file is written, so that a process may load what an older versi
 Here compiled code is in the user's cache folder (in NUMBA_CACHE_DIR if that is set), in a folder that is named after
 the text of the kernel's file and of every file that this one imports, directly or indirectly: whoever has the same text
 shares it, and a folder never has code of two versions.
+
+Numba has no public interface for this. All that we use of its inside is in this file; a test names what a new version
+of Numba lacks (`tests/pipeline/test_kernel_cache.py`).
 """
 
 from __future__ import annotations
 
 import hashlib
-import importlib
 import os
 import re
 import shutil
-import sys
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -63,29 +65,16 @@ class _Folder(_CacheLocator):
 
 
 class _CompiledCode(CompileResultCacheImpl):
-    """Writes and loads the compiled code of one function.
-
-    When Numba loads a function, it queries LLVM for each of about 200 symbols in its code, to find the defined ones.
-    That takes half of the time, and afterwards only the entry points are needed.
-    """
+    """Writes and loads the compiled code of one function."""
 
     _locator_classes = [_Folder]  # noqa: RUF012
-
-    def rebuild(self, target_context: Any, reduced_data: Any) -> Any:
-        engine, function = target_context.codegen()._engine, reduced_data[1]
-        entries = {function.llvm_func_name, function.llvm_cpython_wrapper_name, function.llvm_cfunc_wrapper_name}
-        engine._load_defined_symbols = lambda module: engine._defined_symbols.update(entries)
-        try:
-            return super().rebuild(target_context, reduced_data)  # type: ignore[no-untyped-call]
-        finally:
-            del engine._load_defined_symbols
 
 
 class KernelCache(FunctionCache):
     """Numba's cache of one function, in a folder of ours.
 
-    Numba loads all that it needs to compile (0.3 s of CPU time, and 1 ms more for each kernel) before it looks into its
-    cache. Compiled code needs only the runtime library.
+    Numba loads all that it needs to compile (1 s of CPU time for the kernels of abstraction, a quarter of a start)
+    before it looks into its cache. Compiled code needs only the runtime library.
     """
 
     _impl_class = _CompiledCode
@@ -96,22 +85,27 @@ class KernelCache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)
-        found = self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-        if found is None:
-            _prepare_to_compile()
-        return found
+        return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
 
-@cache
-def _prepare_to_compile() -> None:
-    """Load what Numba loads when it first compiles, without scipy.linalg: it takes 0.2 s of CPU time, and only matrix
-    products need it. It is an optional part of Numba, which few installations have."""
-    if "scipy.linalg" not in sys.modules:
-        sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # its import raises ImportError
-        try:
-            importlib.import_module("numba.np.arraymath")
-        finally:
-            sys.modules.pop("scipy.linalg", None)
+def keep_on_disk(compiled: Any, locked: Callable[[Path, bool], AbstractContextManager[None]]) -> None:
+    """Make Numba's dispatcher of a function compile and load its code in our folder, under a lock.
+
+    Args:
+        locked: context manager that has the lock of a folder; called with the folder and whether others may have it at
+            the same time, as they may to load.
+    """
+    store, compile_for = KernelCache(compiled.py_func), compiled.compile  # type: ignore[no-untyped-call]
+    folder = Path(store.cache_path)
+
+    def compile_locked(signature: Any) -> Any:
+        with locked(folder, True):
+            if store.has(signature, compiled.targetctx):
+                return compile_for(signature)
+        with locked(folder, False):
+            return compile_for(signature)
+
+    compiled._cache, compiled.compile = store, compile_locked
 
 
 @cache

@@ -10,13 +10,11 @@ from __future__ import annotations
 import contextlib
 import shutil
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from types import MappingProxyType
 
 from pipeline.errors import ImpastoError
 from pipeline.methods.base import PROCESS_BYTES
-from pipeline.video.guard.ahead import ThumbnailsAhead
 from pipeline.video.probe import probe_guarded
 from workers.blobs.base import Blobs
 from workers.blobs.open import open_blobs
@@ -184,14 +182,11 @@ class Farm:
         return {**self.store.statistics.snapshot(), "pool": pool}
 
 
-def open_farm(
-    settings: FarmSettings, *, private: bool = False, ahead: Mapping[str, ThumbnailsAhead] = MappingProxyType({})
-) -> Farm:
+def open_farm(settings: FarmSettings, *, private: bool = False) -> Farm:
     """The farm of these settings; call `start` to let it work. With Ray: on the main thread.
 
     Args:
         private: see `Farm`; its jobs get no previews, poster and contact sheet, either.
-        ahead: thumbnails of inputs that are being read already, by blob key.
 
     Raises:
         StorageError: the database or the blob store cannot be used.
@@ -200,16 +195,14 @@ def open_farm(
     check_installed(settings)
     blobs = open_blobs(settings)
     machine = None if settings.workers else this_machine()
-    pool, live_workers = _pool(settings, blobs, machine, private, ahead), _live_workers(settings, blobs)
+    pool, live_workers = _pool(settings, blobs, machine, private), _live_workers(settings, blobs)
     farm = Farm(settings, pool, live_workers, preview_runner=_preview_runner(settings, blobs), private=private)
     if machine is not None:
         machine.live_sessions = lambda: farm.live.sessions
     return farm
 
 
-def _pool(
-    settings: FarmSettings, blobs: Blobs, machine: Machine | None, private: bool, ahead: Mapping[str, ThumbnailsAhead]
-) -> Pool | None:
+def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, private: bool) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "ray":
@@ -228,7 +221,7 @@ def _pool(
     workers = settings.workers or most_processes(settings.most_workers, this_machine().memory_bytes, threads)
     if machine is not None:
         machine.memory_bytes = max(0, machine.memory_bytes - max(0, workers - threads) * PROCESS_BYTES)
-    decoders = Decoders(blobs, idle=IDLE * threads, ahead=ahead)
+    decoders = Decoders(blobs, idle=IDLE * threads)
     shared = Shared(decoders, Handover())
     in_child = partial(child_renderer, settings.for_workers, blobs, overview=not private, one_job=private)
 

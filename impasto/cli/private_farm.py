@@ -20,13 +20,11 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import IO
 
 from impasto.cli.console import Interrupted, Show, print_status
 from impasto.cli.input_files import InputFile
 from impasto.problems import JobFailed
-from pipeline.video.guard.ahead import ThumbnailsAhead
 from pipeline.video.media import MediaInfo
 from workers.errors import Conflict
 from workers.farm import Farm
@@ -120,19 +118,18 @@ _POLL_S = 5.0
 
 
 @contextmanager
-def opened(home: Path, workers: int, ahead: Mapping[str, ThumbnailsAhead] = MappingProxyType({})) -> Iterator[Farm]:
+def opened(home: Path, workers: int) -> Iterator[Farm]:
     """A started farm at `home` with local workers. It is stopped at the end of the block.
 
     Args:
         workers: tasks at once; 0: as many as the machine has processors and memory for.
-        ahead: see `workers.farm.open_farm`.
     """
     from workers.farm import open_farm
     from workers.process.free_memory import keep_free_memory
     from workers.settings import FarmSettings
 
     keep_free_memory()
-    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), private=True, ahead=ahead)
+    farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), private=True)
     farm.start()
     try:
         yield farm

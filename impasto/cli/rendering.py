@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from impasto.cli import early, private_farm
+from impasto.cli import private_farm
 from impasto.cli.console import Show
 from impasto.cli.estimating import remember
 from impasto.cli.input_files import InputFile, gather
@@ -23,7 +23,7 @@ from pipeline.video.probe import probe, probe_guarded
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
-from workers.model import Job, JobRequest, Json, TaskView, asset_key
+from workers.model import Job, JobRequest, Json, TaskView
 from workers.version import version
 
 
@@ -111,14 +111,12 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
     sweep(home)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         files = _gather(order.paths, Path(scratch))
-        thumbnails = early.thumbnails_of(files["video"].path)
         video = probe_guarded(files["video"].path)
         _check_result_fits(order, video)
         key = key_of(_facts(order, files))
         with workspace(home, key) as place:
             _check_consent(order, place)
-            ahead = {asset_key(f"ast_{files['video'].sha256}"): thumbnails} if thumbnails else {}
-            with private_farm.opened(place.folder, workers or 0, ahead) as farm:
+            with private_farm.opened(place.folder, workers or 0) as farm:
                 job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, video).id, show)
                 remember(home, order.request, video, job)
                 place.consent()  # existing outputs are our own from here on

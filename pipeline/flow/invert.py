@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Mask
 from pipeline.jit import kernel
 
-_HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
+_ONE, _ZERO = np.float32(1.0), np.float32(0.0)
 
 
 def invert_flow(flow: Flow, here: NDArray[np.uint8], there: NDArray[np.uint8]) -> tuple[Flow, Mask]:

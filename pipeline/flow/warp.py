@@ -1,4 +1,4 @@
-"""Warping along a flow: backward (`fetch`) and forward (`push`)."""
+"""Backward warping along a flow."""
 
 from __future__ import annotations
 
@@ -43,16 +43,3 @@ def fetch(image: AnyArray, flow: Flow) -> AnyArray:
     """
     x, y = positions(flow)
     return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-
-
-def _corners(flow: Flow) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
-    """Flat index and bilinear weight of each of the four pixels around each target; 0 outside the picture."""
-    height, width = flow.shape[:2]
-    x, y = (p.reshape(-1).astype(np.float64) for p in positions(flow))
-    left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    corners = []
-    for column, across in ((left, 1 - (x - left)), (left + 1, x - left)):
-        for row, down in ((top, 1 - (y - top)), (top + 1, y - top)):
-            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-            corners.append((np.where(inside, row * width + column, 0), np.where(inside, across * down, 0.0)))
-    return corners

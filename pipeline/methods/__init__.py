@@ -84,5 +84,7 @@ def _param_fault(chosen: Method, found: ErrorDetails) -> BadParameter:
         remedy = did_you_mean(name, chosen.Params.model_fields, "parameters")
         return BadParameter(f"Unknown parameter {name!r}.", field=field, value=found["input"], remedy=remedy)
     value = None if found["type"] == "missing" else found["input"]
+    if isinstance(value, str) and (own := chosen.Params.removed_values.get(name, {}).get(value)):
+        return BadParameter(f"{name} = {value!r} no longer exists.", field=field, value=value, remedy=own)
     remedy = f"See `impasto methods {chosen.name}` or GET /v1/methods/{chosen.name}."
     return BadParameter(f"{found['msg']}.", field=field, value=value, remedy=remedy)

@@ -7,6 +7,9 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 
+RemovedValues = Mapping[str, Mapping[str, str]]
+"""By parameter, values that a former version had, and the remedy: a sentence."""
+
 
 class Params(BaseModel):
     """Base class of every method's parameters: immutable; unknown names and NaN are refused."""
@@ -15,6 +18,8 @@ class Params(BaseModel):
 
     deprecated_names: ClassVar[Mapping[str, str]] = {}
     """Former names of parameters and their present ones. Both are accepted; results use the present name."""
+    removed_values: ClassVar[RemovedValues] = {}
+    """Values that are refused with a remedy of their own."""
 
     @model_validator(mode="before")
     @classmethod

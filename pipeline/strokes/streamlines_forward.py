@@ -1,9 +1,9 @@
 """Implicit strokes by forward streamlines: each disc is moved along the streamline through its centre, front to back.
 
-`streamlines_backward` finds the stroke that covers a pixel by walking the streamline through that pixel, as eq. 5 of
-kagaya2011video describes; most walks meet the same strokes repeatedly. Here the streamline of each stroke is followed
-once, and the stroke covers the pixels that the disc covers on its way. Both agree where streamlines are parallel; where
-they diverge, a backward stroke becomes wider and a forward stroke keeps its width.
+kagaya2011video (eq. 5) asks at each pixel for the topmost disc on the streamline through it; most of these walks meet
+the same strokes repeatedly. Here the streamline of each stroke is followed once, and the stroke covers the pixels that
+the disc covers on its way. Both agree where streamlines are parallel; where they diverge, a stroke of the paper becomes
+wider, and a stroke of ours keeps its width.
 
 The total order of the strokes makes this cheap: the topmost stroke is painted first, and an opaque pixel is finished.
 No stroke below it is painted there, whether of the same or of a coarser layer. So the finest layer is painted first and
@@ -62,14 +62,14 @@ _SCRATCH = 1 << 12
 
 @dataclass(frozen=True)
 class RasterOptions:
-    """Options of both implicit rasterisers.
+    """Options of the rasteriser.
 
     Attributes:
         seed: random seed of the bristle texture.
         profile: one for all strokes, or one each.
         guide, tolerance: as in `raster.paint`.
         threads: number of horizontal bands that are painted concurrently; it does not change the result.
-        tangents: `trace.unit_tangents` of the field, for the forward rasteriser; None = computed here.
+        tangents: `trace.unit_tangents` of the field; None = computed here.
     """
 
     seed: int = 0

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
-from pipeline.jit import kernel_without_overlap
+from pipeline.jit import kernel
 
 Planes = NDArray[np.float32]
 """float32 (2, h, w): planes of x and y, px."""
@@ -16,7 +16,7 @@ Sums = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]
 """Force along x and y, and stiffness, of a row."""
 
 
-@kernel_without_overlap
+@kernel
 def strain(
     laid: Planes, targets: Planes, inside: Mask, stiffness: Plane, rest: np.float32, force: NDArray[np.float32],
     rows: NDArray[np.float32], energies: NDArray[np.float64],
@@ -59,7 +59,7 @@ def strain(
     return energy
 
 
-@kernel_without_overlap
+@kernel
 def _anchor(
     targets: Row, position: Row, inside: NDArray[np.bool_], stiffness: NDArray[np.float32], sums: Sums,
     energies: NDArray[np.float64],
@@ -75,7 +75,7 @@ def _anchor(
         energies[x] += np.float64(k * (ex * ex + ey * ey)) if here else 0.0
 
 
-@kernel_without_overlap
+@kernel
 def _stretch(
     here: Row, there: Row, inside: tuple[NDArray[np.bool_], NDArray[np.bool_]], rest: np.float32, forces: Sums,
     sums: Sums, energies: NDArray[np.float64],
@@ -96,7 +96,7 @@ def _stretch(
         energies[x] += np.float64(strain * strain) if both else 0.0
 
 
-@kernel_without_overlap
+@kernel
 def _add_row(rows: NDArray[np.float32], came: NDArray[np.float32], force: NDArray[np.float32]) -> None:
     """The forces on a row: of the springs from the row above, from the left, and of its own springs."""
     right, sums = rows[0], rows[4]
@@ -109,7 +109,7 @@ def _add_row(rows: NDArray[np.float32], came: NDArray[np.float32], force: NDArra
             force[x, c] = before + sums[c, x]
 
 
-@kernel_without_overlap
+@kernel
 def _pass_on(rows: NDArray[np.float32], goes: NDArray[np.float32]) -> None:
     """The forces of a row's springs on the next row: from the left, from above, and from the right."""
     width = goes.shape[1]

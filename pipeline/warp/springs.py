@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
-from pipeline.jit import kernel, kernel_without_overlap
+from pipeline.jit import kernel
 from pipeline.warp.spring_forces import Planes, strain
 
 MOST_ITERATIONS = 10
@@ -209,7 +209,7 @@ def _locate(
             within[y, x, 0], within[y, x, 1] = u - np.float32(j), v - np.float32(i)
 
 
-@kernel_without_overlap
+@kernel
 def _lay(
     targets: Planes, corners: NDArray[np.int32], within: Positions, shifts: NDArray[np.float32], columns: int,
     out: Planes,
@@ -240,7 +240,7 @@ def _bound(targets: Positions, inside: Mask, ends: NDArray[np.float32]) -> None:
                     ends[2 + c] = max(ends[2 + c], targets[y, x, c])
 
 
-@kernel_without_overlap
+@kernel
 def _gather(
     corners: NDArray[np.int32], within: Positions, inside: Mask, force: NDArray[np.float32], columns: int,
     total: NDArray[np.float32],
@@ -261,7 +261,7 @@ def _gather(
                 total[below + 1, c] += high * a
 
 
-@kernel_without_overlap
+@kernel
 def _step(total: NDArray[np.float32], shifts: NDArray[np.float32], moved: NDArray[np.float32]) -> float:
     """Move each corner by `STEP` times its force divided by its stiffness; return the sum of squared forces.
 

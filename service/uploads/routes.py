@@ -2,7 +2,7 @@
 
 Core, creation, creation-with-upload, expiration, termination, checksum. When the last byte has arrived the file is
 probed and becomes an asset: the answer, and every later HEAD, names it in `Impasto-Asset`; refused media give a problem
-    instead, also at every later HEAD.
+instead, also at every later HEAD.
 """
 
 from __future__ import annotations

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.video.guard.ahead import ReaderAhead, ThumbnailsAhead
 from workers.blobs.disk import DiskBlobs
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.decoders import Decoders
@@ -103,26 +102,3 @@ def test_method_time_excludes_waiting_for_a_stage_of_another_thread(monkeypatch:
     with stages.method(), stages.blocked():
         pass
     assert stages.seconds() == {"method": 8.0}
-
-
-def test_thumbnails_that_were_read_ahead_are_used_once(blobs: DiskBlobs, tiny_clip: Path) -> None:
-    decoders = Decoders(blobs, ahead={"a": ThumbnailsAhead(tiny_clip)})
-    assert decoders.reads_ahead("a") and not decoders.reads_ahead("b")
-    with decoders.thumbnail_reader("a") as early:
-        ahead = list(early.read_thumbnails())
-        assert isinstance(early, ReaderAhead)
-    assert not decoders.reads_ahead("a")
-    with decoders.thumbnail_reader("a") as usual:
-        np.testing.assert_array_equal(ahead, list(usual.read_thumbnails()))
-        assert not isinstance(usual, ReaderAhead)
-    decoders.close()
-
-
-def test_thumbnails_that_nobody_needs_are_no_longer_read(blobs: DiskBlobs, tiny_clip: Path) -> None:
-    frames, unused = ThumbnailsAhead(tiny_clip), ThumbnailsAhead(tiny_clip)
-    decoders = Decoders(blobs, ahead={"a": frames, "b": unused})
-    with decoders.reader("a"):
-        assert not decoders.reads_ahead("a")
-        assert frames.reader() is None
-    decoders.close()
-    assert unused.reader() is None

@@ -122,26 +122,19 @@ class AttemptContext:
 
     def thumbnails(self, name: str = "video") -> Iterator[Plane]:
         pairs = self._is_first_pass(name, 0, None) and self.report_pairs
-        ahead = self._source_span(name, 0, None) == (0, None) and self._decoders.reads_ahead(self._input(name))
-        if pairs or (self.frame_cache is not None and not ahead):  # the frames themselves are kept
+        if pairs or self.frame_cache is not None:  # the frames themselves are kept
             return map(thumbnail, self.frames(name))
-        find_reader = self._decoders.thumbnail_reader if ahead else None
-        return self._read(name, 0, None, GuardedReader.read_thumbnails, find_reader)
+        return self._read(name, 0, None, GuardedReader.read_thumbnails)
 
     def _read(
         self, name: str, start: int, stop: int | None,
         read: Callable[[GuardedReader, int, int | None], Iterator[Picture]],
-        find_reader: Callable[[str], AbstractContextManager[GuardedReader]] | None = None,
     ) -> Iterator[Picture]:  # fmt: skip
-        """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage.
-
-        Args:
-            find_reader: finds a reader of the blob; None: one that is near to the first frame.
-        """
+        """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage."""
         first, last = self._source_span(name, start, stop)
         key, cache = self._input(name), self.frame_cache
         to_decode = first if cache is None else cache.first_missing(key, first)
-        with find_reader(key) if find_reader else self._decoders.reader(key, to_decode) as reader:
+        with self._decoders.reader(key, to_decode) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
             self.damage.record(name, expected, ())

@@ -6,15 +6,13 @@ Uploaded files are decoded by child processes (`pipeline.video.guard`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from threading import Lock
-from types import MappingProxyType
 
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
-from pipeline.video.guard.ahead import ThumbnailsAhead
 from pipeline.video.guard.decoder_process import ANSWER_S
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.media import Limits
@@ -38,17 +36,12 @@ class Decoders:
 
     Args:
         idle: maximum number of idle readers that stay open.
-        ahead: thumbnails that are being read already, by blob key. They are closed with this, or once the blob is read
-            in another way.
     """
 
-    def __init__(
-        self, blobs: Blobs, limits: Limits | None = None, idle: int = IDLE,
-        ahead: Mapping[str, ThumbnailsAhead] = MappingProxyType({}),
-    ) -> None:  # fmt: skip
+    def __init__(self, blobs: Blobs, limits: Limits | None = None, idle: int = IDLE) -> None:
         self._blobs = blobs
         self._limits = limits or Limits()
-        self._most, self._ahead = idle, dict(ahead)
+        self._most = idle
         self._idle: list[_Open] = []
         self._lock = Lock()
 
@@ -66,34 +59,11 @@ class Decoders:
             raise
         self._give(borrowed)
 
-    def reads_ahead(self, key: str) -> bool:
-        """Whether thumbnails of the blob are being read for `thumbnail_reader`."""
-        return key in self._ahead
-
-    @contextmanager
-    def thumbnail_reader(self, key: str) -> Iterator[GuardedReader]:
-        """A reader for all thumbnails of the blob, of which some may have been read already. Raises as `reader`."""
-        found = self._take_ahead(key)
-        if found is None:
-            with self.reader(key) as reader:
-                yield reader
-        else:
-            with found:
-                yield found
-
     def close(self) -> None:
         with self._lock:
-            unread, self._ahead = self._ahead, {}
             closing, self._idle = self._idle, []
         for unused in closing:
             unused.exit_stack.close()
-        for thumbnails in unread.values():
-            thumbnails.close()
-
-    def _take_ahead(self, key: str) -> GuardedReader | None:
-        with self._lock:
-            thumbnails = self._ahead.pop(key, None)
-        return None if thumbnails is None else thumbnails.reader()
 
     def _take(self, key: str, start: int) -> _Open | None:
         with self._lock:
@@ -105,10 +75,6 @@ class Decoders:
             return chosen
 
     def _open(self, key: str) -> _Open:
-        with self._lock:
-            thumbnails = self._ahead.pop(key, None)
-        if thumbnails is not None:  # the frames themselves are read: nobody needs thumbnails
-            thumbnails.close()
         with ExitStack() as stack:
             path = stack.enter_context(self._blobs.local(key))
             with heartbeats_of_another(ANSWER_S):  # it reads the whole file for the index

@@ -140,8 +140,7 @@ class Renderer:
 
         Args:
             report: receives the fraction done, 0..1, a few times a second, and about every two seconds the blob key of
-                a
-                preview.
+                a preview.
             cancelled: called about ten times a second; once it returns True, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:

@@ -115,7 +115,7 @@ class FarmJobs:
         limit: int = 50,
         search: str = "",
     ) -> Page:
-        """`Job` items, newest first. `state` and `search`: see `JobStore.page`."""
+        """`Job` items, newest first. `state` and `search`: see `Jobs.page` of the store."""
         return self._store.jobs.page(state, method, owner, label, cursor, limit, search)
 
     def cancel(self, job_id: str) -> Job:

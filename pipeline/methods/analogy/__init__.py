@@ -7,7 +7,7 @@ a live stream is not supported.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 from pipeline.compute import device
@@ -27,7 +27,6 @@ from pipeline.methods.base import (
     Params,
     PlanContext,
     Resources,
-    Session,
     Step,
     Task,
     TaskContext,
@@ -54,7 +53,7 @@ def _run_synthesis(task: Task, context: TaskContext[AnalogyParams]) -> TaskResul
 
 
 class Analogy(Method):
-    """Registry entry of the method."""
+    """Registry entry of the method. It has no live form, since its sweeps also go backward in time."""
 
     name: ClassVar[str] = "analogy"
     title: ClassVar[str] = "Style by example"
@@ -147,9 +146,3 @@ class Analogy(Method):
         """
         bytes_per_pixel = 60 if step == "scan" else 400 + 24 * run_frames((context.video.width, context.video.height))
         return resources_per_pixel(context.video, bytes_per_pixel, device=step != "scan")
-
-    def stream(
-        self, params: AnalogyParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
-    ) -> Session | None:
-        """None: the method has no live form, since its sweeps also go backward in time."""
-        return None

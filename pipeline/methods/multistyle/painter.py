@@ -21,7 +21,6 @@ from pipeline.strokes.emboss import Lighting, emboss
 from pipeline.strokes.paper import settle_pigment
 from pipeline.strokes.raster import paint
 from pipeline.strokes.seeds import StyleField
-from pipeline.strokes.streamlines_backward import colour_order, streamlines_backward
 from pipeline.strokes.streamlines_forward import (
     FrontToBack,
     RasterOptions,
@@ -121,8 +120,8 @@ class Painter:
             width, height = self.size
             direction = analysis.direction(self.size, self.buffers.get("direction", (height, width, 2)))
             ground = self._ground(analysis)
-        layers = {"explicit": self._explicit, "implicit": self._implicit, "implicit-literal": self._literal}
-        canvas = layers[self.params.renderer](analysis, direction, ground)
+        layers = self._explicit if self.params.renderer == "explicit" else self._implicit
+        canvas = layers(analysis, direction, ground)
         with self.clock("light"):
             _round_off(canvas)
             strength, gloss, weave = (analysis.pixel_field(name, self.size) for name in ("light", "gloss", "weave"))
@@ -163,16 +162,6 @@ class Painter:
                 options = self._options(analysis, layer, tangents)
                 streamlines_forward(buffer, strokes, direction, layer.values("length_px"), self._order(layer), options)
         return composite_over(buffer, ground, canvas)
-
-    def _literal(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
-        """Back to front: each pixel takes the topmost disc on its streamline (kagaya2011video, eq. 5)."""
-        canvas = self._canvas(analysis, ground)
-        for index, layer in enumerate(analysis.layers):
-            with self.clock(f"layer {index + 1}"):
-                strokes, options = fade(layer.dots(), layer.values("presence")), self._options(analysis, layer)
-                length_px = float(np.median(layer.values("length_px"))) if len(layer) else 0.0
-                streamlines_backward(canvas, strokes, direction, length_px, self._order(layer), options)
-        return canvas
 
     def _explicit(self, analysis: StrokeAnalysis, direction: Direction, ground: Plane) -> Canvas:
         """Back to front: strokes end where the picture's colour changes."""
@@ -218,6 +207,15 @@ class Painter:
 
 
 _PAINT = ("vivid", "contrast")
+
+
+def colour_order(colours: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Sort RGB colours (n, 3) by R^2 + G^2 + B^2, then G, then R, then B; return indices, smallest first.
+
+    Source: kagaya2011video, eq. 5. The sort is stable.
+    """
+    whole = np.rint(colours).astype(np.int64)
+    return np.lexsort((whole[:, 2], whole[:, 0], whole[:, 1], (whole * whole).sum(axis=1)))
 
 
 def _round_off(canvas: Canvas) -> None:

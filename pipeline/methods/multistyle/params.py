@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import ClassVar, Literal, get_args
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import FlowName, Switch, choice, number
+from pipeline.methods.fields import FlowName, RemovedValues, Switch, choice, number
 
 StyleName = Literal["van-gogh", "impressionism", "expressionism", "pointillism", "colorist-wash", "watercolor"]
 STYLE_NAMES: tuple[StyleName, ...] = get_args(StyleName)
 Effect = Literal["none", "rack-focus", "emphasis", "calm-to-stress"]
-Renderer = Literal["implicit", "explicit", "implicit-literal"]
+Renderer = Literal["implicit", "explicit"]
 StrokeOrder = Literal["mixed", "colour"]
 
 
@@ -22,6 +22,9 @@ class MultistyleParams(Params):
     """
 
     deprecated_names: ClassVar[Mapping[str, str]] = {"hold": "noise_floor", "linger": "accumulated_frames"}
+    removed_values: ClassVar[RemovedValues] = {
+        "renderer": {"implicit-literal": "Use renderer=implicit, which looks alike and is faster."}
+    }
 
     @property
     def effective(self) -> MultistyleParams:
@@ -38,8 +41,7 @@ class MultistyleParams(Params):
     renderer: Renderer = choice(
         "implicit", "Renderer",
         "implicit = discs swept along the stroke directions, with soft edges and less flicker; explicit = every "
-        "stroke is a curve with crisp edges and ends; implicit-literal = each pixel takes the topmost disc on the "
-        "streamline through it, as the paper's equation 5 computes it (slower).", "Style",
+        "stroke is a curve with crisp edges and ends.", "Style",
     )  # fmt: skip
     stroke_order: StrokeOrder = choice(
         "mixed", "Painting order",

@@ -13,10 +13,9 @@ paint     warps patches back to every frame, over a painting of the pixels that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
-from pipeline.frames import Frame
 from pipeline.methods.base import (
     Arrays,
     Example,
@@ -26,7 +25,6 @@ from pipeline.methods.base import (
     Params,
     PlanContext,
     Resources,
-    Session,
     Step,
     resources_per_pixel,
 )
@@ -44,7 +42,7 @@ __all__ = ["Patches", "PatchesParams"]
 
 
 class Patches(Method):
-    """Registry entry of the method."""
+    """Registry entry of the method. It has no live form, since a patch is the mean of past and future frames."""
 
     name: ClassVar[str] = "patches"
     title: ClassVar[str] = "Painting patches"
@@ -111,9 +109,3 @@ class Patches(Method):
     def resources(self, step: str, context: PlanContext[PatchesParams]) -> Resources:
         """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %."""
         return resources_per_pixel(context.video, 60 if step == "scan" else 500)
-
-    def stream(
-        self, params: PatchesParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
-    ) -> Session | None:
-        """None: the method has no live form, since a patch is the mean of past and future frames."""
-        return None

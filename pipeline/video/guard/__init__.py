@@ -2,7 +2,6 @@
 
 decoder_server   starts the decoder server, which forks decoder processes
 decoder_process  talks to a decoder process
-ahead            reads thumbnails before somebody asks for them
 server_main      entry point of the decoder server
 roles            loop of the server, and the roles of its children
 wire             message format: JSON and bytes, arrays in shared memory; never pickle

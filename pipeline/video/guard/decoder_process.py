@@ -51,7 +51,6 @@ class DecoderProcess:
         shared_bytes: size of the shared memory in which the process returns arrays.
         timeout_s: time limit of each answer, s.
         memory_bytes: limit of the process's memory.
-        niceness: added to the niceness of the process.
         on_progress: called with each intermediate message before the answer to the first message.
 
     Raises: like `ask`.
@@ -64,7 +63,6 @@ class DecoderProcess:
         shared_bytes: int,
         timeout_s: float = ANSWER_S,
         memory_bytes: int = 4 << 30,
-        niceness: int = 0,
         on_progress: Callable[[Message], None] = lambda message: None,
     ) -> None:
         self._wire, theirs = socket.socketpair()
@@ -75,7 +73,7 @@ class DecoderProcess:
             self._memory = mmap.mmap(file.fileno(), shared_bytes)
             SERVER.fork(theirs.fileno(), file.fileno())
         try:
-            limits: Message = {"memory": memory_bytes, "seconds": timeout_s, "niceness": niceness}
+            limits: Message = {"memory": memory_bytes, "seconds": timeout_s}
             self._pid = self._greet({"role": role, "shared": shared_bytes} | limits)
             self._wire.settimeout(timeout_s)
             self.began = self.ask(task, on_progress)
@@ -149,17 +147,16 @@ def start_decoder(
     task: Message,
     shared_bytes: int,
     timeout_s: float = ANSWER_S,
-    niceness: int = 0,
     on_progress: Callable[[Message], None] = lambda message: None,
 ) -> DecoderProcess:
     """A started decoder process. If the first one dies, which may not be the file's fault, a second one is tried."""
     try:
-        return DecoderProcess(role, task, shared_bytes, timeout_s, niceness=niceness, on_progress=on_progress)
+        return DecoderProcess(role, task, shared_bytes, timeout_s, on_progress=on_progress)
     except (DecoderDied, DecoderNotStarted) as error:
         if isinstance(error, DecoderNotStarted):
             log.warning("%s The decoder server is started again.", error.message)
             SERVER.stop()
-        return DecoderProcess(role, task, shared_bytes, timeout_s, niceness=niceness, on_progress=on_progress)
+        return DecoderProcess(role, task, shared_bytes, timeout_s, on_progress=on_progress)
 
 
 def _has_closed(wire: socket.socket) -> bool:

@@ -30,17 +30,13 @@ class GuardedReader:
     It costs a fork at the start and a copy of each frame. Not thread-safe; close it.
 
     Args:
-        niceness: added to the niceness of the decoder's process.
         options: how a video container is read.
 
     Raises: as `VideoReader`; also UnreadableMedia if the decoder hangs, crashes or needs too much memory.
     """
 
-    def __init__(
-        self, path: Path, limits: Limits | None = None, niceness: int = 0, options: SourceOptions | None = None
-    ) -> None:
+    def __init__(self, path: Path, limits: Limits | None = None, options: SourceOptions | None = None) -> None:
         limits = limits or Limits()
-        self._niceness = niceness
         self._task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
         self._task["options"] = (options or SourceOptions()).as_json()
         self._shared_bytes = 3 * limits.pixels
@@ -100,25 +96,19 @@ class GuardedReader:
     def read_thumbnails(self, start: int = 0, stop: int | None = None) -> Iterator[Plane]:
         """Thumbnails (`pipeline.segmentation.cuts.thumbnail`) of the frames [start, stop), computed by the decoder's
         process, so that no frame is copied to this one. Otherwise as `read`."""
-        for answer, found in self._thumbnails(start, stop if stop is not None else FOREVER):
-            self._note(answer)
-            yield from found
-
-    def _thumbnails(self, start: int, stop: int) -> Iterator[tuple[Message, NDArray[np.float32]]]:
-        """The decoder's answers with the thumbnails in them; the last one has none."""
-        question: Message = {"start": start, "stop": stop}
+        end, more = stop if stop is not None else FOREVER, {"thumbnails": _THUMBNAILS}
+        question: Message = {"start": start, "stop": end}
         while True:
-            more = {"thumbnails": _THUMBNAILS}
-            answer = self._asked(question | more, {"start": start, "stop": stop} | more)
+            answer = self._asked(question | more, {"start": start, "stop": end} | more)
+            self._note(answer)
             if answer.get("end"):
-                yield answer, np.empty((0, 0, 0, 3), np.float32)
                 return
             found = np.asarray(self._child.array(tuple(answer["shape"]), "f4"), np.float32)
             start, question = start + len(found), {}
-            yield answer, found
+            yield from found
 
     def _begin(self) -> DecoderProcess:
-        return start_decoder("video", self._task, self._shared_bytes, niceness=self._niceness)
+        return start_decoder("video", self._task, self._shared_bytes)
 
     def _frames(self, start: int, stop: int) -> Iterator[Frame]:
         question: Message = {"start": start, "stop": stop}

@@ -218,7 +218,6 @@ def _set_limits(first: Message) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_NOFILE, (_OPEN_FILES, _OPEN_FILES))
-    os.nice(int(first["niceness"]))
     if first["role"] == "probe":
         seconds = int(first["seconds"]) + 1
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods import method
+from pipeline.methods import method, parse_params
 from pipeline.methods.base import no_clock
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
@@ -26,7 +26,7 @@ from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
-from pipeline.methods.multistyle.painter import Painter
+from pipeline.methods.multistyle.painter import Painter, colour_order
 from pipeline.methods.multistyle.params import STYLE_NAMES
 from pipeline.methods.multistyle.styles import FIELDS, STYLES, pigment, vector
 from pipeline.methods.multistyle.tubes import TubeTracker, merge_results, tubes_of
@@ -591,11 +591,28 @@ def test_hue_is_interpolated_over_the_shorter_arc() -> None:
     assert (hue % 360).min() > 179 and (hue % 360).max() < 201
 
 
-@pytest.mark.parametrize("values", [{"renderer": "implicit-literal"}, {"stroke_order": "colour"}])
-def test_the_renderer_and_order_of_the_paper_can_be_selected(values: dict[str, Any]) -> None:
-    one, other = (MultistyleSession(MultistyleParams(**own), SIZE, 3) for own in ({}, values))
+def test_the_painting_order_of_the_paper_can_be_selected() -> None:
+    one, other = (MultistyleSession(MultistyleParams(stroke_order=order), SIZE, 3) for order in ("mixed", "colour"))
     apart = [np.abs(one.step(frame).astype(int) - other.step(frame)).mean() for frame in shots()[:3]]
     assert all(0.3 < value < 25 for value in apart), apart
+
+
+def test_the_order_is_the_total_order_of_the_paper() -> None:
+    rows = np.array(
+        [[5, 0, 0], [0, 5, 0], [3, 4, 0], [4, 3, 0], [0, 3, 4], [0, 4, 3], [1, 1, 1], [0, 0, 5]], np.float32
+    )
+    order = colour_order(rows).tolist()
+    assert [rows[k].astype(int).tolist() for k in order] == [
+        [1, 1, 1], [0, 0, 5], [5, 0, 0], [0, 3, 4], [4, 3, 0], [0, 4, 3], [3, 4, 0], [0, 5, 0],
+    ]  # fmt: skip
+    again = np.random.default_rng(1).permutation(8)
+    assert rows[again][colour_order(rows[again])].tolist() == rows[order].tolist()
+
+
+def test_a_renderer_that_was_removed_is_refused_with_a_remedy() -> None:
+    with pytest.raises(BadParameter, match="'implicit-literal' no longer exists") as caught:
+        parse_params(method("multistyle"), {"renderer": "implicit-literal"})
+    assert caught.value.field == "params.renderer" and "renderer=implicit" in caught.value.remedy
 
 
 def test_a_tube_keeps_its_number_after_an_occlusion() -> None:

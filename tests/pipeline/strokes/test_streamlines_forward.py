@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.strokes.brush import Brush, Strokes, blank, discs
+from pipeline.strokes.brush import Brush, Strokes, discs
 from pipeline.strokes.raster import StrokeProfile
 from pipeline.strokes.seeds import Seeds, place
-from pipeline.strokes.streamlines_backward import streamlines_backward
 from pipeline.strokes.streamlines_forward import (
     FrontToBack,
     RasterOptions,
@@ -48,20 +47,6 @@ def many() -> tuple[Strokes, np.ndarray, np.ndarray]:
     y, x = np.indices(SIZE, np.float32)
     field = np.dstack([np.cos(x / 60 + y / 80), np.sin(x / 60 + y / 80)]).astype(np.float32)
     return strokes, field, rng.permutation(len(seeds))
-
-
-@pytest.mark.parametrize(("curved", "alike"), [(False, 0.8), (True, 0.78)])
-def test_the_covering_order_is_that_of_the_paper(curved: bool, alike: float) -> None:
-    """Strokes are 8 px apart and hide each other, so ever so small differences show."""
-    strokes, field, order = many()
-    field = field if curved else even(0.4)
-    buffer = empty_buffer(SIZE)
-    options = RasterOptions(profile=EVEN)
-    streamlines_forward(buffer, strokes, field, np.full(len(strokes), 30, np.float32), order, options)
-    canvas = blank(np.zeros((*SIZE, 3), np.uint8))
-    streamlines_backward(canvas, strokes, field, 30, order, options)
-    apart = np.abs(composite_over(buffer, np.zeros((*SIZE, 3), np.float32))[..., :3] - canvas[..., :3]).max(axis=-1)
-    assert (apart < 30).mean() > alike
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 90, 135])
