@@ -25,6 +25,7 @@ from typing import IO
 
 from impasto.cli.console import Interrupted, Show, print_status
 from impasto.cli.input_files import InputFile
+from impasto.cli.supervisor import pulse
 from impasto.problems import JobFailed
 from pipeline.video.guard.ahead import ThumbnailsAhead
 from pipeline.video.media import MediaInfo
@@ -135,7 +136,8 @@ def opened(home: Path, workers: int, ahead: Mapping[str, ThumbnailsAhead] = Mapp
     farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), private=True, ahead=ahead)
     farm.start()
     try:
-        yield farm
+        with pulse():
+            yield farm
     finally:
         farm.stop()
 
