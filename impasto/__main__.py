@@ -9,14 +9,17 @@ from workers.process.starting import without_garbage_collection
 
 
 def main() -> None:
-    """Run the command line. For `impasto render`, the decoder server starts beside the imports of this process, which
-    take about as long as its own."""
+    """Run the command line. For `impasto render`, another process watches this one, and the decoder server starts
+    beside the imports, which take about as long as its own."""
     # Read when NumPy is imported, by this process and its children. Every copy of OpenBLAS (NumPy's and OpenCV's) would
     # start a thread for each processor, which is busy while it waits for work: 0.2 s of processor time a render. Our
     # matrices are small.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with without_garbage_collection():
         if sys.argv[1:2] == ["render"] and not {"-h", "--help"} & set(sys.argv):
+            from impasto.cli import supervisor
+
+            supervisor.watch_from_here()
             from pipeline.video.guard.decoder_server import start_decoder_server
 
             start_decoder_server()

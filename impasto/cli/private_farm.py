@@ -24,6 +24,7 @@ from typing import IO
 
 from impasto.cli.console import Interrupted, Show, print_status
 from impasto.cli.input_files import InputFile
+from impasto.cli.supervisor import pulse
 from impasto.problems import JobFailed
 from pipeline.video.media import MediaInfo
 from workers.errors import Conflict
@@ -132,7 +133,8 @@ def opened(home: Path, workers: int) -> Iterator[Farm]:
     farm = open_farm(FarmSettings(home=home, pool="local", workers=workers), private=True)
     farm.start()
     try:
-        yield farm
+        with pulse():
+            yield farm
     finally:
         farm.stop()
 

@@ -26,12 +26,15 @@ from workers.blobs.local_copies import Copies
 from workers.blobs.s3_client import Answer, S3Client, S3Options, as_storage_error, client_for, code_of
 from workers.blobs.s3_direct import S3Direct
 from workers.ids import new_id
+from workers.process.heartbeat import current_heartbeat, heartbeats_of_another
 
 _CHUNK = 1 << 20
 _AT_ONCE = 1000
 """Maximum number of keys in one delete request, set by the protocol."""
 _RESUMES = 4
 """Maximum number of continuations of an interrupted read."""
+_PART_S = 120.0
+"""Time that one part may take, seconds: over a slow line its bytes leave unseen."""
 _SPOOL_BYTES = 32 << 20
 """Streams up to this size are kept in memory before they are sent, bytes."""
 _TAKEN = {"PreconditionFailed", "ConditionalRequestConflict", "412"}
@@ -51,7 +54,7 @@ class S3Blobs:
 
     def put(self, key: str, data: Content) -> None:
         name = self._name(key)
-        with as_storage_error():
+        with as_storage_error(), heartbeats_of_another(_PART_S):
             if isinstance(data, Path):
                 with data.open("rb") as file:
                     self._put_stream(name, file)
@@ -177,7 +180,8 @@ class S3Blobs:
         """Upload long content in parts. A failed upload is aborted at once, one that a crash left by `sweep`."""
         part = self.options.part_bytes
         how = TransferConfig(multipart_threshold=part, multipart_chunksize=part, max_concurrency=4)
-        self._client.upload_fileobj(stream, self.options.bucket, name, Config=how)
+        beat = current_heartbeat()
+        self._client.upload_fileobj(stream, self.options.bucket, name, Config=how, Callback=lambda sent: beat())
 
     def _open(self, name: str, start: int, stop: int | None, etag: str = "") -> Answer | None:
         """The answer to a GET of [start, stop); None if the blob ends before `start`."""
@@ -194,7 +198,7 @@ class S3Blobs:
 
     def _pieces(self, name: str, answer: Answer, start: int, stop: int | None, chunk: int) -> Iterator[bytes]:
         end = start + answer["ContentLength"]
-        at, resumes = start, 0
+        at, resumes, beat = start, 0, current_heartbeat()
         try:
             while at < end:
                 try:
@@ -211,6 +215,7 @@ class S3Blobs:
                         answer = again
                     continue
                 at += len(piece)
+                beat()
                 yield piece
         finally:
             answer["Body"].close()

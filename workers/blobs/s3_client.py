@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,15 +13,22 @@ from typing import Any, TypeAlias
 import boto3
 from boto3.exceptions import Boto3Error
 from botocore.config import Config
-from botocore.exceptions import BotoCoreError, ClientError, HTTPClientError
+from botocore.exceptions import BotoCoreError, ClientError, ConnectTimeoutError, HTTPClientError
+from botocore.handlers import add_expect_header
 from urllib3.exceptions import HTTPError
 
 from pipeline.errors import StorageError, StorageFull
 from workers.blobs.keys import NoBlob
 
+CONNECT_S, READ_S = 5.0, 10.0
+"""Time limits of a connection, and of every wait for an answer's bytes, seconds."""
+CALL_S = 20.0
+"""A call that has taken this long is not tried again, seconds. With its last try it ends before the attempt that makes
+it counts as hanging (`FarmSettings.stall_s`)."""
 _CONNECTIONS = 32
 _TRIES = 9
 """Tries of a request. Waits between them double from 50 ms, with random jitter: about six seconds in total."""
+_DEADLINE = "impasto_deadline"
 _MISSING = {"NoSuchKey", "NoSuchUpload", "NotFound", "404"}
 _FULL = {"QuotaExceeded", "InsufficientStorage", "InsufficientCapacity", "XMinioStorageFull", "507"}
 _REMEDIES = {
@@ -80,14 +88,14 @@ def _new_client(options: S3Options, hasty: bool) -> S3Client:
         signature_version="s3v4",
         s3={"addressing_style": options.addressing},
         max_pool_connections=_CONNECTIONS,
-        connect_timeout=2 if hasty else 5,
-        read_timeout=3 if hasty else 30,
+        connect_timeout=2.0 if hasty else CONNECT_S,
+        read_timeout=3.0 if hasty else READ_S,
         retries={"mode": "standard", "total_max_attempts": 1 if hasty else _TRIES},
         request_checksum_calculation=when,
         response_checksum_validation=when,
     )
     with as_storage_error():
-        return boto3.session.Session().client(
+        client = boto3.session.Session().client(
             "s3",
             endpoint_url=options.endpoint_url or None,
             region_name=options.region or None,
@@ -95,6 +103,22 @@ def _new_client(options: S3Options, hasty: bool) -> S3Client:
             aws_secret_access_key=options.secret_key or None,
             config=config,
         )
+    events = client.meta.events
+    # If the connection breaks in an answer to "Expect: 100-continue", botocore 1.44.5 reads its end for ever.
+    events.unregister("before-call.s3", add_expect_header)
+    events.register("before-call.s3", _set_deadline)
+    events.register("request-created.s3", _check_deadline)
+    return client
+
+
+def _set_deadline(params: Answer, **_event: object) -> None:
+    params["context"][_DEADLINE] = time.monotonic() + CALL_S
+
+
+def _check_deadline(request: Any, **_event: object) -> None:
+    """Called before each try."""
+    if time.monotonic() > request.context.get(_DEADLINE, float("inf")):
+        raise ConnectTimeoutError(endpoint_url=request.url, error=f"no answer within {CALL_S:g} s")
 
 
 @contextmanager

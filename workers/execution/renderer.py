@@ -38,14 +38,13 @@ from workers.model import TaskOrder, TaskOutcome
 from workers.pools.base import Tell
 from workers.process.heartbeat import heartbeats
 from workers.process.logs import AttemptLog, captured, set_up_logs
+from workers.process.starting import HUNG_STATUS
 from workers.settings import FarmSettings
 
 _LOG = logging.getLogger(__name__)
 
 
 SWITCH_INTERVAL_S = 0.0005
-HUNG_STATUS = 75
-"""Exit status of a process that has ended itself because an attempt hung in one of its threads (EX_TEMPFAIL)."""
 
 
 def prepare_process() -> None:

@@ -23,3 +23,7 @@ def without_garbage_collection() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+HUNG_STATUS = 75
+"""Exit status of a process that has ended itself because an attempt hung in one of its threads (EX_TEMPFAIL)."""

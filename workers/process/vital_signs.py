@@ -32,11 +32,12 @@ def show_stacks_on_signal() -> None:
 
 
 def diagnose_hang(pid: int) -> str:
-    """Let a process of `show_stacks_on_signal` print its stacks, and say which of its threads spin. Takes half a
-    second."""
+    """Which threads of a process spin. Takes half a second. A process other than this one, which has called
+    `show_stacks_on_signal`, prints its stacks."""
     with contextlib.suppress(psutil.Error, OSError):
         before = _cpu_s(pid)
-        os.kill(pid, STACKS)
+        if pid != os.getpid():
+            os.kill(pid, STACKS)
         time.sleep(_SAMPLE_S)
         shares = {thread: (cpu_s - before.get(thread, cpu_s)) / _SAMPLE_S for thread, cpu_s in _cpu_s(pid).items()}
         spinning = [f"thread {t} spins ({share:.0%} of a processor)" for t, share in shares.items() if share > _BUSY]

@@ -131,11 +131,17 @@ class Database:
 def _engine(url: str, durable: bool) -> Engine:
     parsed = _parse(url)
     if parsed.get_backend_name() != "sqlite":
-        return create_engine(
+        from workers.store.postgres import connect  # its driver is an extra
+
+        engine = create_engine(
             parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, pool_timeout=10, connect_args=_POSTGRES
         )
+        event.listen(engine, "do_connect", connect)
+        return engine
     _make_folder(Path(parsed.database or "."))
-    engine = create_engine(parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, pool_size=10, max_overflow=40)
+    engine = create_engine(
+        parsed, connect_args={"timeout": BUSY_TIMEOUT_S}, pool_size=10, max_overflow=40, pool_timeout=10
+    )
     event.listen(engine, "connect", partial(_prepare_sqlite, "FULL" if durable else "NORMAL"))
     event.listen(engine, "begin", _begin_sqlite)
     return engine
