@@ -362,9 +362,13 @@ def _on_disconnect(_request: Request, _error: Exception) -> Response:
 
 
 def _on_unhandled_error(request: Request, error: Exception) -> Response:
-    log.error("%s %s failed", request.method, request.url.path, exc_info=error)
-    unknown = ImpastoError(
+    return respond(internal_error(f"{request.method} {request.url.path}", error), request.url.path)
+
+
+def internal_error(what: str, error: Exception) -> ImpastoError:
+    """Log an unexpected error; returns the one for the answer, which tells nothing of it."""
+    log.error("%s failed", what, exc_info=error)
+    return ImpastoError(
         "The service failed to answer this request.",
         remedy="Try again; if it fails again, report the time and address to the operator.",
     )
-    return respond(unknown, request.url.path)

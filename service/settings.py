@@ -39,6 +39,9 @@ class Settings(BaseSettings, FarmSettings):
     """Unfinished jobs of an owner; a key may have its own limit."""
     quota_asset_bytes: int | None = Field(default=None, ge=1)
     """Bytes of an owner's assets and unfinished uploads (None: unlimited); a key may have its own limit."""
+    quota_document_bytes: int = Field(default=256 * MIB, ge=1)
+    """Bytes that all versions of an owner's projects take in the database, compressed. Deleted projects count until
+    they can be restored no more. A key may have its own limit."""
 
     quota_open_uploads: int = Field(default=1000, ge=1)
     """Unfinished resumable uploads of an owner."""

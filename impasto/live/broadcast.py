@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from fractions import Fraction
 from urllib.parse import urlsplit
 
@@ -21,7 +20,6 @@ TICKS = 1000
 SILENT_S = 10
 """Longest time without the server accepting data, seconds."""
 _FORMATS = {"rtmp": "flv", "rtmps": "flv", "tcp": "mpegts", "udp": "mpegts", "srt": "mpegts"}
-_PORTS = {"rtmp": 1935, "rtmps": 443}
 
 
 class OutputLost(ImpastoError):
@@ -34,7 +32,9 @@ class Broadcast(Sink):
     """FFmpeg's fifo muxer writes on a thread of its own: a slow server loses packets and never blocks the stream.
     (Without it a server that is silent stops the whole process, since PyAV connects with the interpreter locked.)
 
-    Raises: BadInput (another scheme, nobody takes connections there); `put`, OutputLost.
+    The connection is made once and not tried before, because many servers take one sender only.
+
+    Raises: BadInput (another scheme, no address); `put`, OutputLost, also where nobody takes connections.
     """
 
     def __init__(self, address: str, size: Size, fps: float) -> None:
@@ -42,7 +42,7 @@ class Broadcast(Sink):
         kind = _format(address)
         check_protocol(address, "--output")
         try:
-            _knock(address)
+            _ = urlsplit(address).port
             self._file = _fifo(address, kind)
             self._stream = _h264(self._file, self._size, fps, headers_apart=kind != "mpegts")
             self._file.start_encoding()
@@ -83,13 +83,6 @@ def _format(address: str) -> str:
         remedy = f"Use an address that begins with one of: {', '.join(f'{name}://' for name in _FORMATS)}."
         raise BadInput("The address has no known streaming protocol.", field="--output", value=address, remedy=remedy)
     return _FORMATS[scheme]
-
-
-def _knock(address: str) -> None:
-    """Check that an RTMP server answers. Raises OSError, ValueError."""
-    parts = urlsplit(address)
-    if parts.scheme in _PORTS and parts.hostname:
-        socket.create_connection((parts.hostname, parts.port or _PORTS[parts.scheme]), SILENT_S).close()
 
 
 def _fifo(address: str, kind: str) -> OutputContainer:

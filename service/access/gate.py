@@ -13,7 +13,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from pipeline.errors import ImpastoError
 from service.access.keys import EVERYONE, OPERATOR, Principal
 from service.access.rates import Rates
-from service.errors import Forbidden, RateLimited, Unauthorized, respond, retry_after
+from service.errors import BadRequest, Forbidden, RateLimited, Unauthorized, respond, retry_after
 from service.settings import Settings, is_address, is_loopback
 from workers.store.keys import Keys
 
@@ -48,6 +48,7 @@ class Gate:
 
     async def _admit(self, scope: Scope) -> Principal | None:
         headers = Headers(scope=scope)
+        _check_framing(headers)
         secret = _bearer(headers) or _offered(scope)
         if secret is None and self._settings.open:
             self._check_local(headers, scope["scheme"])
@@ -116,6 +117,15 @@ class Gate:
         name = found["name"].strip("[]").lower().rstrip(".")
         allowed = {one.lower() for one in self._settings.allowed_hosts}
         return is_loopback(name) or name in allowed or (self._settings.auth == "off" and is_address(name))
+
+
+def _check_framing(headers: Headers) -> None:
+    """Refuse a request whose length a proxy may read differently (RFC 9112, 6.1), and close its connection."""
+    if "transfer-encoding" in headers and "content-length" in headers:
+        raise BadRequest(
+            "A body has a length or is chunked, not both.", headers={"Connection": "close"},
+            field="Content-Length", value=headers["content-length"], remedy="Leave one of the two headers out.",
+        )  # fmt: skip
 
 
 def _bearer(headers: Headers) -> str | None:

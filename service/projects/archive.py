@@ -16,7 +16,7 @@ from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults, upload_folder
 from service.bodies import chunks
 from service.errors import UnsupportedMediaType
-from service.projects.lookup import etag, find_project
+from service.projects.lookup import document_quota, etag, find_project
 from service.projects.schemas import ProjectId, ProjectOut, project_out
 from service.routing import Router
 from service.schemas import binary
@@ -80,6 +80,7 @@ def _load(context: ServiceContext, caller: Principal, path: Path) -> ProjectOut:
         check_free_space(context, size_bytes)
 
     with disk_faults():
-        project = context.farm.projects.load(path, caller.owner, _MOST_TIMES * context.settings.max_asset_bytes, admit)
+        limits = (_MOST_TIMES * context.settings.max_asset_bytes, admit, document_quota(context, caller, caller.owner))
+        project = context.farm.projects.load(path, caller.owner, *limits)
     _, document = context.farm.projects.document(project.id)
     return project_out(project, document)

@@ -46,6 +46,13 @@ def find_project(context: ServiceContext, caller: Principal, project_id: str, de
     return project
 
 
+def document_quota(context: ServiceContext, caller: Principal, owner: str) -> int | None:
+    """Bytes that the versions of all projects of `owner` may take when `caller` saves one; None: any number, because
+    the caller is an operator, whose own quotas do not apply."""
+    limit = caller.quotas.get("document_bytes", context.settings.quota_document_bytes)
+    return limit if caller.owner == owner else None
+
+
 def etag(version: int) -> str:
     return f'"{version}"'
 

@@ -20,13 +20,15 @@ from starlette.responses import StreamingResponse
 from pipeline.errors import BadParameter, Cancelled, ImpastoError
 from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import Principal
-from service.errors import problem
+from service.errors import internal_error, problem
 from service.jobs.lookup import find_job
 from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId
 from service.routing import Router
 from service.schemas import JobId, Responses
 from service.streaming import StreamedResponse, in_threads
+from workers.blobs.keys import NoBlob
+from workers.errors import NotFound
 from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import SLOT_POLL_S, PreviewRun
@@ -261,9 +263,19 @@ def _encoded(run: PreviewRun, path: str) -> Generator[bytes]:
             yield record.encode()
     except Cancelled:
         return
-    except ImpastoError as error:
-        shown = problem(error, path).model_dump(exclude_none=True)
+    except Exception as error:
+        shown = problem(_told(error, path), path).model_dump(exclude_none=True)
         yield Record({"type": "error", "problem": shown}).encode()
+
+
+def _told(error: Exception, path: str) -> ImpastoError:
+    """What the client is told of an error in an answer that has begun."""
+    if isinstance(error, NoBlob):
+        return NotFound(
+            "The bytes of a file of this project are lost.", field="document", value=error.args[0] if error.args else "",
+            remedy="Upload the file again.",
+        )  # fmt: skip
+    return error if isinstance(error, ImpastoError) else internal_error(path, error)
 
 
 def _query(

@@ -9,14 +9,14 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access.depends import Context, Reader, Submitter
 from service.errors import UnsupportedMediaType
-from service.projects.lookup import IfMatch, etag, expected_version, find_project
+from service.projects.lookup import IfMatch, document_quota, etag, expected_version, find_project
 from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out
 from service.routing import Router
 from service.schemas import Cursor, Limit, Listing, Responses
 from service.serving import not_modified
 from workers.model import Json
 from workers.projects.document import empty, json_schema
-from workers.projects.model import Project
+from workers.projects.model import Project, VersionMismatch
 from workers.projects.parsing import parse_document
 from workers.projects.patching import merged, patched
 from workers.strict_json import BadJson
@@ -53,7 +53,9 @@ def list_projects(
 def create_project(body: ProjectIn, response: Response, context: Context, caller: Submitter) -> ProjectOut:
     """Begin a project."""
     document = empty(body.name) if body.document is None else body.document
-    project = context.farm.projects.create(document, caller.owner)
+    project = context.farm.projects.create(
+        document, caller.owner, max_bytes=document_quota(context, caller, caller.owner)
+    )
     response.headers["Location"] = f"/v1/projects/{project.id}"
     response.headers["ETag"] = etag(project.version)
     return project_out(project, document)
@@ -87,8 +89,9 @@ def put_project(
     if_match: IfMatch = None,
 ) -> ProjectOut:
     """Save a document. 428 without If-Match, 412 if another version is stored."""
-    expected = expected_version(if_match, find_project(context, caller, project_id))
-    project = context.farm.projects.save(project_id, expected, document, caller.owner)
+    stored = find_project(context, caller, project_id)
+    expected, limit = expected_version(if_match, stored), document_quota(context, caller, stored.owner)
+    project = context.farm.projects.save(project_id, expected, document, caller.owner, limit)
     response.headers["ETag"] = etag(project.version)
     return project_out(project)
 
@@ -108,9 +111,12 @@ async def patch_project(
     change, kind = await request.json(), request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
     def save() -> Project:
-        expected = expected_version(if_match, find_project(context, caller, project_id))
+        stored = find_project(context, caller, project_id)
+        expected, limit = expected_version(if_match, stored), document_quota(context, caller, stored.owner)
+        if expected != stored.version:
+            raise VersionMismatch(expected, stored.version)
         _, before = context.farm.projects.document(project_id, expected)
-        return context.farm.projects.save(project_id, expected, _changed(before, change, kind), caller.owner)
+        return context.farm.projects.save(project_id, expected, _changed(before, change, kind), caller.owner, limit)
 
     project = await run_in_threadpool(save)
     response.headers["ETag"] = etag(project.version)
@@ -118,10 +124,17 @@ async def patch_project(
 
 
 @router.delete("/{project_id}", status_code=204)
-def delete_project(project_id: ProjectId, context: Context, caller: Submitter) -> None:
+def delete_project(
+    project_id: ProjectId,
+    context: Context,
+    caller: Submitter,
+    for_good: Annotated[bool, Query(description="It cannot be restored, and its space is free at once.")] = False,
+) -> None:
     """Delete a project. It can be restored for some time (`IMPASTO_PROJECT_UNDO_S`, 30 days by default)."""
     find_project(context, caller, project_id, deleted=True)
     context.farm.projects.delete(project_id)
+    if for_good:
+        context.farm.projects.remove(project_id)
 
 
 @router.post("/{project_id}/restore")

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from fastapi import Response
 
 from service.access.depends import Context, Reader, Submitter
-from service.projects.lookup import IfMatch, etag, expected_version, find_project
+from service.projects.lookup import IfMatch, document_quota, etag, expected_version, find_project
 from service.projects.schemas import LabelIn, ProjectId, ProjectOut, Version, VersionOut, project_out
 from service.routing import Router
 from service.schemas import Cursor, Limit, Listing
@@ -21,7 +21,7 @@ def list_versions(
     project_id: ProjectId, context: Context, caller: Reader, cursor: Cursor = None, limit: Limit = 50
 ) -> Listing[ProjectVersion]:
     """The project's versions, newest first. All versions of the last 7 days, one per hour of earlier ones, and all
-    named ones."""
+    named ones; of more than 500, every second one of the older half is deleted."""
     find_project(context, caller, project_id)
     page = context.farm.projects.versions(project_id, cursor, limit)
     return Listing(page.items, page.cursor)
@@ -50,8 +50,9 @@ def restore_version(
     if_match: IfMatch = None,
 ) -> ProjectOut:  # fmt: skip
     """Save the document of an earlier version as a new version."""
-    expected = expected_version(if_match, find_project(context, caller, project_id))
+    stored = find_project(context, caller, project_id)
+    expected, limit = expected_version(if_match, stored), document_quota(context, caller, stored.owner)
     _, document = context.farm.projects.document(project_id, version)
-    project = context.farm.projects.save(project_id, expected, document, caller.owner)
+    project = context.farm.projects.save(project_id, expected, document, caller.owner, limit)
     response.headers["ETag"] = etag(project.version)
     return project_out(project, document)

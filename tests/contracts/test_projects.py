@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import random
 import threading
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import pytest
+from sqlalchemy import event
 
 from tests.contracts.databases import DATABASES
-from workers.errors import Conflict, NotFound
+from workers.errors import Conflict, NotFound, QuotaExceeded
 from workers.model import Asset
 from workers.projects.model import ProjectJob, VersionMismatch
 from workers.store import Store
@@ -167,3 +170,62 @@ def test_ending_shares_raises_the_epoch(store: Store) -> None:
     project = store.projects.create(_draft(), "anna")
     store.projects.end_shares(project.id)
     assert store.projects.share_epoch(project.id) == 1
+
+
+def _noise(number: int) -> Draft:
+    """A document of about 10 kB that does not become smaller by compression."""
+    return _draft(ui=random.Random(number).randbytes(5000).hex())
+
+
+def test_versions_count_for_the_quota_of_their_owner(store: Store) -> None:
+    one = store.projects.create(_noise(0), "anna", 32_000)
+    for version in range(1, 5):
+        store.projects.save(one.id, version, _noise(version), 32_000)
+    for owner, refused in (("anna", True), ("ben", False)):
+        with pytest.raises(QuotaExceeded) if refused else nullcontext():
+            store.projects.create(_noise(9), owner, 32_000)
+    with pytest.raises(QuotaExceeded):
+        store.projects.save(one.id, 5, _noise(9), 32_000)
+    assert store.projects.save(one.id, 5, _noise(9)).version == 6, "without a quota"
+    store.projects.delete(one.id)
+    with pytest.raises(QuotaExceeded):
+        store.projects.create(_noise(10), "anna", 32_000)
+    store.projects.remove(one.id)
+    assert store.projects.create(_noise(10), "anna", 32_000).version == 1
+
+
+def test_only_a_deleted_project_is_removed(store: Store) -> None:
+    project = store.projects.create(_draft(), "anna")
+    store.projects.remove(project.id)
+    assert store.projects.get(project.id) == project
+
+
+def test_the_number_of_versions_is_bounded(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("workers.store.projects.MOST_VERSIONS", 60)
+    project = store.projects.create(_draft(), "anna")
+    store.projects.label(project.id, 1, "first")
+    store.projects.add_jobs(
+        project.id, [ProjectJob("job_1", "s1", None, 1, 0.0), ProjectJob("job_2", "s1", None, 3, 0.0)]
+    )
+    for version in range(1, 400):
+        store.projects.save(project.id, version, _draft(f"v{version}"))
+    kept = [one.version for one in store.projects.versions(project.id, limit=200).items]
+    assert len(kept) <= 60 + 50 + 2 and {1, 3, 400} <= set(kept)
+    assert kept[:30] == list(range(400, 370, -1)), "the newest are all kept"
+    with store.database.read() as connection:
+        from workers.store import schema
+
+        rows = connection.execute(schema.project_versions.select()).mappings().all()
+        (stored,) = connection.execute(schema.projects.select()).mappings()
+    assert stored["stored_bytes"] == sum(len(row["body"]) + 256 for row in rows)
+
+
+def test_assets_of_a_document_are_found_by_one_query(store: Store) -> None:
+    ids = [f"ast_{number:064x}" for number in range(20_000)]
+    asset = Asset(ids[7], ids[7][4:], 3, "a.png", "image/png", "image", {}, 0.0, "anna")
+    store.assets.add(asset, lambda: True)
+    queries: list[str] = []
+    event.listen(store.database.engine, "before_cursor_execute", lambda *args: queries.append(args[2]))
+    assert store.assets.owned(ids, "anna") == {ids[7]: asset}
+    assert store.assets.owned(ids, "ben") == {}
+    assert len([query for query in queries if "asset_owners" in query]) == 2

@@ -228,3 +228,15 @@ def finished(http: httpx.Client, job: str) -> str:
             return str(state)
         time.sleep(0.2)
     return "unfinished"
+
+
+def test_a_request_with_two_lengths_is_refused_and_closed(served: tuple[str, Path, int]) -> None:
+    where = urlsplit(served[0])
+    hidden = b"GET /v1/methods HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    with socket.create_connection((where.hostname, where.port), timeout=10) as line:
+        line.sendall(
+            b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 5\r\n"
+            b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n" + hidden
+        )
+        answer = b"".join(iter(lambda: line.recv(1 << 16), b""))
+    assert answer.startswith(b"HTTP/1.1 400") and answer.count(b"HTTP/1.1") == 1

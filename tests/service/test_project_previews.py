@@ -83,6 +83,28 @@ def test_the_source_preview_is_served_frame_by_frame(client: TestClient, at: str
     assert found[1][0]["scale"] == 0.5
 
 
+@pytest.mark.parametrize("damage", ["missing", "shortened"])
+@pytest.mark.parametrize("what", ["source", "paint", "regions", "cuts"])
+def test_a_preview_of_a_lost_file_ends_with_an_error_record(
+    client: TestClient, farm: Farm, tmp_path: Path, damage: str, what: str
+) -> None:
+    film = make_two_shots(tmp_path / "film.mp4", 24)
+    film.write_bytes(film.read_bytes() + f"{damage} {what}".encode())
+    asset = str(client.post("/v1/assets", files={"file": ("film.mp4", film.read_bytes())}).json()["id"])
+    made = client.post("/v1/projects", json={"document": _document(asset, _layer("multistyle"))}).json()
+    key = farm.assets.file(asset).key
+    with farm.blobs.local(key) as stored:
+        data = stored.read_bytes()
+    farm.blobs.delete(key)
+    if damage == "shortened":
+        film.write_bytes(data[: len(data) // 3])
+        farm.blobs.put(key, film)
+    found = _ask(client, f"{made['links']['self']}/previews/{what}")
+    assert types(found)[-1] == "error"
+    shown = found[-1][0]["problem"]
+    assert shown["status"] < 500 and shown["remedy"], shown
+
+
 @pytest.mark.parametrize("method", ["abstraction", "multistyle", "patches"])
 def test_every_method_paints_a_frame(client: TestClient, at: str, clip: str, method: str) -> None:
     found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, _layer(method)))

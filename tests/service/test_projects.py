@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import random
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
+from pipeline.errors import StorageFull
 from service.app import create_app
 from service.settings import Settings
 from workers.farm import Farm, open_farm
@@ -98,6 +100,51 @@ def test_a_change_requires_its_base_version(client: TestClient, clip: str) -> No
     change = [{"op": "add", "path": "/name", "value": "late"}]
     headers = {"If-Match": '"1"', "Content-Type": "application/json-patch+json"}
     assert client.request("PATCH", at, json=change, headers=headers).status_code == 412
+
+
+def test_a_patch_on_a_version_that_does_not_exist_is_a_mismatch(client: TestClient, clip: str) -> None:
+    at = _create(client, _document(clip))["links"]["self"]
+    headers = {"If-Match": '"77"', "Content-Type": "application/merge-patch+json"}
+    late = client.request("PATCH", at, json={"name": "late"}, headers=headers)
+    assert (late.status_code, late.json()["code"], late.headers["ETag"]) == (412, "version-mismatch", '"1"')
+
+
+@pytest.mark.parametrize("kind", ["json-patch", "merge-patch", "change"])
+def test_a_patch_that_grows_is_refused(client: TestClient, clip: str, kind: str) -> None:
+    project = _create(client, {**_document(clip), "ui": {"a": ["x" * 1000]}})
+    bomb: Any = [{"op": "copy", "from": "/ui/a", "path": "/ui/a/-"}] * 24
+    if kind == "change":
+        answer = client.post(f"{project['links']['self']}/previews/paint", json={"change": bomb, "shot": "s1"})
+    else:
+        body = bomb if kind == "json-patch" else {"ui": {"a": [0] * 300_000}}
+        headers = {"If-Match": '"1"', "Content-Type": f"application/{kind}+json"}
+        answer = client.request("PATCH", project["links"]["self"], json=body, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) in {(422, "bad-patch"), (422, "bad-json"), (400, "bad-json")}
+
+
+def test_documents_have_a_quota_and_a_reserve(home: Path, farm: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = Settings(home=home, pool="none", quota_document_bytes=6000)
+    client = TestClient(create_app(settings, farm), "http://127.0.0.1:8420", raise_server_exceptions=False)
+    noise = [
+        {"schema": 1, "name": "n", "ui": {"n": random.Random(number).randbytes(3000).hex()}} for number in range(3)
+    ]
+    project = client.post("/v1/projects", json={"document": noise[0]}).json()
+    at = project["links"]["self"]
+    for answer in (
+        client.put(at, json=noise[1], headers={"If-Match": '"1"'}),
+        client.patch(at, json=noise[1], headers={"If-Match": '"1"', "Content-Type": "application/merge-patch+json"}),
+        client.post("/v1/projects", json={"document": noise[1]}),
+    ):
+        assert (answer.status_code, answer.json()["code"]) == (429, "quota-exceeded")
+    assert client.delete(f"{at}?for_good=true").status_code == 204
+    assert client.get(at).status_code == 404
+    assert client.post("/v1/projects", json={"document": noise[1]}).status_code == 201
+
+    def refuse(*_args: object) -> None:
+        raise StorageFull("The disk is nearly full.")
+
+    monkeypatch.setattr(type(farm.blobs), "check_free_space", refuse)
+    assert client.post("/v1/projects", json={"name": "x"}).status_code == 507
 
 
 def test_patches_change_a_part_of_a_project(client: TestClient, clip: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from pipeline.video.media import Limits, MediaInfo
@@ -70,6 +70,14 @@ class FarmAssets:
     def get(self, asset_id: str, owner: str | AnyOwner) -> Asset:
         """The asset with the name and time of `owner`: several owners may have the same bytes. Raises NotFound."""
         return self._store.assets.get(asset_id, owner)
+
+    def owned(self, asset_ids: Iterable[str], owner: str) -> dict[str, Asset]:
+        """id -> asset, for those of the assets that the owner has."""
+        return self._store.assets.owned(asset_ids, owner)
+
+    def check_free_space(self, size_bytes: int) -> None:
+        """Raise StorageFull unless as much is free beyond the reserve."""
+        self._blobs.check_free_space(size_bytes)
 
     def page(self, owner: str | AnyOwner, cursor: str | None = None, limit: int = 50) -> Page:
         """`Asset` items, newest first."""

@@ -67,9 +67,14 @@ class Projects:
 
     # -- documents
 
-    def create(self, document: Json, owner: str, author: str = "") -> Project:
-        """A new project. Raises BadProject (structure)."""
-        return self._store.create(_draft(document, author or owner), owner)
+    def create(self, document: Json, owner: str, author: str = "", max_bytes: int | None = None) -> Project:
+        """A new project. `max_bytes`: that the versions of all projects of the owner may take; None: any number.
+
+        Raises:
+            BadProject: structure.
+            QuotaExceeded, StorageFull.
+        """
+        return self._store.create(self._draft(document, author or owner), owner, max_bytes)
 
     def get(self, project_id: str) -> Project:
         """The project, deleted or not. Raises NotFound."""
@@ -83,9 +88,17 @@ class Projects:
         """A version (None: the newest) and its document. Raises NotFound."""
         return self._store.document(project_id, version)
 
-    def save(self, project_id: str, expected: int, document: Json, author: str) -> Project:
-        """Store the document as the version after `expected`. Raises BadProject, VersionMismatch, NotFound."""
-        return self._store.save(project_id, expected, _draft(document, author))
+    def save(
+        self, project_id: str, expected: int, document: Json, author: str, max_bytes: int | None = None
+    ) -> Project:
+        """Store the document as the version after `expected`. `max_bytes`: as for `create`. Raises BadProject,
+        VersionMismatch, NotFound, QuotaExceeded, StorageFull."""
+        return self._store.save(project_id, expected, self._draft(document, author), max_bytes)
+
+    def _draft(self, document: Json, author: str) -> Draft:
+        draft = _draft(document, author)
+        self._assets.check_free_space(len(draft.packed))
+        return draft
 
     def versions(self, project_id: str, cursor: str | None = None, limit: int = 50) -> Page:
         """ProjectVersion items, newest first."""
@@ -98,6 +111,10 @@ class Projects:
     def delete(self, project_id: str) -> Project:
         """Mark it as deleted; it can be restored for some time."""
         return self._store.delete(project_id)
+
+    def remove(self, project_id: str) -> None:
+        """Delete a deleted project for good."""
+        self._store.remove(project_id)
 
     def restore(self, project_id: str) -> Project:
         """Undo a deletion. Raises NotFound once the project has been deleted permanently."""
@@ -119,13 +136,7 @@ class Projects:
 
     def assets(self, asset_ids: Iterable[str], owner: str) -> dict[str, Asset]:
         """id -> asset, for those of the assets that the owner has."""
-        found = {}
-        for asset_id in asset_ids:
-            try:
-                found[asset_id] = self._assets.get(asset_id, owner)
-            except NotFound:
-                continue
-        return found
+        return self._assets.owned(asset_ids, owner)
 
     def submit(
         self,
@@ -230,13 +241,19 @@ class Projects:
         write_archive(path, value, assets, lambda asset_id: self._bytes(asset_id, project.owner))
 
     def load(
-        self, path: Path, owner: str, limit_bytes: int, admit: Callable[[int], None] = lambda size: None
+        self,
+        path: Path,
+        owner: str,
+        limit_bytes: int,
+        admit: Callable[[int], None] = lambda size: None,
+        max_bytes: int | None = None,
     ) -> Project:
         """A new project of `owner` from an exported zip file.
 
         Args:
             limit_bytes: maximum size of the unpacked archive.
             admit: called with the size of each new asset before it is unpacked; may raise an error to refuse it.
+            max_bytes: as for `create`.
 
         Raises:
             UnreadableMedia: the archive is invalid.
@@ -247,7 +264,7 @@ class Projects:
             for asset_id in sorted(document.asset_ids & archive.manifest.assets.keys()):
                 if self._unpack(archive, asset_id, owner, admit):
                     undo.callback(self._give_up, asset_id, owner)
-            made = self.create(archive.document, owner)
+            made = self.create(archive.document, owner, max_bytes=max_bytes)
             undo.pop_all()
             return made
 

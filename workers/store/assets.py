@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -14,6 +14,8 @@ from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import asset_of, pack_cursor, unpack_cursor
 
+_ASKED_AT_ONCE = 20_000
+"""Assets of one query: as many as a document may name, and fewer than the parameters that a statement may have."""
 _FINAL = [state.value for state in RunState if state.final]
 
 
@@ -43,6 +45,16 @@ class Assets(StorePart):
         if found is None:
             raise _unknown(asset_id)
         return found
+
+    def owned(self, asset_ids: Iterable[str], owner: str) -> dict[str, Asset]:
+        """id -> asset, with the owner's file name and time, for those of the assets that the owner has."""
+        _, key, query = _listing(owner)
+        wanted, rows = sorted(set(asset_ids)), []
+        with self._db.read() as connection:
+            for start in range(0, len(wanted), _ASKED_AT_ONCE):
+                some = wanted[start : start + _ASKED_AT_ONCE]
+                rows += connection.execute(query.where(key.in_(some))).mappings().all()
+        return {asset.id: asset for asset in map(asset_of, rows)}
 
     def page(self, owner: str | AnyOwner, cursor: str | None = None, limit: int = 50) -> Page:
         """Newest first."""

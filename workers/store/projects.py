@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
+from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
-from workers.errors import NotFound
+from workers.errors import NotFound, QuotaExceeded
 from workers.ids import new_id
 from workers.model import Json, Page
 from workers.projects.model import Project, ProjectJob, ProjectVersion, VersionMismatch
@@ -24,6 +24,13 @@ from workers.store.records import Row, pack_cursor, unpack_cursor
 
 _LEVEL = 6
 _THINNED_AT_ONCE = 20
+_ROW_BYTES = 256
+"""What a row of a version or of a named asset takes, without the document."""
+MOST_VERSIONS = 500
+"""Versions of a project, without those that are named or that jobs were submitted from. If there are more, every second
+one of the older half is deleted."""
+_COUNTED_EVERY = 50
+"""The number of a project's versions is compared with `MOST_VERSIONS` once in so many saves."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,11 @@ class Draft:
     def size_bytes(self) -> int:
         return len(self.body)
 
+    @cached_property
+    def packed(self) -> bytes:
+        """The compressed document, as it is stored."""
+        return zlib.compress(self.body, _LEVEL)
+
 
 @dataclass(frozen=True)
 class Retention:
@@ -63,12 +75,20 @@ class Retention:
 class StoredProjects(StorePart):
     """Projects by id."""
 
-    def create(self, draft: Draft, owner: str) -> Project:
-        """A new project with `draft` as version 1."""
+    def create(self, draft: Draft, owner: str, max_bytes: int | None = None) -> Project:
+        """A new project with `draft` as version 1.
+
+        Args:
+            max_bytes: that the versions of all projects of the owner may take; None: any number.
+
+        Raises:
+            QuotaExceeded: they would take more.
+        """
         project_id, now = new_id("prj_"), self._now()
         row = {"id": project_id, "owner": owner, "name": draft.name, "version": 1, "created_at": now,
                "updated_at": now, "deleted_at": None, "share_epoch": 0}  # fmt: skip
         with self._db.write() as connection:
+            _check_quota(connection, owner, draft, max_bytes)
             connection.execute(insert(schema.projects).values(row))
             _write(connection, project_id, 1, now, draft)
         return _project(row)
@@ -105,10 +125,12 @@ class StoredProjects(StorePart):
                 raise _no_version(wanted)
             return _version(row, _jobs_of(connection, project_id, [wanted])), _unpacked(row["body"])
 
-    def save(self, project_id: str, expected: int, draft: Draft) -> Project:
-        """Store `draft` as the version after `expected`. An unchanged document creates no new version.
+    def save(self, project_id: str, expected: int, draft: Draft, max_bytes: int | None = None) -> Project:
+        """Store `draft` as the version after `expected`. An unchanged document creates no new version. `max_bytes`: as
+        for `create`.
 
         Raises:
+            QuotaExceeded: the versions of all projects of the owner would take more.
             NotFound: there is no such project, or it is deleted.
             VersionMismatch: another version than `expected` is the newest.
         """
@@ -120,10 +142,13 @@ class StoredProjects(StorePart):
                 raise VersionMismatch(expected, row["version"])
             if _same(connection, project_id, expected, draft):
                 return _project(row)
+            _check_quota(connection, row["owner"], draft, max_bytes)
             now = max(self._now(), row["updated_at"])
             changes = {"version": expected + 1, "name": draft.name, "updated_at": now}
             connection.execute(update(schema.projects).where(schema.projects.c.id == project_id).values(changes))
             _write(connection, project_id, expected + 1, now, draft)
+            if (expected + 1) % _COUNTED_EVERY == 0:
+                _halve(connection, project_id)
             return _project({**row, **changes})
 
     def versions(self, project_id: str, cursor: str | None = None, limit: int = 50) -> Page:
@@ -153,6 +178,12 @@ class StoredProjects(StorePart):
     def delete(self, project_id: str) -> Project:
         """Mark as deleted; `restore` can undo this until `purge`."""
         return self._mark(project_id, self._now())
+
+    def remove(self, project_id: str) -> None:
+        """Delete for good what is marked as deleted, with all versions. No effect on a project that is not."""
+        table = schema.projects
+        with self._db.write() as connection:
+            connection.execute(delete(table).where(table.c.id == project_id, table.c.deleted_at.is_not(None)))
 
     def restore(self, project_id: str) -> Project:
         """Undo a deletion. Raises NotFound once the project was purged."""
@@ -236,9 +267,7 @@ class StoredProjects(StorePart):
             last = {int(row["at"] // one_in_s): row["version"] for row in rows}
             pinned = {newest, *last.values(), *_jobs_of(connection, project_id, [row["version"] for row in rows])}
             gone = [row["version"] for row in rows if row["version"] not in pinned and not row["label"]]
-            for start in range(0, len(gone), 500):
-                some = table.c.version.in_(gone[start : start + 500])
-                connection.execute(delete(table).where(table.c.project_id == project_id, some))
+            _delete_versions(connection, project_id, gone)
             mark = update(table).where(table.c.project_id == project_id, table.c.at < before)
             connection.execute(mark.values(thinned=True))
             if gone:
@@ -267,13 +296,55 @@ def _no_version(version: int) -> NotFound:
 
 def _write(connection: Connection, project_id: str, version: int, now: float, draft: Draft) -> None:
     row = {"project_id": project_id, "version": version, "at": now, "author": draft.author, "label": "",
-           "size_bytes": draft.size_bytes, "body": zlib.compress(draft.body, _LEVEL), "thinned": False}  # fmt: skip
+           "size_bytes": draft.size_bytes, "body": draft.packed, "thinned": False}  # fmt: skip
     connection.execute(insert(schema.project_versions).values(row))
     table = schema.project_assets
     known = set(connection.execute(select(table.c.asset_id).where(table.c.project_id == project_id)).scalars())
     fresh = sorted(set(draft.asset_ids) - known)
     if fresh:
         connection.execute(insert(table), [{"project_id": project_id, "asset_id": asset} for asset in fresh])
+    _add_bytes(connection, project_id, len(draft.packed) + _ROW_BYTES * (1 + len(fresh)))
+
+
+def _add_bytes(connection: Connection, project_id: str, size_bytes: int) -> None:
+    table = schema.projects
+    more = update(table).where(table.c.id == project_id).values(stored_bytes=table.c.stored_bytes + size_bytes)
+    connection.execute(more)
+
+
+def _check_quota(connection: Connection, owner: str, draft: Draft, max_bytes: int | None) -> None:
+    if max_bytes is None:
+        return
+    table = schema.projects
+    stored = select(func.coalesce(func.sum(table.c.stored_bytes), 0)).where(table.c.owner == owner)
+    if int(connection.execute(stored).scalar_one()) + len(draft.packed) > max_bytes:
+        raise QuotaExceeded(
+            f"The versions of your projects may take {max_bytes} bytes together.",
+            field="document", value=len(draft.packed), remedy="Delete projects for good that you no longer need.",
+        )  # fmt: skip
+
+
+def _halve(connection: Connection, project_id: str) -> None:
+    """Delete every second version of the older half while there are more than `MOST_VERSIONS`."""
+    table = schema.project_versions
+    query = select(table.c.version).where(table.c.project_id == project_id, table.c.label == "")
+    versions = list(connection.execute(query.order_by(table.c.version)).scalars())
+    used = _jobs_of(connection, project_id, versions)
+    kept, gone = [version for version in versions if version not in used], list[int]()
+    while len(kept) > MOST_VERSIONS:
+        older, newer = kept[: len(kept) // 2], kept[len(kept) // 2 :]
+        gone += older[::2]
+        kept = older[1::2] + newer
+    _delete_versions(connection, project_id, gone)
+
+
+def _delete_versions(connection: Connection, project_id: str, versions: Sequence[int]) -> None:
+    table = schema.project_versions
+    for start in range(0, len(versions), 500):
+        some = (table.c.project_id == project_id, table.c.version.in_(versions[start : start + 500]))
+        freed = select(func.coalesce(func.sum(func.length(table.c.body) + _ROW_BYTES), 0)).where(*some)
+        _add_bytes(connection, project_id, -int(connection.execute(freed).scalar_one()))
+        connection.execute(delete(table).where(*some))
 
 
 def _same(connection: Connection, project_id: str, version: int, draft: Draft) -> bool:
@@ -301,7 +372,8 @@ def _jobs_of(connection: Connection, project_id: str, versions: Collection[int])
 def _forget_assets(connection: Connection, project_id: str) -> None:
     """Release the assets that no version names any more."""
     table, versions = schema.project_assets, schema.project_versions
-    bodies = connection.execute(select(versions.c.body).where(versions.c.project_id == project_id)).scalars()
+    query = select(versions.c.body).where(versions.c.project_id == project_id).execution_options(yield_per=1)
+    bodies = connection.execute(query).scalars()  # one at a time: together they may be as large as the owner's quota
     named = {ref["id"] for body in bodies for ref in _unpacked(body).get("assets", {}).values()}
     stored = set(connection.execute(select(table.c.asset_id).where(table.c.project_id == project_id)).scalars())
     for asset_id in sorted(stored - named):

@@ -410,6 +410,7 @@ projects = Table(
     Column("updated_at", Double, nullable=False),
     Column("deleted_at", Double),
     Column("share_epoch", Integer, nullable=False),
+    Column("stored_bytes", BigInteger, nullable=False, server_default="0"),
     Index(None, "owner", "updated_at", "id"),
     Index(None, "updated_at", "id"),
 )
