@@ -21,6 +21,7 @@ from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff
 from pipeline.video.index import Index
+from pipeline.video.media import SourceOptions
 from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
@@ -112,15 +113,17 @@ class AttemptContext:
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         def read(reader: GuardedReader, first: int, last: int | None) -> Iterator[Frame]:
-            frames = reader.read(first, last) if cache is None else cache.read(key, reader, first, last)
+            frames = reader.read(first, last) if cache is None else cache.read(cached, reader, first, last)
             return keep_pairs(frames, set(self.report_pairs), self.save) if pairs else frames
 
-        key, cache, pairs = self._input(name), self.frame_cache, self._is_first_pass(name, start, stop)
+        cache, pairs = self.frame_cache, self._is_first_pass(name, start, stop)
+        cached = self._cache_key(name)
         return self._read(name, start, stop, read)
 
     def thumbnails(self, name: str = "video") -> Iterator[Plane]:
         pairs = self._is_first_pass(name, 0, None) and self.report_pairs
         ahead = self._source_span(name, 0, None) == (0, None) and self._decoders.reads_ahead(self._input(name))
+        ahead = ahead and self._options(name) == SourceOptions()
         if pairs or (self.frame_cache is not None and not ahead):  # the frames themselves are kept
             return map(thumbnail, self.frames(name))
         find_reader = self._decoders.thumbnail_reader if ahead else None
@@ -138,8 +141,9 @@ class AttemptContext:
         """
         first, last = self._source_span(name, start, stop)
         key, cache = self._input(name), self.frame_cache
-        to_decode = first if cache is None else cache.first_missing(key, first)
-        with find_reader(key) if find_reader else self._decoders.reader(key, to_decode) as reader:
+        to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
+        options = self._options(name)
+        with find_reader(key) if find_reader else self._decoders.reader(key, to_decode, options) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
             self.damage.record(name, expected, ())
@@ -155,6 +159,15 @@ class AttemptContext:
             self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
         if name == "video" and (stop is None or at < stop):
             self._ended_at = at
+
+    def _options(self, name: str) -> SourceOptions:
+        """How the input is read: as the job says, if it is the video."""
+        return self._order.source if name == "video" else SourceOptions()
+
+    def _cache_key(self, name: str) -> str:
+        """Key of the input's frames in the frame cache."""
+        options = self._options(name)
+        return self._input(name) + ("" if options == SourceOptions() else f" {options}")
 
     def _is_first_pass(self, name: str, start: int, stop: int | None) -> bool:
         """Whether the first step reads the whole video: then, frames for the quality report are saved."""
@@ -295,7 +308,7 @@ class AttemptContext:
     def _video_index(self) -> Index:
         """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
-            with self._decoders.reader(self._input("video")) as reader:
+            with self._decoders.reader(self._input("video"), 0, self._order.source) as reader:
                 self._index = window_index(reader.index, self._order.frames)
         return self._index
 
