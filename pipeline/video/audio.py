@@ -8,10 +8,11 @@ overlaps are cut), and encoded. Both keep the times of the file.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -25,7 +26,7 @@ from av.packet import Packet
 from pipeline.errors import BadParameter
 from pipeline.video.container import open_container, sound_streams
 from pipeline.video.media import Limits, Note
-from pipeline.video.timeline import timed_packets
+from pipeline.video.timeline import Timeline, timed_packets
 
 _COPIED = {"mp4": frozenset({"aac", "mp3"}), "webm": frozenset({"opus", "vorbis"})}
 """Codecs that browsers play in the container."""
@@ -56,11 +57,13 @@ class Track:
         index: of its stream.
         start_s: time of its first sample, seconds.
         regular: whether its packets follow one another and their format does not change.
+        shifts: see `Timeline`.
     """
 
     index: int
     start_s: Fraction
     regular: bool
+    shifts: tuple[int, ...]
 
 
 @dataclass
@@ -119,9 +122,11 @@ def tracks_of(path: Path, numbers: tuple[int, ...] | None = None) -> list[Track]
                 raise BadParameter(message, field="source.sound", value=number, remedy=remedy)
         chosen = [*streams[:_MOST_TRACKS]] if numbers is None else [streams[number] for number in numbers]
         found = {stream.index: _Scan(stream) for stream in chosen}
-        for packet, shift_us in _readable(source, *chosen):
+        timeline = Timeline(source)
+        for packet, shift_us in _readable(source, chosen, timeline):
             found[packet.stream_index].add(packet, shift_us)
-    return [Track(index, scan.start, scan.regular) for index, scan in found.items() if scan.start is not None]
+    shifts = timeline.shifts
+    return [Track(at, scan.start, scan.regular, shifts) for at, scan in found.items() if scan.start is not None]
 
 
 @dataclass
@@ -167,7 +172,7 @@ class TrackWriter:
     def _copied(self, source: InputContainer, stream: AudioStream, target: AudioStream) -> Iterator[Timed]:
         tick = stream.time_base or Fraction(1, 1000)
         zero = round(self.zero_s / tick)
-        for packet, _shift in _readable(source, stream):
+        for packet, _shift in _readable(source, [stream], Timeline(source, self.track.shifts)):
             if packet.pts is None:
                 continue
             packet.pts -= zero
@@ -209,7 +214,8 @@ class TrackWriter:
     def _decoded(self, source: InputContainer, stream: AudioStream) -> Iterator[tuple[AudioFrame, Fraction | None]]:
         """Decoded sound and its time in the source, seconds; None: it follows the piece before."""
         lost, shift = 0, Fraction(0)
-        for packet, shift_us in _readable(source, stream, drains=True):
+        timeline = Timeline(source, self.track.shifts)
+        for packet, shift_us in chain(_readable(source, [stream], timeline), [(Packet(), 0)]):
             shift = Fraction(shift_us, 1_000_000) if packet.size else shift
             try:
                 frames = stream.decode(packet if packet.size else None)
@@ -294,19 +300,18 @@ def _can_copy(stream: AudioStream, container: str) -> bool:
     return True
 
 
-def _readable(source: InputContainer, *streams: AudioStream, drains: bool = False) -> Iterator[tuple[Packet[Any], int]]:
-    """Packets and their shifts up to the end of the file, or up to the point where it is truncated; then, if asked for,
-    an empty packet."""
+def _readable(
+    source: InputContainer, streams: Sequence[AudioStream], timeline: Timeline
+) -> Iterator[tuple[Packet[Any], int]]:
+    """Packets and their shifts up to the end of the file, or up to the point where it is truncated."""
     if not streams:
         return
     try:
-        for packet, shift_us in timed_packets(source, streams):
+        for packet, shift_us in timed_packets(source, streams, timeline):
             if packet.size:
                 yield packet, shift_us
     except (av.FFmpegError, OSError):
-        pass
-    if drains:
-        yield Packet(), 0
+        return
 
 
 def _ready(packets: list[Packet[Any]], target: AudioStream) -> Iterator[Timed]:

@@ -27,6 +27,7 @@ _SUBTITLES = {"mp4": frozenset({"mov_text"}), "webm": frozenset({"webvtt"})}
 _OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "encoder", "duration", "timecode"})
 """Tags that describe the source's file, not the film."""
 _TIMECODE = ("timecode", "reel_name")
+_TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
 _NAMES = {"mp4": "MP4", "webm": "WebM", "gif": "GIF", "png": "a zip of images"}
 
 
@@ -85,26 +86,37 @@ class Carried:
     def _timecode(self, source: InputContainer, film: VideoStream, container: str) -> list[Note]:
         """Hand on the timecode of the first frame, and the reel."""
         tags = [source.metadata, *(stream.metadata for stream in source.streams)]
-        found = {name: each[name] for name in _TIMECODE for each in reversed(tags) if each.get(name)}
+        found = {k.lower(): v for each in reversed(tags) for k, v in each.items() if k.lower() in _TIMECODE}
         if "timecode" not in found:
             return []
-        if container == "mp4" and self.whole:
+        rate = _timecode_rate(film_streams(source))
+        if container == "mp4" and self.whole and rate is not None:
             film.metadata.update(found)
+            film.codec_context.framerate = rate
             return []
-        where = _NAMES[container] if self.whole else "a piece of the film"
+        where = _NAMES[container] if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
         return [Note("left-out", f"The timecode {found['timecode']} was left out: {where} cannot hold it.")]
 
     def _left_out(self, source: InputContainer, container: str) -> list[Note]:
         lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles
                 if _codec(s) not in _SUBTITLES.get(container, ())]  # fmt: skip
-        lost += [f"data ({_described(s)})" for s in source.streams.data if not _is_timecode(s)]
+        told = bool(source.chapters())
+        lost += [
+            f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))
+        ]
         lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
         covers = len(source.streams.video) - len(film_streams(source))
         lost += ["a cover picture"] * covers
         if not lost:
             return []
-        verb = "was" if len(lost) == 1 else "were"
-        return [Note("left-out", f"{_listed(lost)} {verb} left out: {_NAMES[container]} cannot hold it.")]
+        return [Note("left-out", f"Left out, because {_NAMES[container]} cannot hold it: {_listed(lost)}.")]
+
+
+def _timecode_rate(streams: list[VideoStream]) -> Fraction | None:
+    """The frame rate that a timecode counts, frames per second; None: there is no usual one."""
+    found = streams[0].average_rate if streams else None
+    usual = (Fraction(nominal * 1000, divisor) for nominal in _TIMECODE_RATES for divisor in (1000, 1001))
+    return next((rate for rate in usual if found and abs(rate - found) < rate / 2000), None)
 
 
 def open_source(path: Path) -> InputContainer | None:
@@ -122,11 +134,16 @@ def _added(out: OutputContainer, stream: SubtitleStream) -> Stream:
 
 
 def _codec(stream: Stream) -> str:
-    return stream.codec_context.name if stream.codec_context is not None else ""
+    return stream.codec_context.codec.canonical_name if stream.codec_context is not None else ""
 
 
 def _is_timecode(stream: Stream) -> bool:
     return bool(stream.metadata.get("timecode"))
+
+
+def _is_text(stream: Stream) -> bool:
+    """Whether a track may be the names of chapters, which QuickTime keeps in a track of text."""
+    return stream.metadata.get("handler_name") == "SubtitleHandler"
 
 
 def _described(stream: Stream) -> str:
@@ -136,5 +153,4 @@ def _described(stream: Stream) -> str:
 
 
 def _listed(items: list[str]) -> str:
-    text = ", ".join(items[:5]) + (f" and {len(items) - 5} more" if len(items) > 5 else "")
-    return text[0].upper() + text[1:]
+    return ", ".join(items[:5]) + (f" and {len(items) - 5} more" if len(items) > 5 else "")
