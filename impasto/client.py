@@ -124,7 +124,7 @@ class Client:
         **more: object,
     ) -> Json:
         """Submit a job. `inputs`: input name -> asset id. `more`: seed, frames, output, priority, name, labels,
-        webhook, on_damage.
+        webhook, on_damage, source.
 
         Without `idempotency_key` each call creates a job; with one, the same request returns the same job.
         Raises: BadParameter, NotFound (an asset), IdempotencyMismatch, QuotaExceeded.

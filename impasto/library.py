@@ -12,6 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -29,12 +30,22 @@ from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInf
 from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
 from pipeline.video.headers import sniff
 from pipeline.video.join import join
+from pipeline.video.media import SourceOptions
 from pipeline.video.numbered import NumberedImages
 from pipeline.video.reader import VideoReader
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import Format, SegmentSpec, segment_writer
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.input_damage import InputDamage
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A video file, and how it is read."""
+
+    path: str | Path
+    options: SourceOptions = field(default_factory=SourceOptions)
+
 
 Source = str | Path | Iterable[Frame]
 PICTURES = frozenset({"video", "image", "image-or-video"})
@@ -44,30 +55,37 @@ class DamagedSource(UserWarning):
     """Frames of a file are missing or unreadable."""
 
 
+class SourceNotice(UserWarning):
+    """Something of a file was chosen, corrected, assumed or left out."""
+
+
 @overload
 def render(
-    method: str, source: Source, output: None = None, *, inputs: Mapping[str, object] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, **params: Any,
+    method: str, source: Source | SourceFile, output: None = None, *, inputs: Mapping[str, object] | None = None,
+    seed: int = 0, fps: float = DEFAULT_FPS, **params: Any,
 ) -> Iterator[Frame]: ...  # fmt: skip
 
 
 @overload
 def render(
-    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, object] | None = None, seed: int = 0,
-    fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
+    method: str, source: Source | SourceFile, output: str | Path, *, inputs: Mapping[str, object] | None = None,
+    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
+    **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
-    method: str, source: Source, output: str | Path | None = None, *, inputs: Mapping[str, object] | None = None,
-    seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False, **params: Any,
+    method: str, source: Source | SourceFile, output: str | Path | None = None, *,
+    inputs: Mapping[str, object] | None = None, seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20,
+    overwrite: bool = False, **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
     """Stylise a video.
 
     Args:
         method: a method's name: "abstraction", "multistyle", "patches", "analogy", or one of an installed package.
-        source: path of a video, image, or folder or zip of numbered images; or an iterable of frames, arrays uint8
-            (height, width, 3), RGB, all of one size, at least 16 px on each side. Frames are read lazily.
+        source: path of a video (or a `SourceFile`), image, or folder or zip of numbered images; or an iterable of
+            frames, arrays uint8 (height, width, 3), RGB, all of one size, at least 16 px on each side. Frames are read
+            lazily.
         output: None, or a path: .mp4, .webm, .gif, .zip (PNG frames), .png (one frame), or a folder: "name/".
         inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
             the parsed document, for numbered images a mapping from frame number to array.
@@ -87,6 +105,7 @@ def render(
     Warns:
         DamagedSource: frames of a file are missing or unreadable; the others were used. Issued after the last frame;
             `warnings.simplefilter("error", DamagedSource)` makes it an error.
+        SourceNotice: something of the file was chosen, corrected, assumed or left out of the output.
 
     Examples:
         Frames in, frames out, one at a time:
@@ -111,6 +130,8 @@ def render(
         ...
         pipeline.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
     """
+    options = source.options if isinstance(source, SourceFile) else SourceOptions()
+    source = source.path if isinstance(source, SourceFile) else source
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
@@ -118,11 +139,11 @@ def render(
     stack = ExitStack()
     damage = InputDamage(fails=False)
     stack.callback(_warn, damage)
-    frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
+    frames = _Rendering(chosen, parsed, seed, fps, stack, damage, options).frames(source, inputs or {})
     if where is None:
         return frames
     with stack:
-        _write(frames, source, where, fps, quality)
+        _write(frames, source, where, fps, quality, options)
     return where.path
 
 
@@ -156,10 +177,11 @@ class _Rendering:
     """One call of `render`. `stack` closes what the frames are made from."""
 
     def __init__(
-        self, chosen: Method, params: AnyParams, seed: int, fps: float, stack: ExitStack, damage: InputDamage
-    ) -> None:
+        self, chosen: Method, params: AnyParams, seed: int, fps: float, stack: ExitStack, damage: InputDamage,
+        options: SourceOptions,
+    ) -> None:  # fmt: skip
         self._method, self._params, self._seed, self._fps, self._stack = chosen, params, seed, fps, stack
-        self._damage = damage
+        self._damage, self._options = damage, options
         self._specs = {spec.name: spec for spec in chosen.inputs}
 
     def frames(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
@@ -190,7 +212,8 @@ class _Rendering:
         """The frames of the input `name`."""
         if not isinstance(source, str | Path):
             return iter(source)
-        return _read(self._stack.enter_context(VideoReader(Path(source))), name, self._damage)
+        reader = VideoReader(Path(source), options=self._options if name == "video" else None)
+        return _read(self._stack.enter_context(reader), name, self._damage)
 
     def _planned(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="impasto-")))
@@ -206,7 +229,8 @@ class _Rendering:
 
     def _source(self, name: str, source: Source, folder: Path) -> FrameSource:
         if isinstance(source, str | Path):
-            return FileFrames(Path(source), self._stack, name, self._damage)
+            options = self._options if name == "video" else SourceOptions()
+            return FileFrames(Path(source), self._stack, name, self._damage, options)
         number = sum(1 for _ in folder.iterdir())
         return SpooledFrames(_checked(iter(source)), self._fps, folder / f"frames-{number}")
 
@@ -266,15 +290,15 @@ def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
 class FileFrames:
     """A video file as a `FrameSource`. Iterators that are open at once have decoders of their own."""
 
-    def __init__(self, path: Path, stack: ExitStack, name: str, damage: InputDamage) -> None:
-        self._path, self._stack, self._name, self._damage = path, stack, name, damage
+    def __init__(self, path: Path, stack: ExitStack, name: str, damage: InputDamage, options: SourceOptions) -> None:
+        self._path, self._stack, self._name, self._damage, self._options = path, stack, name, damage, options
         self._idle = [self._open()]
         reader = self._idle[0]
         width, height = reader.size
         self.info = VideoInfo(width, height, reader.frames, reader.fps, reader.index.duration_s)
 
     def _open(self) -> VideoReader:
-        return self._stack.enter_context(VideoReader(self._path))
+        return self._stack.enter_context(VideoReader(self._path, options=self._options))
 
     def read(self, start: int, stop: int | None) -> Iterator[Frame]:
         reader = self._idle.pop() if self._idle else self._open()
@@ -328,12 +352,14 @@ class _DiskContext(LocalContext[AnyParams]):
         return self._folder / f"{step}--{name.replace('/', '--')}"
 
 
-def _write(frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int) -> None:
+def _write(
+    frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int, options: SourceOptions
+) -> None:
     """Encode the frames at the times of the source, add its sound, and put the file in its place."""
     with tempfile.TemporaryDirectory(prefix="impasto-") as folder, ExitStack() as stack:
         segment, whole = Path(folder) / "segment", Path(folder) / "whole"
         sound = Path(source) if isinstance(source, str | Path) else None
-        times = None if sound is None else stack.enter_context(VideoReader(sound)).index
+        times = None if sound is None else stack.enter_context(VideoReader(sound, options=options)).index
         rate = Fraction(fps).limit_denominator(1001)
         first = next(frames, None)
         if first is None:
@@ -346,6 +372,8 @@ def _write(frames: Iterator[Frame], source: Source, where: Target, fps: float, q
                 start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
                 writer.write(index, frame, start, stop)
         origin = Fraction(0) if times is None else times.time(0) * base
-        join([(origin, segment)], whole, spec.format, sound)
+        notes = join([(origin, segment)], whole, spec.format, sound, options=options)
+        for note in (*(times.notes if times is not None else ()), *notes):
+            warnings.warn(note.message, SourceNotice, stacklevel=4)
         with output_faults("output", where.path):
             deliver(whole, where)

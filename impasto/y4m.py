@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
+from pipeline.video.fields import deinterlaced
 from pipeline.video.geometry import YuvConverter, customary_matrix, geometry_of, to_frame
-from pipeline.video.media import Limits, check_size
+from pipeline.video.media import Fields, Limits, check_size
 
 MAGIC = b"YUV4MPEG2"
 MAX_LINE = 1024
@@ -37,6 +38,10 @@ WRITTEN = {"yuv420p": "420mpeg2", "yuv422p": "422", "yuv444p": "444"}
 """Pixel formats that are written -> tag `C`."""
 
 
+_FIELDS: dict[str, Fields] = {"p": "progressive", "?": "progressive", "t": "top", "b": "bottom"}
+"""Tag `I` of the header."""
+
+
 @dataclass(frozen=True)
 class StreamFormat:
     """The header of a YUV4MPEG2 stream."""
@@ -48,27 +53,38 @@ class StreamFormat:
     aspect: Fraction | None = None
     """Width over height of a stored pixel; None: unknown, taken as square."""
     full_range: bool = False
+    fields: Fields = "progressive"
+    """"top" or "bottom": the first field of every picture."""
 
 
 class Y4mReader:
-    """Frames of a YUV4MPEG2 stream, read on demand. Iterate once.
+    """Frames of a YUV4MPEG2 stream, read on demand. Iterate once. Interlaced pictures are deinterlaced, each with the
+    one after it.
+
+    Args:
+        fields: "auto": as the header says; otherwise as in `pipeline.video.media.SourceOptions`.
 
     Raises: UnreadableMedia, MediaTooLarge.
     """
 
-    def __init__(self, stream: BinaryIO, limits: Limits | None = None) -> None:
+    def __init__(self, stream: BinaryIO, limits: Limits | None = None, fields: Fields = "auto") -> None:
         self._stream = stream
         self.format = _parse(_line(stream))
+        self._fields: Fields = self.format.fields if fields == "auto" else fields
         check_size(*self.format.size, limits or Limits())
 
     def __iter__(self) -> Iterator[Frame]:
-        index, geometry = 0, None
+        geometry = None
+        for _number, picture in deinterlaced(enumerate(self._pictures()), self._fields):
+            geometry = geometry or geometry_of(picture, self.format.aspect)
+            yield to_frame(picture, geometry)
+
+    def _pictures(self) -> Iterator[av.VideoFrame]:
+        index = 0
         while line := _line(self._stream):
             if line.split(b" ")[0] != b"FRAME":
                 _damaged(f"Frame {index} does not begin with FRAME.")
-            picture = self._picture(index)
-            geometry = geometry or geometry_of(picture, self.format.aspect)
-            yield to_frame(picture, geometry)
+            yield self._picture(index)
             index += 1
 
     def _picture(self, index: int) -> av.VideoFrame:
@@ -150,15 +166,17 @@ def _parse(line: bytes) -> StreamFormat:
     chroma = tags.get("C", "420")
     if chroma not in PIXEL_FORMATS:
         _damaged(f"The chroma format C{chroma} is not supported.", f"Use one of: {', '.join(PIXEL_FORMATS)}.")
-    if tags.get("I", "p") not in ("p", "?"):
-        _damaged("The stream is interlaced.", "Deinterlace it first, for example with FFmpeg's filter bwdif.")
+    fields = _FIELDS.get(tags.get("I", "p"))
+    if fields is None:
+        remedy = "Write pictures with one order of fields (It or Ib), or deinterlace it with FFmpeg's filter bwdif."
+        _damaged("The order of the fields changes within the stream (I).", remedy)
     try:
         size, fps = (int(tags["W"]), int(tags["H"])), _ratio(tags.get("F", "25:1"))
     except (KeyError, ValueError):
         _damaged("The header has no valid width and height (W, H) or rate (F).")
     if fps is None or fps <= 0:
         _damaged("The frame rate (F) is unknown.", "Set one, for example with FFmpeg's option -r.")
-    return StreamFormat(size, fps, PIXEL_FORMATS[chroma], _aspect(tags), "COLORRANGE=FULL" in extra)
+    return StreamFormat(size, fps, PIXEL_FORMATS[chroma], _aspect(tags), "COLORRANGE=FULL" in extra, fields)
 
 
 def _aspect(tags: dict[str, str]) -> Fraction | None:

@@ -28,6 +28,7 @@ _REQUEST: Json = {
     "webhook": "",
     "frames": None,
     "on_damage": "warn",
+    "source": {"picture": None, "sound": None, "fields": "auto"},
 }
 _ASSET: Json = {
     "id": VIDEO,

@@ -11,6 +11,7 @@ from enum import Enum, StrEnum
 from typing import Any, Final
 
 from pipeline.methods.base import Resources
+from pipeline.video.media import SourceOptions
 
 Json = dict[str, Any]
 
@@ -125,6 +126,8 @@ class JobRequest:
     on_damage: str = WARN
     """Behaviour if frames of an input are missing or unreadable: "warn" (use the readable frames, and add a warning to
     the job) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    """How the input `video` is read: which of its streams, and its fields."""
 
 
 @dataclass(frozen=True)
@@ -143,13 +146,14 @@ class JobWarning:
     """A fact that the user of a job should know although the job continues."""
 
     code: str
-    """"damaged-input"."""
+    """"damaged-input", or the code of a `pipeline.video.media.Note`."""
     message: str
     """One sentence, for example "The source is damaged: frames 22-95 of 96 are missing."."""
     input: str
     """Name of the input."""
     damage: Json
-    """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames."""
+    """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames.
+    Empty, unless the code is "damaged-input"."""
 
 
 CPU, PEAK_MEMORY = "cpu", "peak_bytes"
@@ -288,6 +292,8 @@ class TaskOrder:
     """Whether later tasks of this step depend on it."""
     on_damage: str = WARN
     """Same values as in `JobRequest`."""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    """As in `JobRequest`."""
     earlier: EarlierTask | None = None
     """The same task of an earlier job, whose result is used if none of its recorded reads has changed."""
     traced: bool = False

@@ -15,22 +15,28 @@ from impasto.cli.console import emit, out, print_status, print_table, print_warn
 from impasto.cli.options import (
     DamageOption,
     DamagePolicy,
+    FieldOrder,
+    FieldsOption,
     InputOption,
     JsonFlag,
     KeyOption,
     MethodOption,
     ParamOption,
+    PictureOption,
     QualityOption,
     QuietFlag,
     SeedOption,
     ServerOption,
+    SoundOption,
     client_of,
     inputs_of,
     labels_of,
     params_of,
+    source_of,
     takes_options,
 )
 from pipeline.errors import BadInput
+from pipeline.video.media import SourceOptions
 from workers.errors import NotFound
 from workers.model import Json
 
@@ -67,6 +73,9 @@ class SubmitOptions:
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
     ] = None
     on_damage: DamageOption = DamagePolicy.WARN
+    video_stream: PictureOption = None
+    sound_track: SoundOption = None
+    fields: FieldsOption = FieldOrder.AUTO
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Priority; higher runs first.")] = 0
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
     idempotency_key: Annotated[
@@ -102,9 +111,16 @@ def submit(options: SubmitOptions) -> None:
             priority=options.priority,
             webhook=options.webhook,
             on_damage=options.on_damage.value,
+            **_source(options),
             idempotency_key=options.idempotency_key,
         )
     _print_submitted(job, options.as_json)
+
+
+def _source(options: SubmitOptions) -> Json:
+    """How the video is read, if not in the usual way: services of earlier versions do not know the field."""
+    source = source_of(options.video_stream, options.sound_track, options.fields)
+    return {} if source == SourceOptions() else {"source": source.as_json()}
 
 
 def _print_submitted(job: Json, as_json: bool) -> None:

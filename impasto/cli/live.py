@@ -17,6 +17,8 @@ from impasto.cli.console import emit, err, out, print_status
 from impasto.cli.options import (
     WHAT,
     WHERE,
+    FieldOrder,
+    FieldsOption,
     JsonFlag,
     KeyOption,
     MethodOption,
@@ -84,6 +86,7 @@ class LiveCommandOptions:
     fps: Annotated[
         float | None, typer.Option(min=1, max=240, help="Frame rate of the input.", rich_help_panel=WHAT)
     ] = None
+    fields: FieldsOption = FieldOrder.AUTO
     loop: Annotated[
         str, typer.Option(metavar="N|forever", help="Number of times to play a file.", rich_help_panel=WHAT)
     ] = "1"
@@ -116,7 +119,7 @@ def live(options: LiveCommandOptions) -> None:
     _check_preference(options.prefer)
     settings = load(CommandSettings, server=options.server, api_key=options.api_key)
     key = settings.api_key.get_secret_value()
-    with _closing(open_source(source_name, loops, size, options.fps)) as source:
+    with _closing(open_source(source_name, loops, size, options.fps, options.fields.value)) as source:
         sink = open_sink(options.output, source, options.quality)
         with service(settings.server, print_status) as address:
             session: Json = {

@@ -14,6 +14,7 @@ import typer
 from pydantic import JsonValue
 
 from pipeline.errors import BadInput, BadParameter
+from pipeline.video.media import SourceOptions
 from workers.model import Json
 
 if TYPE_CHECKING:
@@ -25,6 +26,20 @@ class DamagePolicy(StrEnum):
 
     WARN = "warn"
     FAIL = "fail"
+
+
+class FieldOrder(StrEnum):
+    """How the fields of a video are read: see `pipeline.video.media.SourceOptions`."""
+
+    AUTO = "auto"
+    PROGRESSIVE = "progressive"
+    TOP = "top"
+    BOTTOM = "bottom"
+
+
+def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrder) -> SourceOptions:
+    """How the video is read."""
+    return SourceOptions(picture, tuple(sound) if sound else None, fields.value)
 
 
 WHERE, WHAT = "Where", "What to paint"
@@ -48,6 +63,27 @@ DamageOption = Annotated[
     DamagePolicy,
     typer.Option(
         help="If frames of an input are missing or unreadable: use what can be read, or fail.", rich_help_panel=WHAT
+    ),
+]
+PictureOption = Annotated[
+    int | None,
+    typer.Option(
+        "--video-stream", metavar="N", min=0, help="Which video stream of IN, from 0; default: the main one.",
+        rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
+SoundOption = Annotated[
+    list[int] | None,
+    typer.Option(
+        "--sound-track", metavar="N", min=0, help="A sound track of IN to deliver, from 0; repeatable; default: all.",
+        rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
+FieldsOption = Annotated[
+    FieldOrder,
+    typer.Option(
+        help="Deinterlace what IN marks as interlaced, nothing, or everything, with the top or bottom field first.",
+        rich_help_panel=WHAT,
     ),
 ]
 HomeOption = Annotated[

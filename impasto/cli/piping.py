@@ -6,16 +6,16 @@ import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
-from impasto.library import DamagedSource, render
+from impasto.library import DamagedSource, SourceFile, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
-from pipeline.video.media import Limits, check_size
+from pipeline.video.media import Limits, SourceOptions, check_size
 from pipeline.video.reader import VideoReader
 from workers.model import FAIL, WARN, Json
 
@@ -31,6 +31,7 @@ class PipeOrder:
     Attributes:
         source, output: a path, or "-".
         on_damage: "warn" or "fail", for files with frames that are missing or unreadable.
+        options: how a file, or interlaced YUV4MPEG2, is read.
         raw: "WIDTHxHEIGHT[@FPS]" if pipes carry raw RGB, "" if YUV4MPEG2.
     """
 
@@ -44,6 +45,7 @@ class PipeOrder:
     overwrite: bool
     raw: str = ""
     on_damage: str = WARN
+    options: SourceOptions = field(default_factory=SourceOptions)
 
     def run(self) -> int:
         """Render; returns the number of frames written to stdout, 0 if the output is a file.
@@ -67,13 +69,13 @@ class PipeOrder:
             return 0
         return self._write(render(self.method, frames, **common), form)
 
-    def _source(self) -> tuple[str | Iterator[Frame], StreamFormat]:
+    def _source(self) -> tuple[SourceFile | Iterator[Frame], StreamFormat]:
         raw = _raw_format(self.raw) if self.raw else None
         if self.source != PIPE:
-            return self.source, raw or _file_format(Path(self.source))
+            return SourceFile(self.source, self.options), raw or _file_format(Path(self.source), self.options)
         if raw is not None:
             return raw_frames(sys.stdin.buffer, raw.size), raw
-        reader = Y4mReader(sys.stdin.buffer)
+        reader = Y4mReader(sys.stdin.buffer, fields=self.options.fields)
         return iter(reader), reader.format
 
     def _write(self, frames: Iterator[Frame], form: StreamFormat) -> int:
@@ -99,8 +101,8 @@ def _chroma(form: StreamFormat) -> str:
     return next((name for name in ("yuv444p", "yuv422p") if form.pixel_format.startswith(name)), "yuv420p")
 
 
-def _file_format(path: Path) -> StreamFormat:
-    with VideoReader(path) as reader:
+def _file_format(path: Path, options: SourceOptions) -> StreamFormat:
+    with VideoReader(path, options=options) as reader:
         return StreamFormat(reader.size, Fraction(reader.fps).limit_denominator(1001))
 
 

@@ -14,19 +14,24 @@ from impasto.cli.console import emit, out, print_status, print_warnings, progres
 from impasto.cli.options import (
     DamageOption,
     DamagePolicy,
+    FieldOrder,
+    FieldsOption,
     HomeOption,
     InputOption,
     JsonFlag,
     MethodOption,
     ParamOption,
+    PictureOption,
     QualityOption,
     QuietFlag,
     SeedOption,
+    SoundOption,
     artefacts_of,
     frames_of,
     home_of,
     inputs_of,
     params_of,
+    source_of,
     takes_options,
 )
 from pipeline.errors import BadInput
@@ -93,6 +98,9 @@ class RenderOptions:
         str, typer.Option(metavar="FIRST:END", help="Render only these frames of IN, from 0, without END.")
     ] = ""
     on_damage: DamageOption = DamagePolicy.WARN
+    video_stream: PictureOption = None
+    sound_track: SoundOption = None
+    fields: FieldsOption = FieldOrder.AUTO
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
     workers: Annotated[
         int | None,
@@ -126,13 +134,13 @@ def _render_pipe(options: RenderOptions) -> None:
 
     without_pipes = {
         "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers is not None,
-        "--frames": bool(options.frames), "--estimate": options.estimate,
+        "--frames": bool(options.frames), "--estimate": options.estimate, "--sound-track": bool(options.sound_track),
     }  # fmt: skip
     _check_pipe_options(without_pipes)
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
-        options.on_damage.value,
+        options.on_damage.value, source_of(options.video_stream, None, options.fields),
     )  # fmt: skip
     count = pipe.run()
     print_status(f"{count} frames" if options.output == "-" else options.output)
@@ -192,7 +200,7 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     spec = OutputSpec(format=where.format, quality=options.quality, artefacts=tuple(sorted(artefacts)))
     request = JobRequest(
         options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),
-        frames=frames,
+        frames=frames, source=source_of(options.video_stream, options.sound_track, options.fields),
     )  # fmt: skip
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     if is_project(options.source):

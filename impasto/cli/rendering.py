@@ -23,6 +23,7 @@ from pipeline.video.probe import probe, probe_guarded
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
+from workers.jobs.frame_window import stream_info
 from workers.model import Job, JobRequest, Json, TaskView
 from workers.version import version
 
@@ -111,19 +112,26 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
     sweep(home)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         files = _gather(order.paths, Path(scratch))
-        video = probe_guarded(files["video"].path)
+        probed = probe_guarded(files["video"].path)
+        video = dataclasses.replace(probed, **_chosen(probed, order.request))
         _check_result_fits(order, video)
         key = key_of(_facts(order, files))
         with workspace(home, key) as place:
             _check_consent(order, place)
             with private_farm.opened(place.folder, workers or 0) as farm:
-                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, video).id, show)
+                job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, probed).id, show)
                 remember(home, order.request, video, job)
                 place.consent()  # existing outputs are our own from here on
                 summary = _deliver(farm, job, order)
             forget(place.folder)
     wall_s = time.monotonic() - began
     return summary | {"wall_seconds": round(wall_s, 4), "wall_fps": round(summary["frames"] / wall_s, 3)}
+
+
+def _chosen(video: MediaInfo, request: JobRequest) -> Json:
+    """Facts of the video stream that is read. Raises BadParameter."""
+    number = request.source.picture
+    return {} if number is None else stream_info(video.as_json(), number)
 
 
 def _check_result_fits(order: RenderOrder, video: MediaInfo) -> None:

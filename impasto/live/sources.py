@@ -18,10 +18,13 @@ import av
 import cv2
 import numpy as np
 from av.container import InputContainer
+from av.video.stream import VideoStream
 
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.frames import Frame
+from pipeline.video.fields import deinterlaced
 from pipeline.video.geometry import geometry_of, to_frame
+from pipeline.video.media import Fields, SourceOptions
 from pipeline.video.reader import VideoReader
 
 Size = tuple[int, int]
@@ -78,13 +81,14 @@ class Source(Protocol):
         ...
 
 
-def open_source(text: str, loops: int, size: Size | None, fps: float | None) -> Source:
+def open_source(text: str, loops: int, size: Size | None, fps: float | None, fields: Fields = "auto") -> Source:
     """A source by its name: a path, `camera`, `camera:N`, or an address.
 
     Args:
         loops: how often a file is played, 0 = for ever.
         size: scale frames to it, (width, height) px; None: as they come.
         fps: rate to ask a camera for, or to play a file at.
+        fields: see `pipeline.video.media.SourceOptions`.
 
     Raises: BadInput (no such file, camera or stream), UnreadableMedia, NoVideoStream.
     """
@@ -93,9 +97,9 @@ def open_source(text: str, loops: int, size: Size | None, fps: float | None) -> 
         source = _camera(text, size, fps)
     elif text.startswith(NETWORK):
         check_protocol(text, "--input")
-        source = StreamSource(text, None, {}, fps, "Check the address, and that the sender is on.")
+        source = StreamSource(text, None, {}, fps, "Check the address, and that the sender is on.", fields)
     else:
-        source = FileSource(Path(text).expanduser(), loops, fps)
+        source = FileSource(Path(text).expanduser(), loops, fps, fields)
     return source if size is None or source.size == size else Scaled(source, size)
 
 
@@ -121,13 +125,13 @@ class FileSource:
     paced = False
     skipped = 0
 
-    def __init__(self, path: Path, loops: int, fps: float | None) -> None:
+    def __init__(self, path: Path, loops: int, fps: float | None, fields: Fields = "auto") -> None:
         if not path.exists():
             raise BadInput(
                 "There is no such file.", field="--input", value=path,
                 remedy="Give a video file, camera, camera:1, or an address such as rtsp://host/stream.",
             )  # fmt: skip
-        self._reader, self._loops = VideoReader(path), loops
+        self._reader, self._loops = VideoReader(path, options=SourceOptions(fields=fields)), loops
         self.size, self.fps = self._reader.size, fps or self._reader.fps
         index = self._reader.index
         ticks = [*(int(t) for t in index.pts), index.end]
@@ -155,12 +159,15 @@ class StreamSource:
     paced = True
     sound: Sound | None = None
 
-    def __init__(self, name: str, kind: str | None, options: dict[str, str], fps: float | None, remedy: str) -> None:
+    def __init__(
+        self, name: str, kind: str | None, options: dict[str, str], fps: float | None, remedy: str,
+        fields: Fields = "auto",
+    ) -> None:  # fmt: skip
         self._name, self._remedy = name, remedy
         self._container = self._open(kind, options)
         stream = self._container.streams.video[0]
         stream.thread_type = "NONE"  # threads hold frames back
-        self._pictures = self._container.decode(stream)
+        self._pictures = self._decoded(stream, fields)
         first = self._first()
         self._geometry = geometry_of(first, stream.codec_context.sample_aspect_ratio)
         self.size = self._geometry.size
@@ -171,6 +178,11 @@ class StreamSource:
         self._lost = ""
         self._thread = threading.Thread(target=self._read, args=(first,), name="impasto-source", daemon=True)
         self._thread.start()
+
+    def _decoded(self, stream: VideoStream, fields: Fields) -> Iterator[av.VideoFrame]:
+        """The pictures; an interlaced one is made a frame when the next one has arrived."""
+        for _number, picture in deinterlaced(enumerate(self._container.decode(stream)), fields):
+            yield picture
 
     def _open(self, kind: str | None, options: dict[str, str]) -> InputContainer:
         try:
@@ -184,7 +196,7 @@ class StreamSource:
 
     def _first(self) -> av.VideoFrame:
         try:
-            return next(iter(self._pictures))
+            return next(self._pictures)
         except (av.FFmpegError, StopIteration, OSError) as error:
             self._container.close()
             raise self._failed(str(error) or "it sends no frames") from None

@@ -1,14 +1,16 @@
-"""Concatenation of segments without re-encoding, with the audio of the source, into the finished file.
+"""Concatenation of segments without re-encoding, with what else the source carries, into the finished file.
 
 The same segments and source give the same bytes: the file contains no creation time and no version.
 """
 
 from __future__ import annotations
 
+import errno
 import heapq
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import takewhile
 from pathlib import Path
@@ -20,10 +22,11 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
-from pipeline.video.audio import Timed, add_audio
+from pipeline.video.audio import Timed, Track, TrackWriter, tracks_of
+from pipeline.video.carried import Carried, open_source
 from pipeline.video.container import open_container
 from pipeline.video.gif import join_gif
-from pipeline.video.media import Limits
+from pipeline.video.media import Limits, Note, SourceOptions
 from pipeline.video.writer import MUXER_OPTIONS, Format, zip_entry
 
 MEDIA_TYPES: dict[Format, str] = {
@@ -34,6 +37,11 @@ MEDIA_TYPES: dict[Format, str] = {
 }
 
 
+_PRIMING_S = Fraction(1, 20)
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors of the disk, which no other sound would avoid."""
+
+
 def join(
     segments: Sequence[tuple[Fraction, Path]],
     out: Path,
@@ -41,48 +49,104 @@ def join(
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
-) -> None:
+    options: SourceOptions | None = None,
+) -> tuple[Note, ...]:
     """Write the finished file at `out`.
 
     Args:
         segments: (start time, file) of each segment, in order, at least one. The files are written by `segment_writer`
             with the same spec. A start time is the time of the segment's first frame in the source, seconds; the first
-            one becomes time 0 of the output.
+            one becomes time 0 of the output, unless the sound begins before it.
         container: "mp4" (streamable from its first bytes), "webm", "png" (one zip of numbered frames), or "gif".
-        sound: a media file whose audio, if any, is added in sync. Ignored for "png" and "gif".
-        end_s: time in the source at which the audio ends, seconds; None: where the source's audio ends.
+        sound: the source, whose sound tracks, subtitles, chapters and tags go along. Ignored for "png" and "gif".
+        end_s: time in the source at which the output ends, seconds; None: where the source ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
+        options: which sound tracks are delivered.
+
+    Returns:
+        What was left out or changed.
+
+    Raises: BadParameter (the source has no such sound track).
     """
     if container == "png":
         _join_images([path for _start, path in segments], out, progress)
-        return
+        return ()
     if container == "gif":
         join_gif(segments, out, progress)
-        return
-    origin_s, first = segments[0]
-    with ExitStack() as stack:
-        options = MUXER_OPTIONS | ({"movflags": "+faststart"} if container == "mp4" else {})
-        target = stack.enter_context(av.open(f"file:{out}", "w", format=container, options=options))
-        template = stack.enter_context(open_container(first, Limits()))
-        stream = target.add_stream_from_template(template.streams.video[0])
-        pictures = _pictures(segments, stream, progress)
-        audio = _sound(stack, sound, target, container, origin_s)
-        if end_s is not None:
-            length_s = end_s - origin_s
-            audio = takewhile(lambda timed: timed[0] < length_s, audio)
-        _interleave(target, pictures, audio)
+        return ()
+    film = _Film(segments, out, container, sound, progress, end_s)
+    tracks = () if sound is None else _tracks(sound, (options or SourceOptions()).sound)
+    refused: list[Note] = []
+    for copies, kept in ((True, tracks), (False, tracks)):
+        try:
+            return (*film.write(kept, copies), *refused)
+        except (av.FFmpegError, ValueError) as error:
+            if not kept or getattr(error, "errno", None) in _DISK:
+                raise
+            why = getattr(error, "strerror", None) or error
+            refused = [Note("sound", f"The sound could not be copied and was encoded: {why}.")]
+            if not copies:
+                refused = [Note("sound", f"The sound was left out, because it could not be written: {why}.")]
+    return (*film.write((), False), *refused)
 
 
-def _sound(
-    stack: ExitStack, sound: Path | None, target: OutputContainer, container: str, origin_s: Fraction
-) -> Iterator[Timed]:
-    if sound is None:
-        return iter(())
+def _tracks(sound: Path, numbers: tuple[int, ...] | None) -> Sequence[Track]:
     try:
-        source = stack.enter_context(open_container(sound, Limits()))
+        return tracks_of(sound, numbers)
     except UnreadableMedia:
-        return iter(())  # zips and still images, which no demuxer accepts, have no audio
-    return add_audio(source, target, container, origin_s)
+        return ()  # zips and still images, which no demuxer accepts, have no sound
+
+
+@dataclass(frozen=True)
+class _Film:
+    """The arguments of `join`."""
+
+    segments: Sequence[tuple[Fraction, Path]]
+    out: Path
+    container: Format
+    source: Path | None
+    progress: Callable[[float], None]
+    end_s: Fraction | None
+
+    def write(self, tracks: Sequence[Track], copies: bool) -> tuple[Note, ...]:
+        """Write the file with these sound tracks, copied if possible."""
+        origin_s, first = self.segments[0]
+        lead_s = self._lead_s(tracks)
+        with ExitStack() as stack:
+            options = MUXER_OPTIONS | ({"movflags": "+faststart"} if self.container == "mp4" else {})
+            target = stack.enter_context(av.open(f"file:{self.out}", "w", format=self.container, options=options))
+            template = stack.enter_context(open_container(first, Limits()))
+            stream = target.add_stream_from_template(template.streams.video[0])
+            packets = [_pictures(self.segments, stream, lead_s, self.progress)]
+            writers = [TrackWriter(self.source, track, origin_s - lead_s) for track in tracks if self.source]
+            packets += [writer.add(target, self.container, stack, copies) for writer in writers]
+            notes = self._carry(stack, target, stream, origin_s - lead_s, packets)
+            if self.end_s is not None:
+                length_s = self.end_s - origin_s
+                packets[1:] = [takewhile(lambda timed: timed[0] < length_s, each) for each in packets[1:]]
+            _interleave(target, *packets)
+        return (*notes, *(note for writer in writers for note in writer.notes))
+
+    def _lead_s(self, tracks: Sequence[Track]) -> Fraction:
+        """Duration of the sound before the first picture, seconds; 0 for a piece of a film. Encoders put a few silent
+        samples before the first one, which are no lead."""
+        if self.end_s is not None or not tracks:
+            return Fraction(0)
+        lead_s = self.segments[0][0] - min(track.start_s for track in tracks)
+        return lead_s if lead_s > _PRIMING_S else Fraction(0)
+
+    def _carry(
+        self, stack: ExitStack, target: OutputContainer, film: VideoStream, zero_s: Fraction,
+        packets: list[Iterator[Timed]],
+    ) -> list[Note]:  # fmt: skip
+        source = None if self.source is None else open_source(self.source)
+        if self.source is None or source is None:
+            return []
+        stack.enter_context(source)
+        carried = Carried(self.source, zero_s, self.end_s, self.end_s is None)
+        notes = carried.add(source, target, film, self.container)
+        packets.append(carried.subtitles(source, target, self.container))
+        return notes
 
 
 def _interleave(target: OutputContainer, *tracks: Iterator[Timed]) -> None:
@@ -92,13 +156,13 @@ def _interleave(target: OutputContainer, *tracks: Iterator[Timed]) -> None:
 
 
 def _pictures(
-    segments: Sequence[tuple[Fraction, Path]], target: VideoStream, progress: Callable[[float], None]
+    segments: Sequence[tuple[Fraction, Path]], target: VideoStream, lead_s: Fraction, progress: Callable[[float], None]
 ) -> Iterator[Timed]:
     for number, (start_s, path) in enumerate(segments, start=1):
         with open_container(path, Limits()) as source:
             stream = source.streams.video[0]
             tick = stream.time_base or Fraction(1, 1000)
-            offset = round((start_s - segments[0][0]) / tick)
+            offset = round((start_s - segments[0][0] + lead_s) / tick)
             for packet in source.demux(stream):
                 if packet.size:
                     yield _moved(packet, offset, tick, target)

@@ -91,6 +91,8 @@ class MediaInfo:
     """Damage that is visible without decoding the file, one sentence; empty: none."""
     notes: tuple[str, ...] = ()
     """What was chosen, corrected or assumed when the file was read, one sentence each."""
+    streams: tuple[dict[str, JsonValue], ...] = ()
+    """Width, height, frames and so on of each video stream, if there are several: see `SourceOptions.picture`."""
 
     def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)

@@ -10,10 +10,12 @@ import json
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from pipeline.errors import BadMedia
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
-from pipeline.video.container import open_container, sound_streams, video_stream
+from pipeline.video.container import film_streams, open_container, sound_streams, video_stream
 from pipeline.video.damage import damage_of
 from pipeline.video.guard.decoder_process import start_decoder
 from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
@@ -28,6 +30,14 @@ from pipeline.video.media import (
 )
 from pipeline.video.sequence import Sequence, open_still, open_zip
 from pipeline.video.shot_files import ShotFiles, is_shot
+
+if TYPE_CHECKING:
+    from pydantic import JsonValue
+
+_STREAM_FACTS = (
+    "width", "height", "frames", "fps", "duration_s", "codec", "pixel_format", "rotation_deg", "damage", "notes",
+)  # fmt: skip
+"""Properties of `MediaInfo` that differ between the video streams of a file."""
 
 
 def probe(path: Path, limits: Limits | None = None, options: SourceOptions | None = None) -> MediaInfo:
@@ -107,6 +117,24 @@ def _check_shot(path: Path, limits: Limits) -> None:
 
 
 def _probe_video(path: Path, media_type: str, limits: Limits, options: SourceOptions) -> MediaInfo:
+    found = _probe_stream(path, media_type, limits, options)
+    with open_container(path, limits) as container:
+        count = len(film_streams(container))
+    if options.picture is not None or count < 2:
+        return found
+    return replace(found, streams=tuple(_stream_facts(path, limits, number) for number in range(count)))
+
+
+def _stream_facts(path: Path, limits: Limits, number: int) -> dict[str, JsonValue]:
+    """Facts of one of several streams; empty if it cannot be read."""
+    try:
+        found = _probe_stream(path, "", limits, SourceOptions(number)).as_json()
+    except BadMedia:
+        return {}
+    return {name: found[name] for name in _STREAM_FACTS}
+
+
+def _probe_stream(path: Path, media_type: str, limits: Limits, options: SourceOptions) -> MediaInfo:
     with open_container(path, limits) as container:
         stream = video_stream(container, options.picture)
         context = stream.codec_context
@@ -165,4 +193,4 @@ def probe_guarded(
     child = start_decoder("probe", task, 1, timeout_s)
     child.close()
     info = child.began[0]["info"]
-    return MediaInfo(**info | {"notes": tuple(info["notes"])})
+    return MediaInfo(**info | {"notes": tuple(info["notes"]), "streams": tuple(info["streams"])})

@@ -25,14 +25,20 @@ _NEVER_US = 1 << 62
 class Timeline:
     """The shift of each packet, in the order of the file.
 
+    Args:
+        known: `shifts` of an earlier reading of the whole file. Without them, sound that reaches a new part before the
+            pictures do gets a provisional shift.
+
     Times of MP4 and MOV are stored as durations and need no correction, although an edit list may go back.
     """
 
-    def __init__(self, container: InputContainer) -> None:
+    def __init__(self, container: InputContainer, known: Sequence[int] = ()) -> None:
         jumps = Flags.ts_discont in Flags(container.format.flags)
         self._ahead_us = _AHEAD_US if jumps else _NEVER_US
         self._back_us = _NEVER_US if container.format.name == MOV else _BACK_US
-        self._shifts = [0]
+        self._film = {stream.index for stream in film_streams(container)}
+        self._shifts, self._known = [0], [*known]
+        self._provisional = False
         self._part: dict[int, int] = {}
         """Stream -> the part of the file that it has reached, an index of `_shifts`."""
         self._last: dict[int, tuple[int, int]] = {}
@@ -42,6 +48,11 @@ class Timeline:
     def corrections(self) -> int:
         """Number of times at which the times began again or jumped."""
         return len(self._shifts) - 1
+
+    @property
+    def shifts(self) -> tuple[int, ...]:
+        """The shift of each part of the file, microseconds; final when all packets have been read."""
+        return tuple(self._shifts)
 
     @property
     def end_s(self) -> float:
@@ -57,18 +68,22 @@ class Timeline:
         raw = round(packet.dts * packet.time_base * 1_000_000)
         last, due = self._last.get(at, (raw, raw))
         if raw < last - self._back_us or raw > due + self._ahead_us:
-            part = self._part[at] = self._next_part(part, raw, due)
+            part = self._part[at] = self._next_part(at, part, due + self._shifts[part] - raw)
         step = round((packet.duration or 0) * packet.time_base * 1_000_000) or max(0, raw - last)
         self._last[at] = (raw, raw + step)
         return self._shifts[part]
 
-    def _next_part(self, part: int, raw: int, due: int) -> int:
-        """The part in which a packet is that does not continue `part`: that of another stream if it fits, or a new one,
-        which follows without a gap."""
-        newest, wanted = len(self._shifts) - 1, due + self._shifts[part] - raw
+    def _next_part(self, at: int, part: int, wanted: int) -> int:
+        """The part in which a packet of stream `at` is that does not continue `part`: that of another stream if it
+        fits, or a new one. The pictures, when they reach it, follow without a gap."""
+        newest = len(self._shifts) - 1
         if newest == part or abs(wanted - self._shifts[newest]) > _AHEAD_US:
-            self._shifts.append(wanted)
-        return len(self._shifts) - 1
+            newest += 1
+            self._shifts.append(self._known[newest] if newest < len(self._known) else wanted)
+            self._provisional = newest >= len(self._known) and at not in self._film
+        elif self._provisional and at in self._film:
+            self._shifts[newest], self._provisional = wanted, False
+        return newest
 
 
 def timed_packets(

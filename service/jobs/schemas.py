@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.video.media import Fields, SourceOptions
 from pipeline.video.writer import Format
 from workers.model import (
     MAX_LABEL_NAME,
@@ -45,6 +46,25 @@ class OutputIn(_Body):
         return OutputSpec(self.format, self.quality, self.artefacts, self.report)
 
 
+class SourceIn(_Body):
+    """How the video is read."""
+
+    picture: int | None = Field(
+        default=None, ge=0, le=1000, description="Which of its video streams, from 0; null: the main one."
+    )
+    sound: tuple[Annotated[int, Field(ge=0, le=1000)], ...] | None = Field(
+        default=None, max_length=16, description="Which of its sound tracks are delivered, from 0; null: all."
+    )
+    fields: Fields = Field(
+        default="auto",
+        description="`auto`: deinterlace what the file marks as interlaced; `progressive`: nothing; `top`, `bottom`: "
+        "everything, with this field first.",
+    )
+
+    def options(self) -> SourceOptions:
+        return SourceOptions(self.picture, self.sound, self.fields)
+
+
 class ExportIn(_Body):
     format: Format = Field(description="The film's frames, times and sound, converted: not rendered again.")
     quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
@@ -80,9 +100,11 @@ class JobIn(Work):
         "job, or fail with the code `damaged-media`.",
     )
 
+    source: SourceIn = SourceIn()
+
     def request(self) -> JobRequest:
         values = {name: getattr(self, name) for name in type(self).model_fields}
-        return JobRequest(**values | {"output": self.output.spec()})
+        return JobRequest(**values | {"output": self.output.spec(), "source": self.source.options()})
 
 
 class PreviewIn(Work):

@@ -19,6 +19,7 @@ from pipeline.quality.report import QualityReport
 from pipeline.video.contact import contact_sheet, poster
 from pipeline.video.guard.files import guarded_join
 from pipeline.video.join import MEDIA_TYPES
+from pipeline.video.media import Note
 from pipeline.video.reader import VideoReader
 from pipeline.video.writer import Format, zip_entry
 from workers.blobs.base import Blobs
@@ -51,6 +52,8 @@ class Assembly:
         self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
         self._format: Format = order.output.format  # type: ignore[assignment]
         self.files: Files = {}
+        self.notes: list[Note] = []
+        """What was chosen, corrected, assumed or left out of the source."""
 
     def run(self, progress: Callable[[float], None]) -> TaskResult:
         """Join, describe, pack. Raises UnreadableMedia if no task emitted a frame."""
@@ -78,12 +81,14 @@ class Assembly:
             starts, end = self._times_s([start for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
-            guarded_join(list(zip(starts, paths, strict=True)), out, self._format, sound, progress, end)
+            pieces = list(zip(starts, paths, strict=True))
+            self.notes += guarded_join(pieces, out, self._format, sound, progress, end, self._order.source)
         return out
 
     def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
         """Presentation times of these source frames, seconds, and the end of the job's piece of the source, if any."""
-        with self._decoders.reader(self._order.inputs["video"]) as reader:
+        with self._decoders.reader(self._order.inputs["video"], 0, self._order.source) as reader:
+            self.notes += reader.notes
             index = window_index(reader.index, self._order.frames)
             end = None if self._order.frames is None else index.end * index.time_base
             return [index.time(frame) * index.time_base for frame in frames], end

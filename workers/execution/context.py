@@ -21,6 +21,7 @@ from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff
 from pipeline.video.index import Index
+from pipeline.video.media import SourceOptions
 from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
@@ -114,10 +115,11 @@ class AttemptContext:
 
     def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         def read(reader: GuardedReader, first: int, last: int | None) -> Iterator[Frame]:
-            frames = reader.read(first, last) if cache is None else cache.read(key, reader, first, last)
+            frames = reader.read(first, last) if cache is None else cache.read(cached, reader, first, last)
             return keep_pairs(frames, set(self.report_pairs), self.save) if pairs else frames
 
-        key, cache, pairs = self._input(name), self.frame_cache, self._is_first_pass(name, start, stop)
+        cache, pairs = self.frame_cache, self._is_first_pass(name, start, stop)
+        cached = self._cache_key(name)
         return self._read(name, start, stop, read)
 
     def thumbnails(self, name: str = "video") -> Iterator[Plane]:
@@ -133,8 +135,8 @@ class AttemptContext:
         """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage."""
         first, last = self._source_span(name, start, stop)
         key, cache = self._input(name), self.frame_cache
-        to_decode = first if cache is None else cache.first_missing(key, first)
-        with self._decoders.reader(key, to_decode) as reader:
+        to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
+        with self._decoders.reader(key, to_decode, self._options(name)) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
             self.damage.record(name, expected, ())
@@ -150,6 +152,15 @@ class AttemptContext:
             self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
         if name == "video" and (stop is None or at < stop):
             self._ended_at = at
+
+    def _options(self, name: str) -> SourceOptions:
+        """How the input is read: as the job says, if it is the video."""
+        return self._order.source if name == "video" else SourceOptions()
+
+    def _cache_key(self, name: str) -> str:
+        """Key of the input's frames in the frame cache."""
+        options = self._options(name)
+        return self._input(name) + ("" if options == SourceOptions() else f" {options}")
 
     def _is_first_pass(self, name: str, start: int, stop: int | None) -> bool:
         """Whether the first step reads the whole video: then, frames for the quality report are saved."""
@@ -292,7 +303,7 @@ class AttemptContext:
     def _video_index(self) -> Index:
         """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
-            with self._decoders.reader(self._input("video")) as reader:
+            with self._decoders.reader(self._input("video"), 0, self._order.source) as reader:
                 self._index = window_index(reader.index, self._order.frames)
         return self._index
 

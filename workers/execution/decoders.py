@@ -15,17 +15,19 @@ from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
 from pipeline.video.guard.decoder_process import ANSWER_S
 from pipeline.video.guard.reader import GuardedReader
-from pipeline.video.media import Limits
+from pipeline.video.media import Limits, SourceOptions
 from workers.blobs.base import Blobs
 from workers.process.heartbeat import heartbeats_of_another
 
 IDLE = 3
 """Idle readers of a worker that stay open."""
+DEFAULT_OPTIONS = SourceOptions()
 
 
 @dataclass(frozen=True)
 class _Open:
     key: str
+    options: SourceOptions
     reader: GuardedReader
     exit_stack: ExitStack
     """Closes the reader, then releases the local file."""
@@ -46,9 +48,9 @@ class Decoders:
         self._lock = Lock()
 
     @contextmanager
-    def reader(self, key: str, start: int = 0) -> Iterator[GuardedReader]:
+    def reader(self, key: str, start: int = 0, options: SourceOptions = DEFAULT_OPTIONS) -> Iterator[GuardedReader]:
         """A reader of the blob, preferably one whose next frame is `start`. Raises KeyError, BadMedia."""
-        borrowed = self._take(key, start) or self._open(key)
+        borrowed = self._take(key, start, options) or self._open(key, options)
         try:
             yield borrowed.reader
         except BaseException as error:
@@ -65,21 +67,21 @@ class Decoders:
         for unused in closing:
             unused.exit_stack.close()
 
-    def _take(self, key: str, start: int) -> _Open | None:
+    def _take(self, key: str, start: int, options: SourceOptions) -> _Open | None:
         with self._lock:
-            fitting = [o for o in self._idle if o.key == key]
+            fitting = [o for o in self._idle if o.key == key and o.options == options]
             if not fitting:
                 return None
             chosen = min(fitting, key=lambda o: _distance(o.reader.position, start))
             self._idle.remove(chosen)
             return chosen
 
-    def _open(self, key: str) -> _Open:
+    def _open(self, key: str, options: SourceOptions) -> _Open:
         with ExitStack() as stack:
             path = stack.enter_context(self._blobs.local(key))
             with heartbeats_of_another(ANSWER_S):  # it reads the whole file for the index
-                reader = stack.enter_context(GuardedReader(path, self._limits))
-            return _Open(key, reader, stack.pop_all())
+                reader = stack.enter_context(GuardedReader(path, self._limits, options))
+            return _Open(key, options, reader, stack.pop_all())
 
     def _give(self, borrowed: _Open) -> None:
         with self._lock:

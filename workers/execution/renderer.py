@@ -33,6 +33,7 @@ from workers.execution.reuse import reused
 from workers.execution.usage import METER
 from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
+from workers.jobs.job_warnings import note_warning
 from workers.jobs.state_machine import ASSEMBLE
 from workers.model import TaskOrder, TaskOutcome
 from workers.pools.base import Tell
@@ -202,7 +203,9 @@ class Renderer:
         assembly = Assembly(order, chosen, self._blobs, self._decoders, folder, self._overview)
         with context.stages.waiting("join"):
             result = assembly.run(context.progress)
-        return TaskOutcome(order.attempt_id, result, {}, assembly.files, None, context.stages.seconds(), "")
+        warnings = tuple(note_warning("video", note) for note in assembly.notes)
+        stages = context.stages.seconds()
+        return TaskOutcome(order.attempt_id, result, {}, assembly.files, None, stages, "", warnings=warnings)
 
     @contextmanager
     def _folder(self) -> Iterator[Path]:

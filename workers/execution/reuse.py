@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -52,7 +52,8 @@ def signature(order: TaskOrder) -> str:
     output = order.output
     return _digest(
         [version(), order.method, order.step, order.key, order.args, order.after, order.emits, order.params, order.seed,
-         order.input_info.get("video"), output.format, output.quality, order.frames, order.on_damage]
+         order.input_info.get("video"), output.format, output.quality, order.frames, order.on_damage,
+         asdict(order.source)]
     )  # fmt: skip
 
 

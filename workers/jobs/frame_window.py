@@ -17,7 +17,9 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import JsonValue
 
+from pipeline.errors import BadParameter
 from pipeline.video.index import Index
+from pipeline.video.media import SourceOptions
 from workers.model import Json
 
 T = TypeVar("T")
@@ -25,8 +27,14 @@ Span = tuple[int, int]
 """[first frame, one past the last)"""
 
 
-def window_info(info: Json, frames: Span | None) -> Json:
-    """Facts of a video's asset for the piece: `frames` and `duration_s` changed. None: unchanged."""
+def window_info(info: Json, frames: Span | None, source: SourceOptions | None = None) -> Json:
+    """Facts of a video's asset for the piece: `frames` and `duration_s` changed. None: unchanged.
+
+    Args:
+        source: which of the video streams is read.
+    """
+    if source is not None and source.picture is not None:
+        info = {**info, **stream_info(info, source.picture)}
     if frames is None:
         return dict(info)
     count = max(0, min(frames[1], int(info.get("frames", 0)) or frames[1]) - frames[0])
@@ -34,9 +42,24 @@ def window_info(info: Json, frames: Span | None) -> Json:
     return {**info, "frames": count, "duration_s": seconds * count / whole if whole else 0.0}
 
 
-def window_inputs(info: Mapping[str, Json], frames: Span | None) -> dict[str, Json]:
+def stream_info(info: Json, number: int) -> Json:
+    """Facts of one video stream of an asset. Raises BadParameter: the asset has no such stream."""
+    streams = info.get("streams") or [{}]
+    if not 0 <= number < len(streams):
+        count = "one video stream" if len(streams) == 1 else f"{len(streams)} video streams"
+        raise BadParameter(
+            f"The video has {count}.", field="source.picture", value=number, remedy=f"Use 0 to {len(streams) - 1}."
+        )
+    return dict(streams[number])
+
+
+def window_inputs(
+    info: Mapping[str, Json], frames: Span | None, source: SourceOptions | None = None
+) -> dict[str, Json]:
     """Facts of a job's inputs by name; those of `video` are the piece's."""
-    return {name: window_info(facts, frames if name == "video" else None) for name, facts in info.items()}
+    return {
+        name: window_info(facts, frames, source) if name == "video" else dict(facts) for name, facts in info.items()
+    }
 
 
 def window_index(index: Index, frames: Span | None) -> Index:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 
 from pipeline.video.damage import Damage
+from pipeline.video.media import Note
 from workers.model import JobWarning, Json
 
 DAMAGED_INPUT = "damaged-input"
@@ -18,18 +19,28 @@ def damage_warning(name: str, damage: Damage) -> JobWarning:
     return JobWarning(DAMAGED_INPUT, describe_damage(name, damage), name, damage.as_json())
 
 
+def note_warning(name: str, note: Note) -> JobWarning:
+    """The warning with what was chosen, corrected, assumed or left out of the input `name`."""
+    return JobWarning(note.code, note.message, name, {})
+
+
 def describe_damage(name: str, damage: Damage) -> str:
     """One sentence about damage of the input `name`."""
     return damage.describe("The source" if name == "video" else f"The input {name!r}")
 
 
 def merged_warnings(known: Iterable[Json], new: Iterable[JobWarning]) -> list[Json]:
-    """Warnings as JSON, one for each input: tasks read different frames of the same file."""
-    found = {(each["code"], each["input"]): each for each in known}
+    """Warnings as JSON, of damage one for each input: tasks read different frames of the same file."""
+    found = {_key(each["code"], each["input"], each["message"]): each for each in known}
     for warning in new:
-        before = found.get((warning.code, warning.input))
-        if before is not None:
+        key = _key(warning.code, warning.input, warning.message)
+        before = found.get(key)
+        if before is not None and warning.code == DAMAGED_INPUT:
             whole = Damage.from_json(before["damage"]).union(Damage.from_json(warning.damage))
             warning = damage_warning(warning.input, whole)
-        found[warning.code, warning.input] = asdict(warning)
+        found[key] = asdict(warning)
     return list(found.values())
+
+
+def _key(code: str, name: str, message: str) -> tuple[str, str, str]:
+    return code, name, "" if code == DAMAGED_INPUT else message

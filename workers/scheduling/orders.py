@@ -67,6 +67,7 @@ class Orders:
             frames=request.frames,
             stages=before.stages,
             on_damage=request.on_damage,
+            source=request.source,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
             earlier=self._earlier_task(claim.job["base_id"], step, task["key"]),
             traced=claim.job["base_id"] is not None,
@@ -93,7 +94,7 @@ class Orders:
         results, artefacts = context.before(job_id, step)
         last = name == ASSEMBLE
         segments, stages = (context.segments(job_id), context.stages(job_id, step)) if last else ((), {})
-        info = window_inputs(context.input_info(request.inputs), request.frames)
+        info = window_inputs(context.input_info(request.inputs), request.frames, request.source)
         return _Before(results, artefacts, info, segments, stages)
 
 

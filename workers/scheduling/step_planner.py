@@ -63,7 +63,7 @@ class StepPlanner:
     def _plan_and_store(self, todo: StepToPlan) -> None:
         plans, inputs, request = self._store.plans, self._store.task_inputs, todo.request
         results, _ = inputs.before(todo.job_id, todo.step)
-        info = window_inputs(inputs.input_info(request.inputs), request.frames)
+        info = window_inputs(inputs.input_info(request.inputs), request.frames, request.source)
         plans.planned(todo.job_id, todo.step, plan_step(todo.step, request, todo.params, info, results))
 
 

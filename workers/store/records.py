@@ -11,6 +11,7 @@ from pydantic import JsonValue
 from sqlalchemy import RowMapping, Select
 
 from pipeline.errors import BadParameter
+from pipeline.video.media import SourceOptions
 from workers.jobs.state_machine import Counts
 from workers.model import (
     WARN,
@@ -79,13 +80,16 @@ def request_to_json(request: JobRequest) -> Json:
         del value["frames"]
     if request.on_damage == WARN:
         del value["on_damage"]
+    if request.source == SourceOptions():
+        del value["source"]
     return value
 
 
 def request_of(value: Json) -> JobRequest:
     output = OutputSpec(**{**value["output"], "artefacts": tuple(value["output"]["artefacts"])})
     frames = None if value.get("frames") is None else tuple(value["frames"])
-    return JobRequest(**{**value, "output": output, "frames": frames})
+    source = SourceOptions.from_json(value.get("source"))
+    return JobRequest(**{**value, "output": output, "frames": frames, "source": source})
 
 
 def fault_to_json(fault: Fault | None) -> Json | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from pipeline.arrays import AnyArray
 from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
-from pipeline.video.media import Limits
+from pipeline.video.media import Limits, Note, SourceOptions
 from pipeline.video.writer import Format
 
 _BYTES_A_PIXEL = 8
@@ -57,11 +57,14 @@ def guarded_join(
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
-) -> None:
+    options: SourceOptions | None = None,
+) -> tuple[Note, ...]:
     """`join.join` in a decoder process, because `sound` is a user's file."""
     rows = [(start.numerator, start.denominator, str(path.absolute())) for start, path in segments]
     task: Message = {"segments": rows, "out": str(out.absolute()), "format": container}
     task["sound"] = "" if sound is None else str(sound.absolute())
     task["end"] = None if end_s is None else (end_s.numerator, end_s.denominator)
+    task["options"] = (options or SourceOptions()).as_json()
     child = start_decoder("join", task, 1, on_progress=lambda message: progress(float(message["progress"])))
     child.close()
+    return tuple(Note(str(code), str(message)) for code, message in child.began[0]["notes"])

@@ -169,8 +169,12 @@ def _join(connection: ChildConnection) -> None:
     segments = [(Fraction(above, below), Path(path)) for above, below, path in task["segments"]]
     sound = Path(task["sound"]) if task["sound"] else None
     end_s = Fraction(*task["end"]) if task["end"] else None
-    join(segments, Path(task["out"]), task["format"], sound, lambda done: connection.answer({"progress": done}), end_s)
-    connection.answer({})
+
+    def tell(done: float) -> None:
+        connection.answer({"progress": done})
+
+    notes = join(segments, Path(task["out"]), task["format"], sound, tell, end_s, _options(task))
+    connection.answer({"notes": notes})
 
 
 ROLES: dict[str, Callable[[ChildConnection], None]] = {

@@ -1,0 +1,156 @@
+"""What else a film carries: title, dates, chapters, subtitles, timecode. It goes along where the container can hold it;
+what cannot is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+from av.container import InputContainer, OutputContainer
+from av.packet import Packet
+from av.stream import Stream
+from av.subtitles.stream import SubtitleStream
+from av.video.stream import VideoStream
+
+from pipeline.errors import UnreadableMedia
+from pipeline.video.audio import Timed
+from pipeline.video.container import film_streams, open_container
+from pipeline.video.media import Limits, Note
+from pipeline.video.timeline import timed_packets
+
+_SUBTITLES = {"mp4": frozenset({"mov_text"}), "webm": frozenset({"webvtt"})}
+"""Codecs of subtitles that the container holds."""
+_OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "encoder", "duration", "timecode"})
+"""Tags that describe the source's file, not the film."""
+_TIMECODE = ("timecode", "reel_name")
+_TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
+_NAMES = {"mp4": "MP4", "webm": "WebM", "gif": "GIF", "png": "a zip of images"}
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Of one source file, for an output that begins at its time `zero_s` and, unless None, ends at `end_s`."""
+
+    path: Path
+    zero_s: Fraction
+    end_s: Fraction | None = None
+    whole: bool = True
+    """Whether the output shows the whole film: a timecode counts from its first frame."""
+
+    def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, container: str) -> list[Note]:
+        """Set tags, chapters and timecode of `out`, and name what is left out."""
+        out.metadata.update({k: v for k, v in source.metadata.items() if k.lower() not in _OF_THE_FILE})
+        out.set_chapters(self._chapters(source))
+        return [*self._timecode(source, film, container), *self._left_out(source, container)]
+
+    def subtitles(self, source: InputContainer, out: OutputContainer, container: str) -> Iterator[Timed]:
+        """Add the subtitles that the container holds; their packets."""
+        kept = [s for s in source.streams.subtitles if _codec(s) in _SUBTITLES[container]]
+        targets = {stream.index: _added(out, stream) for stream in kept}
+        return self._packets(source, kept, targets) if kept else iter(())
+
+    def _packets(
+        self, source: InputContainer, kept: list[SubtitleStream], targets: Mapping[int, Stream]
+    ) -> Iterator[Timed]:
+        try:
+            for packet, shift_us in timed_packets(source, kept):
+                if packet.size and packet.pts is not None:
+                    yield from self._moved(packet, shift_us, targets[packet.stream_index])
+        except (av.FFmpegError, OSError):
+            return
+
+    def _moved(self, packet: Packet[Any], shift_us: int, target: Stream) -> Iterator[Timed]:
+        tick = packet.time_base
+        packet.pts = (packet.pts or 0) + round((Fraction(shift_us, 1_000_000) - self.zero_s) / tick)
+        packet.dts = packet.pts
+        packet.stream = target
+        if packet.pts >= 0:
+            yield packet.pts * tick, packet
+
+    def _chapters(self, source: InputContainer) -> list[Any]:
+        """The chapters in the output's time, cut to it."""
+        found = []
+        for chapter in source.chapters():
+            tick = chapter["time_base"] or Fraction(1, 1000)
+            zero = round(self.zero_s / tick)
+            last = chapter["end"] if self.end_s is None else min(chapter["end"], round(self.end_s / tick))
+            start, end = max(0, chapter["start"] - zero), last - zero
+            if end > start:
+                found.append({**chapter, "start": start, "end": end})
+        return found
+
+    def _timecode(self, source: InputContainer, film: VideoStream, container: str) -> list[Note]:
+        """Hand on the timecode of the first frame, and the reel."""
+        tags = [source.metadata, *(stream.metadata for stream in source.streams)]
+        found = {k.lower(): v for each in reversed(tags) for k, v in each.items() if k.lower() in _TIMECODE}
+        if "timecode" not in found:
+            return []
+        rate = _timecode_rate(film_streams(source))
+        if container == "mp4" and self.whole and rate is not None:
+            film.metadata.update(found)
+            film.codec_context.framerate = rate
+            return []
+        where = _NAMES[container] if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
+        return [Note("left-out", f"The timecode {found['timecode']} was left out: {where} cannot hold it.")]
+
+    def _left_out(self, source: InputContainer, container: str) -> list[Note]:
+        lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles
+                if _codec(s) not in _SUBTITLES.get(container, ())]  # fmt: skip
+        told = bool(source.chapters())
+        lost += [
+            f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))
+        ]
+        lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
+        covers = len(source.streams.video) - len(film_streams(source))
+        lost += ["a cover picture"] * covers
+        if not lost:
+            return []
+        return [Note("left-out", f"Left out, because {_NAMES[container]} cannot hold it: {_listed(lost)}.")]
+
+
+def _timecode_rate(streams: list[VideoStream]) -> Fraction | None:
+    """The frame rate that a timecode counts, frames per second; None: there is no usual one."""
+    found = streams[0].average_rate if streams else None
+    usual = (Fraction(nominal * 1000, divisor) for nominal in _TIMECODE_RATES for divisor in (1000, 1001))
+    return next((rate for rate in usual if found and abs(rate - found) < rate / 2000), None)
+
+
+def open_source(path: Path) -> InputContainer | None:
+    """The container of a source; None for zips and still images, which no demuxer accepts."""
+    try:
+        return open_container(path, Limits())
+    except UnreadableMedia:
+        return None
+
+
+def _added(out: OutputContainer, stream: SubtitleStream) -> Stream:
+    target = out.add_stream_from_template(stream)
+    target.metadata.update({k: v for k, v in stream.metadata.items() if k in ("language", "title", "handler_name")})
+    return target
+
+
+def _codec(stream: Stream) -> str:
+    return stream.codec_context.codec.canonical_name if stream.codec_context is not None else ""
+
+
+def _is_timecode(stream: Stream) -> bool:
+    return bool(stream.metadata.get("timecode"))
+
+
+def _is_text(stream: Stream) -> bool:
+    """Whether a track may be the names of chapters, which QuickTime keeps in a track of text."""
+    return stream.metadata.get("handler_name") == "SubtitleHandler"
+
+
+def _described(stream: Stream) -> str:
+    kind = _codec(stream) or stream.metadata.get("handler_name") or "unknown"
+    language = stream.metadata.get("language", "und")
+    return kind if language == "und" else f"{kind}, {language}"
+
+
+def _listed(items: list[str]) -> str:
+    return ", ".join(items[:5]) + (f" and {len(items) - 5} more" if len(items) > 5 else "")
