@@ -331,7 +331,7 @@ export function splitRegion(
 }
 
 /** Asset names that the document refers to anywhere in its shots, or in styles saved with it. */
-export function usedAssets(document: ProjectDocument): Set<string> {
+function usedAssets(document: ProjectDocument): Set<string> {
   const names = new Set<string>();
   const visit = (value: unknown): void => {
     if (typeof value === "string" && value in document.assets) names.add(value);
