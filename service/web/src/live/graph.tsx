@@ -42,7 +42,7 @@ function dataOf(history: readonly Second[]): uPlot.AlignedData {
 
 function options(element: HTMLElement, targetFps: () => number): Omit<uPlot.Options, "width" | "height"> {
   const ink = (name: string) => () => getComputedStyle(element).getPropertyValue(`--${name}`);
-  const wash = (name: string, share: number) => () => `color-mix(in srgb, ${ink(name)()} ${share} %, transparent)`;
+  const wash = (name: string, share: number) => () => `color-mix(in srgb, ${ink(name)()} ${share}%, transparent)`;
   const line = (scale: string, name: string, width: number): uPlot.Series => ({
     scale,
     stroke: ink(name),
