@@ -143,7 +143,7 @@ export class Clusters {
     const map = asset
       ? await this.read(asset, api.paths.content(asset))
       : found
-        ? enlarged(await decodeLabels(found), this.store.size)
+        ? enlarged(decodeLabels(found), this.store.size)
         : await this.fromFilm(frame);
     if (this.store.frame.peek() !== frame || this.waiting) return;
     this.map.value = map && { ...map, frame };
@@ -165,7 +165,7 @@ export class Clusters {
     const known = this.known.get(key);
     if (known) return known;
     const answer = await api.request(path, { signal: this.life.signal });
-    const map = await decodeLabels(new Uint8Array(await answer.arrayBuffer()));
+    const map = decodeLabels(new Uint8Array(await answer.arrayBuffer()));
     if (this.known.size > 60) this.known.clear();
     this.known.set(key, map);
     return map;
@@ -199,7 +199,7 @@ export class Clusters {
   }
 
   private async save(label: string, place: LayerPlace, frame: number, map: LabelMap): Promise<void> {
-    const file = new File([await encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
+    const file = new File([encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
     const asset = await upload(file);
     this.known.set(asset.id, map);
     this.store.editDocument(label, (document) => {
