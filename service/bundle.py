@@ -80,7 +80,8 @@ def source_digest() -> str:
 
 
 def write_api_types() -> bool:
-    """Write `types/api.d.ts` from the service's OpenAPI document. Returns whether it has changed.
+    """Write `types/api.d.ts` from the service's OpenAPI document and the schema of projects. Returns whether it has
+    changed.
 
     Raises:
         RuntimeError: Impasto cannot be imported, Node.js is missing, or the generator failed.
@@ -98,7 +99,10 @@ def write_api_types() -> bool:
 
 
 def _openapi_document() -> str:
-    code = "import json; from service.app import openapi_document; print(json.dumps(openapi_document()))"
+    code = (
+        "import json; from service.app import openapi_document; from service.openapi import with_projects; "
+        "print(json.dumps(with_projects(openapi_document())))"
+    )
     command, root = [sys.executable, "-c", code], str(WEB.parents[1])
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)  # noqa: S603

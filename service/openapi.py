@@ -6,6 +6,7 @@ schema, the problem's schema, tags, servers, examples, and which fields an answe
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from typing import cast
@@ -15,6 +16,7 @@ from fastapi import FastAPI
 from service.errors import Problem
 from service.openapi_examples import EXAMPLES
 from workers.model import Json
+from workers.projects.document import json_schema
 
 TITLE = "Impasto"
 SUMMARY = "Turn video into paintings and cartoons that hold still where they should."
@@ -77,6 +79,15 @@ def complete(document: Json) -> Json:
             schemas[name]["required"] = list(schemas[name]["properties"])  # an answer has every field
     document["servers"] = SERVERS
     document["tags"] = [{"name": name, "description": text} for name, text in TAGS.items()]
+    return document
+
+
+def with_projects(document: Json) -> Json:
+    """The document with the schemas of a project and its parts (`ProjectDocument`, `ProjectLayer`, ...), from which the
+    types of the pages are made. `document` is changed."""
+    project = json.loads(json.dumps(json_schema()).replace("#/$defs/", "#/components/schemas/Project"))
+    parts = project.pop("$defs") | {"Document": project}
+    document["components"]["schemas"] |= {f"Project{name}": part for name, part in parts.items()}
     return document
 
 

@@ -6,6 +6,7 @@ the contract, by file:
     fields     base class of the parameters, and their fields
     tasks      steps, tasks, and the contexts in which they are planned and run
     live       sessions of causal methods on a live stream
+    studio     what the web page's studio offers for layers of the method, as data
     previews   previews of single frames, found regions, repainting around painted keys, checks of documents
 
 The rest is optional: a hook that a subclass does not override has the default of `Method`.
@@ -27,6 +28,7 @@ from pipeline.frames import Frame
 from pipeline.methods.fields import P, P_co, Params
 from pipeline.methods.live import LiveFilter, Session
 from pipeline.methods.previews import FrameClusters, FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
+from pipeline.methods.studio import Studio
 from pipeline.methods.tasks import (
     PROCESS_BYTES,
     Clock,
@@ -66,6 +68,7 @@ __all__ = [
     "Resources",
     "Session",
     "Step",
+    "Studio",
     "Task",
     "TaskContext",
     "TaskResult",
@@ -136,6 +139,7 @@ class Method:
         paper: key in references.bib.
         artefacts: optional artefacts that a job may request.
         regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
+        studio: what the studio offers for layers of the method.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
         cpu_s_per_megapixel: CPU seconds a frame and megapixel at default parameters, measured by
@@ -162,6 +166,7 @@ class Method:
     regions_artefact: ClassVar[str] = ""
     clusters_step: ClassVar[str] = ""
     examples: ClassVar[tuple[Example, ...]] = ()
+    studio: ClassVar[Studio] = Studio()
     palette_input: ClassVar[str] = ""
     cpu_s_per_megapixel: ClassVar[float] = 1.0
     cpu_growth: ClassVar[float] = 1.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.methods.base import Example, InputSpec, Method
+from pipeline.methods.base import Example, InputSpec, Method, Studio
 from workers.model import Json
 
 
@@ -29,6 +29,7 @@ class MethodOut:
     artefacts: tuple[str, ...]
     """Optional artefacts, for `output.artefacts` of a job."""
     steps: tuple[StepOut, ...]
+    studio: Studio
     thumbnail: str
     """Path of a thumbnail."""
 
@@ -51,5 +52,6 @@ def method_out(method: Method) -> MethodOut:
         examples=method.examples,
         artefacts=method.artefacts,
         steps=tuple(StepOut(step.name, step.title) for step in method.steps),
+        studio=method.studio,
         thumbnail=f"/v1/methods/{method.name}/thumbnail",
     )

@@ -8,12 +8,15 @@ from xml.etree import ElementTree
 import pytest
 from fastapi.testclient import TestClient
 
-from service import painted
+from service import page_pictures
 from service.methods import thumbnail as thumbnails
 
 
 def test_a_method_description_contains_everything_for_a_form(client: TestClient) -> None:
     found = client.get("/v1/methods/toy").json()
+    assert found["studio"] == {
+        "sections": [], "tools": [], "painting": "", "painting_source": "", "cluster_artefacts": [],
+    }  # fmt: skip
     assert found["params_schema"]["properties"]["sigma_px"] == {
         "default": 1.5,
         "maximum": 10,
@@ -39,15 +42,15 @@ def test_the_thumbnail_is_an_image_for_every_title(client: TestClient) -> None:
 def test_the_thumbnail_of_a_built_in_method_is_rendered_once_on_a_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(painted, "cache_folder", lambda: tmp_path)
-    painted.folder.cache_clear()
+    monkeypatch.setattr(page_pictures, "cache_folder", lambda: tmp_path)
+    page_pictures.folder.cache_clear()
     thumbnails.thumbnail.cache_clear()
     first = thumbnails.thumbnail("abstraction")
     monkeypatch.setattr(thumbnails, "_rendered", lambda session: b"rendered again")
     thumbnails.thumbnail.cache_clear()  # another process
     assert thumbnails.thumbnail("abstraction") == first and first.media_type == "image/jpeg"
-    assert [file.read_bytes() for file in painted.folder().iterdir()] == [first.data]
-    painted.folder.cache_clear()
+    assert [file.read_bytes() for file in page_pictures.folder().iterdir()] == [first.data]
+    page_pictures.folder.cache_clear()
     thumbnails.thumbnail.cache_clear()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from service import painted
+from service import page_pictures
 from service.app import create_app
 from service.settings import Settings
 from service.styles import exemplars
@@ -37,10 +37,10 @@ def folder(tmp_path: Path) -> Path:
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty folder for exemplars, which are painted in 96x64 px."""
     monkeypatch.setattr(exemplars, "SIZE", (96, 64))
-    monkeypatch.setattr(painted, "cache_folder", lambda: tmp_path / "cache")
-    painted.folder.cache_clear()
-    yield painted.folder()
-    painted.folder.cache_clear()
+    monkeypatch.setattr(page_pictures, "cache_folder", lambda: tmp_path / "cache")
+    page_pictures.folder.cache_clear()
+    yield page_pictures.folder()
+    page_pictures.folder.cache_clear()
 
 
 @pytest.fixture
@@ -85,15 +85,15 @@ def test_exemplars_are_painted_once_for_all_services_and_deleted_when_unused(own
     def paint_again() -> bytes:
         raise AssertionError("it is there")
 
-    first = painted.painted("a.png", (1, (96, 64)), lambda: b"one")
-    assert painted.painted("a.png", (1, (96, 64)), paint_again) == first and first.read_bytes() == b"one"
-    other = painted.painted("a.png", (1, (48, 32)), lambda: b"other")
+    first = page_pictures.painted("a.png", (1, (96, 64)), lambda: b"one")
+    assert page_pictures.painted("a.png", (1, (96, 64)), paint_again) == first and first.read_bytes() == b"one"
+    other = page_pictures.painted("a.png", (1, (48, 32)), lambda: b"other")
     assert other != first and sorted(own.iterdir()) == sorted([first, other])
     old = own.parent / "an-earlier-program"
     old.mkdir()
     os.utime(old, (0, 0))
-    painted.folder.cache_clear()
-    assert painted.folder() == own and list(own.parent.iterdir()) == [own]
+    page_pictures.folder.cache_clear()
+    assert page_pictures.folder() == own and list(own.parent.iterdir()) == [own]
 
 
 def test_a_file_of_the_folder_keeps_its_bytes(client: TestClient, folder: Path) -> None:

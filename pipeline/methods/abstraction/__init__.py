@@ -21,7 +21,17 @@ from pipeline.methods.abstraction.plan import (
     run_scan,
 )
 from pipeline.methods.abstraction.session import AbstractionSession
-from pipeline.methods.base import Example, InputSpec, Method, Params, PlanContext, Resources, Step, resources_per_pixel
+from pipeline.methods.base import (
+    Example,
+    InputSpec,
+    Method,
+    Params,
+    PlanContext,
+    Resources,
+    Step,
+    Studio,
+    resources_per_pixel,
+)
 
 __all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
 
@@ -60,6 +70,7 @@ class Abstraction(Method):
     )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
     palette_input: ClassVar[str] = "reference"
+    studio: ClassVar[Studio] = Studio(painting="reference")
     cpu_s_per_megapixel: ClassVar[float] = 0.12
     cpu_growth: ClassVar[float] = 1.1
     examples: ClassVar[tuple[Example, ...]] = (

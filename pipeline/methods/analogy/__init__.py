@@ -28,6 +28,7 @@ from pipeline.methods.base import (
     PlanContext,
     Resources,
     Step,
+    Studio,
     Task,
     TaskContext,
     TaskResult,
@@ -116,6 +117,12 @@ class Analogy(Method):
     )
     artefacts: ClassVar[tuple[str, ...]] = ()
     palette_input: ClassVar[str] = "style_output"
+    studio: ClassVar[Studio] = Studio(
+        sections=("keys",),
+        tools=("brush", "eraser", "smudge", "fill", "picker"),
+        painting="style_output",
+        painting_source="style",
+    )
     cpu_s_per_megapixel: ClassVar[float] = 4.7
     examples: ClassVar[tuple[Example, ...]] = (
         Example("loose", "Broad brush strokes", {"guide_weight": 1.5, "coherence_weight": 60}),

@@ -21,6 +21,7 @@ from pipeline.methods.base import (
     PreviewRequest,
     Resources,
     Step,
+    Studio,
     resources_per_pixel,
 )
 from pipeline.methods.multistyle.design import check, schema
@@ -73,6 +74,7 @@ class Multistyle(Method):
         Step("paint", "Paint", plan_paint, run_paint),
     )
     artefacts: ClassVar[tuple[str, ...]] = (REGIONS, DIRECTIONS)
+    studio: ClassVar[Studio] = Studio(sections=("regions",), tools=("region", "lasso", "direction"))
     regions_artefact: ClassVar[str] = REGIONS
     cpu_s_per_megapixel: ClassVar[float] = 0.5
     cpu_growth: ClassVar[float] = 0.7

@@ -26,6 +26,7 @@ from pipeline.methods.base import (
     PlanContext,
     Resources,
     Step,
+    Studio,
     resources_per_pixel,
 )
 from pipeline.methods.patches.artefacts import ARTEFACTS
@@ -83,6 +84,11 @@ class Patches(Method):
         Step("paint", "Composite frames", plan_paint, run_paint),
     )
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
+    studio: ClassVar[Studio] = Studio(
+        sections=("scribbles", "clusters"),
+        tools=("brush", "eraser", "label"),
+        cluster_artefacts=("labels", "uncertainty"),
+    )
     clusters_step: ClassVar[str] = "cluster"
     reads_again: ClassVar[bool] = True
     cpu_s_per_megapixel: ClassVar[float] = 1.2

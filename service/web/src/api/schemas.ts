@@ -7,7 +7,7 @@ export type Schemas = components["schemas"];
 
 export type Asset = Omit<Schemas["Asset"], "info"> & { info: AssetInfo };
 export type Job = Omit<Schemas["JobOut"], "request"> & { request: JobRequest };
-export type JobRequest = Omit<Schemas["JobRequest"], "output"> & { output?: Output };
+type JobRequest = Omit<Schemas["JobRequest"], "output"> & { output?: Output };
 export type Step = Schemas["StepView"];
 export type Output = Schemas["OutputIn"];
 export type Fault = Schemas["Fault"];
@@ -17,6 +17,8 @@ export type InputSpec = Schemas["InputSpec"];
 export type FileInput = Pick<InputSpec, "name" | "kind" | "required" | "title" | "help">;
 export type Example = Schemas["Example"];
 export type Method = Omit<Schemas["MethodOut"], "params_schema"> & { params_schema: Schema };
+/** A part of the studio that methods offer. */
+export type Section = Schemas["Studio"]["sections"][number];
 export type PreviewRequest = Schemas["PreviewIn"];
 /** Parameters of a method, by name. */
 export type Params = Record<string, unknown>;

@@ -5,7 +5,7 @@ import { humanise } from "../ui/format";
 
 export type FieldKind = "slider" | "number" | "switch" | "onoff" | "choice" | "choices" | "text" | "json";
 
-export interface Option {
+interface Option {
   value: unknown;
   title: string;
 }

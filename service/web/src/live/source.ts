@@ -1,7 +1,6 @@
 /** The source of the frames: a camera, the screen or a video file, each as a playing video element. */
 
 import { Problem } from "../api/api";
-import { h } from "../ui/dom";
 import type { Shape, SourceKind } from "./types";
 
 const FILE_REMEDY = "A video file works as well: drop one on the picture.";
@@ -96,13 +95,13 @@ async function openFile(file: File): Promise<Source> {
 
 /** Phones stop videos that are not part of the page. */
 function createVideo(): HTMLVideoElement {
-  const video = h("video", {
-    class: "live-source",
+  const video = Object.assign(document.createElement("video"), {
+    className: "live-source",
     muted: true,
-    playsinline: "",
-    tabindex: "-1",
-    "aria-hidden": "true",
+    playsInline: true,
+    tabIndex: -1,
   });
+  video.setAttribute("aria-hidden", "true");
   document.body.append(video);
   return video;
 }

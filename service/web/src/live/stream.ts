@@ -41,7 +41,7 @@ export interface StreamOptions {
   events: StreamEvents;
 }
 
-export interface StreamEvents {
+interface StreamEvents {
   onstate(state: ConnectionState): void;
   onready(message: Ready): void;
   onmessage(message: Incoming): void;

@@ -5,7 +5,7 @@ import { isShown, shareOf } from "../state/timeline";
 import { type Clusters, worst } from "./clusters";
 
 export function ClusterLane({ store, clusters }: { store: Store; clusters: Clusters }) {
-  if (store.layer.value.method !== "patches" || !clusters.available.value) return null;
+  if (!store.offers("clusters") || !clusters.available.value) return null;
   const { frames } = store;
   const span = store.span.value;
   const uncertainty = clusters.uncertainty.value;

@@ -1,6 +1,6 @@
 /** The clusters of a patches layer: show them, paint and merge labels, choose the frames that are solved again. */
 
-import { Icon } from "../../ui/icon";
+import { Icon } from "../../ui/icons";
 import type { Store } from "../state/store";
 import { type Clusters, worst } from "./clusters";
 import { areas, colourOf, joined, solvedFrames, titleOf } from "./label-edits";

@@ -24,8 +24,6 @@ import type { Store } from "../state/store";
 import { colourOf, enlarged, solvedAround } from "./label-edits";
 import { decodeLabels, encodeLabels, type LabelMap } from "./label-png";
 
-/** Artefacts of a film of the method patches that the studio shows. */
-export const CLUSTER_ARTEFACTS = ["labels", "uncertainty"];
 const OVERLAY_ALPHA = 0.55;
 
 /** Uncertainty of each label of a frame, 0..1, by the label's digits. */
@@ -59,7 +57,7 @@ export class Clusters {
     private readonly redraw: () => void,
   ) {
     const show = effect(() => {
-      if (store.layer.value.method !== "patches") return;
+      if (!store.offers("clusters")) return;
       const frame = store.frame.value;
       const found = this.found.value.has(frame) || this.film.value !== null;
       if (this.shown.value && found) this.load(frame, this.correction(frame)).catch((error) => this.failed(error));
@@ -70,7 +68,7 @@ export class Clusters {
       this.forget();
     });
     this.disposers = [show, forget];
-    if (store.layer.peek().method === "patches") this.find();
+    if (store.offers("clusters", store.layer.peek())) this.find();
   }
 
   close(): void {
@@ -88,7 +86,8 @@ export class Clusters {
     const { signal: life } = this.life;
     try {
       const shot = this.store.shot.peek().id;
-      const made = (await projectJobs(this.store.projectId)).filter((one) => usable(one, shot));
+      const artefacts = this.store.method.peek()?.studio.cluster_artefacts ?? [];
+      const made = (await projectJobs(this.store.projectId)).filter((one) => usable(one, shot, artefacts));
       const film = made[0]?.job ?? null;
       if (film) this.ofFilm = await readUncertainty(film, life);
       if (!this.found.peek().size) this.uncertainty.value = this.ofFilm;
@@ -144,7 +143,7 @@ export class Clusters {
     const map = asset
       ? await this.read(asset, api.paths.content(asset))
       : found
-        ? enlarged(await decodeLabels(found), this.store.size)
+        ? enlarged(decodeLabels(found), this.store.size)
         : await this.fromFilm(frame);
     if (this.store.frame.peek() !== frame || this.waiting) return;
     this.map.value = map && { ...map, frame };
@@ -166,7 +165,7 @@ export class Clusters {
     const known = this.known.get(key);
     if (known) return known;
     const answer = await api.request(path, { signal: this.life.signal });
-    const map = await decodeLabels(new Uint8Array(await answer.arrayBuffer()));
+    const map = decodeLabels(new Uint8Array(await answer.arrayBuffer()));
     if (this.known.size > 60) this.known.clear();
     this.known.set(key, map);
     return map;
@@ -200,7 +199,7 @@ export class Clusters {
   }
 
   private async save(label: string, place: LayerPlace, frame: number, map: LabelMap): Promise<void> {
-    const file = new File([await encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
+    const file = new File([encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
     const asset = await upload(file);
     this.known.set(asset.id, map);
     this.store.editDocument(label, (document) => {
@@ -250,11 +249,8 @@ export class Clusters {
 const clusterBasis = ({ method, params, seed, scribbles }: Layer): string =>
   JSON.stringify([method, params, seed, scribbles]);
 
-const usable = ({ job, shot, variant }: ProjectJob, wanted: string): boolean =>
-  job?.state === "succeeded" &&
-  shot === wanted &&
-  !variant &&
-  CLUSTER_ARTEFACTS.every((name) => job.results.includes(name));
+const usable = ({ job, shot, variant }: ProjectJob, wanted: string, artefacts: readonly string[]): boolean =>
+  job?.state === "succeeded" && shot === wanted && !variant && artefacts.every((name) => job.results.includes(name));
 
 async function readUncertainty(film: Job, signal: AbortSignal): Promise<Map<number, FrameUncertainty>> {
   const entries = await api.get<Page<{ url: string }>>(api.url`/v1/jobs/${film.id}/artefacts/uncertainty`, signal);

@@ -5,7 +5,7 @@ import type { Size } from "../drawing/geometry";
 import type { LabelMap } from "./label-png";
 
 /** Default number of frames before and after a corrected map that are solved again. */
-export const REACH_FRAMES = 6;
+const REACH_FRAMES = 6;
 
 /** A copy in which every pixel within `radius` px of the path has the label. The path is in px of the map. */
 export function stamped(

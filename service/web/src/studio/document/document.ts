@@ -5,37 +5,17 @@
  * angles are degrees clockwise from the right.
  */
 
-import type { Output, Params } from "../../api/schemas";
+import type { Params, Schemas } from "../../api/schemas";
 
-export interface AssetRef {
-  /** As the service named the uploaded bytes. */
-  id: string;
-  title?: string;
-}
-
+export type AssetRef = Schemas["ProjectAssetRef"];
 export type Point = [x: number, y: number];
 export type Ease = "linear" | "smooth" | "in" | "out" | "hold";
-export type Blend = "over" | "multiply" | "screen" | "add";
-
-export interface PaintLayer {
-  id: string;
-  name: string;
-  /** Asset name of the layer's picture. */
-  image?: string;
-  /** Asset name of the layer's strokes. */
-  strokes?: string;
-  opacity: number;
-  visible: boolean;
-  blend?: "over";
-}
-
-export interface PaintedKey {
-  frame: number;
-  /** Asset name of a PNG of the video's size; transparent pixels are left to the method. */
-  image: string;
-  mask?: string | null;
-  paint?: { layers: PaintLayer[] };
-}
+export type Blend = NonNullable<Layer["blend"]>;
+export type PaintLayer = Schemas["ProjectPaintLayer"];
+export type PaintedKey = Schemas["ProjectPaintedKey"];
+export type FrameImage = Schemas["ProjectDrawing"];
+/** A corrected label map: gray value = cluster. */
+export type LabelCorrection = Schemas["ProjectLabelMap"];
 
 export interface Region {
   objects?: number[];
@@ -81,69 +61,25 @@ export interface DirectionKey {
   ease?: Ease;
 }
 
-export interface FrameImage {
-  frame: number;
-  image: string;
-  strokes?: string | null;
-}
-
-/** A corrected label map of the method patches: gray value = cluster. */
-export interface LabelCorrection extends FrameImage {
-  /** Frames [first, end) that are solved again with it; null: all of the shot. */
-  solve?: [from: number, until: number] | null;
-}
-
-export interface Layer {
-  id: string;
-  name?: string;
-  method: string;
-  params?: Params;
-  seed?: number;
-  visible?: boolean;
-  opacity?: number;
-  blend?: Blend;
-  source?: string | null;
-  matte?: string | null;
-  inputs?: Record<string, string>;
-  keys?: PaintedKey[];
+/** The service passes regions, styles and directions on to the method as they are. */
+export type Layer = Omit<
+  Schemas["ProjectLayer"],
+  "regions" | "styles" | "style_keys" | "directions" | "label_styles"
+> & {
   regions?: Record<string, Region>;
   styles?: Record<string, Params>;
   style_keys?: StyleKey[];
   directions?: DirectionKey[];
-  scribbles?: FrameImage[];
-  labels?: LabelCorrection[];
   label_styles?: Record<string, string>;
-  importance?: FrameImage[];
-  ui?: Record<string, unknown>;
-}
+};
 
-export interface Shot {
-  id: string;
-  name?: string;
-  video: string;
-  range?: [from: number, until: number];
-  layers: Layer[];
-  ui?: Record<string, unknown>;
-}
-
-export interface Variant {
-  id: string;
-  name: string;
-  shot: string;
-  layer: string;
-  set: { method?: string; params?: Record<string, unknown> };
-  frame: number;
-}
-
-export interface ProjectDocument {
-  schema: 1;
-  name: string;
+export type Shot = Omit<Schemas["ProjectShot"], "layers"> & { layers: Layer[] };
+export type Variant = Omit<Schemas["ProjectVariant"], "set"> & { set: { method?: string; params?: Params } };
+export type ProjectDocument = Omit<Schemas["ProjectDocument"], "shots" | "variants" | "assets"> & {
   assets: Record<string, AssetRef>;
   shots: Shot[];
   variants?: Variant[];
-  output?: Output;
-  ui?: Record<string, unknown>;
-}
+};
 
 /** A project with one shot of one layer. */
 export function newDocument(name: string, videoAsset: string, method: string): ProjectDocument {
@@ -331,7 +267,7 @@ export function splitRegion(
 }
 
 /** Asset names that the document refers to anywhere in its shots, or in styles saved with it. */
-export function usedAssets(document: ProjectDocument): Set<string> {
+function usedAssets(document: ProjectDocument): Set<string> {
   const names = new Set<string>();
   const visit = (value: unknown): void => {
     if (typeof value === "string" && value in document.assets) names.add(value);

@@ -2,7 +2,7 @@
 
 import type { ProblemFields } from "../../api/api";
 
-export interface RecordHeader {
+interface RecordHeader {
   type: string;
   /** Length of the payload. */
   bytes: number;
@@ -22,7 +22,7 @@ export interface FrameHeader extends RecordHeader {
   card?: string;
 }
 
-export interface MapHeader extends RecordHeader {
+interface MapHeader extends RecordHeader {
   type: "map";
   frame: number;
   width: number;
@@ -36,7 +36,7 @@ export interface RegionsHeader extends RecordHeader {
   objects: Record<string, { tubes: number[]; area: number }>;
 }
 
-export interface FieldHeader extends RecordHeader {
+interface FieldHeader extends RecordHeader {
   type: "field";
   frame: number;
   columns: number;
@@ -44,18 +44,18 @@ export interface FieldHeader extends RecordHeader {
   spacing_px: number;
 }
 
-export interface KeysHeader extends RecordHeader {
+interface KeysHeader extends RecordHeader {
   type: "keys";
   frames: number[];
 }
 
-export interface CutsHeader extends RecordHeader {
+interface CutsHeader extends RecordHeader {
   type: "cuts";
   /** First frames of all shots but the first. */
   cuts: number[];
 }
 
-export interface MaskHeader extends RecordHeader {
+interface MaskHeader extends RecordHeader {
   type: "mask";
   frame: number;
   width: number;
@@ -63,7 +63,7 @@ export interface MaskHeader extends RecordHeader {
   media_type: string;
 }
 
-export interface ClustersHeader extends RecordHeader {
+interface ClustersHeader extends RecordHeader {
   type: "clusters";
   frame: number;
   uncertainty: Record<string, number>;

@@ -3,7 +3,7 @@
  * changed path only, and undoing restores the very same value.
  */
 
-export interface Step<State> {
+interface Step<State> {
   /** Description of the change, for example "Brush stroke". */
   label: string;
   before: State;

@@ -14,8 +14,8 @@ export interface View {
   y: number;
 }
 
-export const MIN_SCALE = 0.05;
-export const MAX_SCALE = 32;
+const MIN_SCALE = 0.05;
+const MAX_SCALE = 32;
 
 /** The view that shows the whole picture in the middle of the stage, with a margin in CSS px. */
 export function fitView(picture: Size, stage: Size, margin = 0): View {
@@ -82,7 +82,7 @@ export function simplify(points: readonly Point[], tolerance: number): Point[] {
   return [...head.slice(0, -1), ...simplify(points.slice(split), tolerance)];
 }
 
-export function distanceToSegment(point: Point, a: Point, b: Point): number {
+function distanceToSegment(point: Point, a: Point, b: Point): number {
   const [dx, dy] = [b[0] - a[0], b[1] - a[1]];
   const length2 = dx * dx + dy * dy;
   const along = length2 ? clamp(((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / length2, 0, 1) : 0;

@@ -27,7 +27,7 @@ export function createCanvas({ width, height }: Size): [HTMLCanvasElement, Conte
 }
 
 /** Draw the part of a brush stroke between samples `from` and `until`. */
-export function drawSegments(context: Context, stroke: BrushStroke, from: number, until: number): void {
+function drawSegments(context: Context, stroke: BrushStroke, from: number, until: number): void {
   context.lineCap = "round";
   context.lineJoin = "round";
   context.strokeStyle = stroke.kind === "eraser" ? "#000" : stroke.color;
@@ -48,7 +48,7 @@ function drawSegment(context: Context, size: number, a: Sample, b: Sample): void
 }
 
 /** Draw one whole stroke; overlapping parts of a translucent stroke do not add up. */
-export function drawStroke(context: Context, stroke: Stroke, size: Size): void {
+function drawStroke(context: Context, stroke: Stroke, size: Size): void {
   context.save();
   if (stroke.kind === "fill") drawFill(context, stroke, size);
   else if (stroke.kind === "smudge") {

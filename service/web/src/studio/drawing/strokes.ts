@@ -52,7 +52,7 @@ export interface KeyPicture {
   layers: readonly PictureLayer[];
 }
 
-export const MIN_PRESSURE = 0.05;
+const MIN_PRESSURE = 0.05;
 
 /** Width of a stroke at a pressure: a fifth of the size at none, the whole size at full pressure. */
 export const widthAt = (size: number, pressure: number): number =>

@@ -3,7 +3,7 @@
 import type { Job } from "../../api/schemas";
 import { isFinal, progressText, stateWord } from "../../jobs/progress";
 import { percent } from "../../ui/format";
-import { IconButton } from "../../ui/icon";
+import { IconButton } from "../../ui/icons";
 import { notify } from "../../ui/notices";
 import type { Store } from "../state/store";
 import type { Films } from "./films";

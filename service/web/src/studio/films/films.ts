@@ -6,7 +6,6 @@ import type { Job, Output } from "../../api/schemas";
 import { isFinal, type Queue, stateWord } from "../../jobs/progress";
 import { watchJob } from "../../jobs/watch-job";
 import { announce } from "../../ui/notices";
-import { CLUSTER_ARTEFACTS } from "../clusters/clusters";
 import { checkProject, projectJobs, submitProject } from "../document/api";
 import { type FilmSource, openFilm } from "../previews/frames";
 import type { Store } from "../state/store";
@@ -200,7 +199,8 @@ export async function filmFrame({ film, frame }: FilmFrame): Promise<Blob> {
 function withClusters(store: Store): Output | undefined {
   const [only, ...others] = store.shot.value.layers.filter((layer) => layer.visible !== false);
   const plain = only && !others.length && (only.opacity ?? 1) === 1 && (only.blend ?? "over") === "over" && !only.matte;
-  if (!plain || only.method !== "patches" || store.document.value.shots.length > 1) return undefined;
+  const artefacts = plain ? store.methodOf(only)?.studio.cluster_artefacts : [];
+  if (!artefacts?.length || store.document.value.shots.length > 1) return undefined;
   const { output = {} } = store.document.value;
-  return { ...output, artefacts: [...new Set([...(output.artefacts ?? []), ...CLUSTER_ARTEFACTS])] };
+  return { ...output, artefacts: [...new Set([...(output.artefacts ?? []), ...artefacts])] };
 }

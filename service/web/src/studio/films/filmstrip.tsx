@@ -3,7 +3,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as api from "../../api/api";
-import { IconButton } from "../../ui/icon";
+import { IconButton } from "../../ui/icons";
 import type { Cuts } from "../previews/cuts";
 import type { Store } from "../state/store";
 import {

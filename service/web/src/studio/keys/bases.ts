@@ -79,6 +79,6 @@ export class Bases {
 }
 
 /** The bytes of an image asset as a picture. */
-export async function readPicture(asset: string): Promise<ImageBitmap> {
+async function readPicture(asset: string): Promise<ImageBitmap> {
   return createImageBitmap(await (await api.request(api.paths.content(asset))).blob());
 }

@@ -6,7 +6,6 @@ import { pictureOf, preview } from "../document/api";
 import type { ProjectDocument } from "../document/document";
 import { createCanvas } from "../drawing/raster";
 import type { Store } from "../state/store";
-import { scribbled } from "./keys";
 
 const REST_MS = 250;
 /** Number of requested frames after the shown one. */
@@ -45,7 +44,7 @@ export class Foreground {
     const layer = store.layer.value;
     const { scribbles = [] } = layer;
     const frame = store.frame.value;
-    const wanted = scribbled(layer) && store.previews.value && this.shown.value && scribbles.length > 0;
+    const wanted = store.offers("scribbles") && store.previews.value && this.shown.value && scribbles.length > 0;
     clearTimeout(this.timer);
     if (this.known !== layer.scribbles || !wanted) {
       this.known = layer.scribbles;

@@ -2,7 +2,7 @@
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import { isAbort, saveFile } from "../../api/api";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import { notify, notifyOf } from "../../ui/notices";
 import { changePictureLayer, type KeyPicture, type PictureLayer } from "../drawing/strokes";
 import { type FilmFrame, filmHas } from "../films/films";
@@ -282,7 +282,7 @@ function Neighbours({ store }: { store: Store }) {
   );
 }
 
-export function ResultPicture({ result }: { result: Result }) {
+function ResultPicture({ result }: { result: Result }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   useEffect(() => {
     const { picture } = result;

@@ -11,7 +11,6 @@ import { isPassing } from "../document/autosave";
 import {
   addAsset,
   changeLayer,
-  type Layer,
   layerOf,
   type PaintedKey,
   type PaintLayer,
@@ -29,7 +28,7 @@ import { pictureKey, type State, type Store } from "../state/store";
 import { Bases, baseOf, FRAME_LAYER } from "./bases";
 import type { RasterLayer } from "./psd";
 
-export const PAINT_LAYER = "paint";
+const PAINT_LAYER = "paint";
 /** Later than the frames around a key, which need the processors first; see `neighbours.ts`. */
 const REST_MS = 600;
 const RETRY_MS = 3000;
@@ -80,7 +79,7 @@ export class PaintedKeys {
   async open(frame: number, wanted?: () => boolean): Promise<KeyPicture> {
     const known = this.picture(frame);
     const layer = this.store.layer.value.id;
-    const stored = scribbled(this.store.layer.value) ? this.readScribble(frame) : this.read(layer, frame);
+    const stored = this.store.offers("scribbles") ? this.readScribble(frame) : this.read(layer, frame);
     const picture = known ?? (await stored) ?? this.blank(layer, frame);
     await this.bases.load(picture, wanted);
     if (!known && this.isStored(frame)) this.uploaded.add(picture);
@@ -95,7 +94,7 @@ export class PaintedKeys {
   private blank(layer: string, frame: number): KeyPicture {
     const paint = emptyLayer(PAINT_LAYER, "Paint", null);
     return {
-      layers: scribbled(this.store.layer.value)
+      layers: this.store.offers("scribbles")
         ? [paint]
         : [emptyLayer(FRAME_LAYER, "Video frame", baseOf(layer, frame)), paint],
     };
@@ -124,9 +123,9 @@ export class PaintedKeys {
       const strokes = id(one.strokes);
       return {
         id: one.id,
-        name: one.name,
-        opacity: one.opacity,
-        visible: one.visible,
+        name: one.name ?? "",
+        opacity: one.opacity ?? 1,
+        visible: one.visible ?? true,
         base: one.id === FRAME_LAYER ? baseOf(layer, frame) : id(one.image),
         strokes: strokes ? await readStrokes(strokes) : [],
       };
@@ -273,26 +272,34 @@ export class PaintedKeys {
     const place = { shot: this.store.shot.value.id, layer };
     this.store.history.value = rewrite(this.store.history.value, (state: State) =>
       state.pictures[key] === picture
-        ? { ...state, document: withPicture(state.document, place, frame, picture, image, strokes) }
+        ? { ...state, document: this.withPicture(state.document, place, frame, picture, image, strokes) }
         : state,
     );
   }
+
+  /** The document with the uploaded picture as a key or as a scribble of the layer. */
+  private withPicture(
+    document: ProjectDocument,
+    place: { shot: string; layer: string },
+    frame: number,
+    picture: KeyPicture,
+    image: Asset,
+    strokes: readonly (Asset | null)[],
+  ): ProjectDocument {
+    const layer = layerOf(shotOf(document, place.shot), place.layer);
+    if (layer && this.store.offers("scribbles", layer)) return withScribble(document, place, frame, image, strokes);
+    return withKey(document, place, frame, picture, image, strokes);
+  }
 }
 
-/** Whether the pictures of a layer are scribbles for its foreground instead of painted keys. */
-export const scribbled = (layer: Layer | undefined): boolean => layer?.method === "patches";
-
-/** The document with the uploaded picture as a key or as a scribble of the layer. */
-function withPicture(
+/** A scribble has one layer of strokes. */
+function withScribble(
   document: ProjectDocument,
   place: { shot: string; layer: string },
   frame: number,
-  picture: KeyPicture,
   image: Asset,
   strokes: readonly (Asset | null)[],
 ): ProjectDocument {
-  const layer = layerOf(shotOf(document, place.shot), place.layer);
-  if (!scribbled(layer)) return withKey(document, place, frame, picture, image, strokes);
   const stem = `${place.layer}-scribble-${frame}`;
   const [withImage, name] = addAsset(document, stem, { id: image.id });
   const first = strokes.find((asset) => asset !== null);

@@ -35,10 +35,10 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
 
   const dispose = effect(() => {
     const frame = store.frame.value;
-    const { id, method } = store.layer.value;
+    const { id } = store.layer.value;
     const key = pictureKey(id, frame);
     const picture = store.history.value.present.pictures[key];
-    if (!picture || method !== "analogy" || !store.previews.value || sent.get(key) === picture) return;
+    if (!picture || !store.offers("keys") || !store.previews.value || sent.get(key) === picture) return;
     sent.set(key, picture);
     schedule(frame, picture, REST_MS);
   });

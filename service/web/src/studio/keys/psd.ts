@@ -86,5 +86,5 @@ function collect(children: PsdLayer[], group: { opacity: number; visible: boolea
 }
 
 /** Whether the layer looks otherwise in the program that made it. */
-export const isSimplified = ({ blendMode, mask, effects, clipping }: PsdLayer): boolean =>
+const isSimplified = ({ blendMode, mask, effects, clipping }: PsdLayer): boolean =>
   Boolean((blendMode && blendMode !== "normal") || mask || effects || clipping);

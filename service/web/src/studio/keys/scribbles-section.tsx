@@ -1,7 +1,7 @@
 /** Scribbles that mark the foreground of a patches layer, in any frame. */
 
 import { useEffect, useRef } from "preact/hooks";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import { keyFrames, thumbnail } from "../films/filmstrip";
 import type { Store } from "../state/store";
 import type { Foreground, Veil } from "./foreground";

@@ -83,9 +83,13 @@ export function startPreviews(store: Store): Previews {
 
   /** Whether the frame follows a key that somebody paints. */
   function nearKey(frame: number): boolean {
-    const { method, keys = [] } = store.layer.peek();
+    const { keys = [] } = store.layer.peek();
     const large = (store.results.peek().get(frame)?.scale ?? 1) < 0.999;
-    return large && method === "analogy" && keys.some((key) => Math.abs(key.frame - frame) <= NEAR_FRAMES);
+    return (
+      large &&
+      store.offers("keys", store.layer.peek()) &&
+      keys.some((key) => Math.abs(key.frame - frame) <= NEAR_FRAMES)
+    );
   }
 
   async function enlarge(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {

@@ -4,7 +4,7 @@ import { useEffect, useState } from "preact/hooks";
 import * as api from "../../api/api";
 import type { Schema } from "../../api/schemas";
 import { humanise } from "../../ui/format";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import {
   type Design,
   type Ease,
@@ -68,7 +68,7 @@ function Effects({ store }: { store: Store }) {
 }
 
 /** Regions by name, with `rest` for all pixels that no region has. */
-export const regionNames = (layer: Layer): string[] => [REST, ...Object.keys(layer.regions ?? {})];
+const regionNames = (layer: Layer): string[] => [REST, ...Object.keys(layer.regions ?? {})];
 
 function RegionList({ store }: { store: Store }) {
   const layer = store.layer.value;

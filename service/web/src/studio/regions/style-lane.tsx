@@ -12,7 +12,7 @@ const POINTS = 160;
 const TITLES: Record<string, string> = { size: "Stroke width", length: "Stroke length" };
 
 export function StyleLane({ store }: { store: Store }) {
-  if (store.layer.value.method !== "multistyle") return null;
+  if (!store.offers("regions")) return null;
   const region = store.region.value || REST;
   const track = trackOf(store.layer.value.style_keys, region);
   const known = shownBy(track);

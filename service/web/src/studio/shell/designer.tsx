@@ -1,11 +1,9 @@
 /** The studio: stage, tools, filmstrip and panel of one project, kept together. */
 
 import { effect, untracked } from "@preact/signals";
-import { render } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import * as shared from "../../api/api";
 import type { Asset, Method } from "../../api/schemas";
-import type { View as PageView } from "../../ui/dom";
 import { notify } from "../../ui/notices";
 import { ClusterLane } from "../clusters/cluster-lane";
 import { Clusters } from "../clusters/clusters";
@@ -107,7 +105,7 @@ class Designer {
       playback: this.playback,
       tools: () => [
         ...(store.previews.value ? (["loupe"] as const) : []),
-        ...toolsOf(store.layer.value.method, store.previews.value, this.clusters.available.value),
+        ...toolsOf(store, store.previews.value, this.clusters.available.value),
       ],
     };
     this.closers.push(installShortcuts(shortcuts));
@@ -201,7 +199,7 @@ class Designer {
 
   /** Once per visit: the first repainting of neighbours is slow, so that it is begun before the first stroke. */
   private prepareNeighbours(frame: number): void {
-    if (this.prepared || this.store.layer.peek().method !== "analogy") return;
+    if (this.prepared || !this.store.offers("keys", this.store.layer.peek())) return;
     this.prepared = true;
     this.neighbours
       .prepare(frame)
@@ -267,7 +265,7 @@ class Designer {
 const withUnsaved = (state: State, unsaved: Unsaved | null): State =>
   unsaved ? { document: unsaved.document, pictures: { ...state.pictures, ...unsaved.pictures } } : state;
 
-export interface DesignerOptions {
+export interface StudioPageProps {
   project: Project;
   asset: Asset;
   methods: readonly Method[];
@@ -277,19 +275,17 @@ export interface DesignerOptions {
   take?: FilmFrame | undefined;
 }
 
-export function createDesigner({ project, asset, methods, reload, take }: DesignerOptions): PageView {
-  const element = document.createElement("div");
-  element.className = "designer";
-  const designer = new Designer(project, asset, methods);
-  render(<DesignerPage designer={designer} reload={reload} />, element);
-  if (take) designer.takeFromFilm(take).catch(notify);
-  return {
-    element,
-    close() {
-      designer.close();
-      render(null, element);
-    },
-  };
+export function StudioPage({ project, asset, methods, reload, take }: StudioPageProps) {
+  const [designer] = useState(() => new Designer(project, asset, methods));
+  useEffect(() => {
+    if (take) designer.takeFromFilm(take).catch(notify);
+    return () => designer.close();
+  }, []);
+  return (
+    <div class="designer">
+      <DesignerPage designer={designer} reload={reload} />
+    </div>
+  );
 }
 
 function DesignerPage({ designer, reload }: { designer: Designer; reload(): void }) {

@@ -1,8 +1,7 @@
 /** Files of a layer of a shot: another video in place of the shot's, for example a pass, and a matte. */
 
 import type { FileInput, Inputs } from "../../api/schemas";
-import { createInputs } from "../../forms/inputs";
-import { Embedded } from "../../ui/embedded";
+import { Inputs as FileInputs } from "../../forms/inputs";
 import { addAsset, changeShot, type Layer, type ProjectDocument } from "../document/document";
 import type { Store } from "../state/store";
 
@@ -53,12 +52,8 @@ export function LayerFiles({ store, layer }: { store: Store; layer: Layer }) {
       return id ? [[name, id]] : [];
     }),
   );
-  const make = () => {
-    const place = { shot: store.shot.value.id, layer: layer.id };
-    const slots = createInputs(FILES, given, () =>
-      store.editDocument("Change a layer's files", (document) => withLayerFiles(document, place, slots.values())),
-    );
-    return slots;
-  };
-  return <Embedded key={`${layer.source}-${layer.matte}`} make={make} />;
+  const place = { shot: store.shot.value.id, layer: layer.id };
+  const change = (values: Inputs) =>
+    store.editDocument("Change a layer's files", (document) => withLayerFiles(document, place, values));
+  return <FileInputs specs={FILES} given={given} onChange={change} />;
 }

@@ -1,7 +1,7 @@
 /** Layers of a shot: order, visibility, opacity and blend; the topmost is listed first. */
 
 import { useState } from "preact/hooks";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import { type Blend, changeShot, freeName, type Layer } from "../document/document";
 import type { Store } from "../state/store";
 import { LayerFiles } from "./layer-files";

@@ -2,11 +2,11 @@
 
 import { computed, type ReadonlySignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import { PAINT_TOOLS, type Store } from "../state/store";
 
 /** Value of `ui.lesson` of a project that has this lesson. */
-export const KEYS_LESSON = "keys";
+const KEYS_LESSON = "keys";
 
 export interface LessonState {
   painting: boolean;

@@ -1,12 +1,11 @@
 /** The panel beside the stage: the method, its main inputs, all settings, output, and the button that submits. */
 
-import { effect } from "@preact/signals";
+import { useMemo } from "preact/hooks";
 import type { Method, Params } from "../../api/schemas";
-import { createInputs } from "../../forms/inputs";
-import { createMethodCards, createPresets } from "../../forms/method-cards";
+import { Inputs } from "../../forms/inputs";
+import { MethodCards, Presets } from "../../forms/method-cards";
 import { outputSchema } from "../../forms/output-form";
-import { createForm } from "../../forms/schema-form";
-import { Embedded, type Part } from "../../ui/embedded";
+import { Form } from "../../forms/schema-form";
 import { notify } from "../../ui/notices";
 import type { Clusters } from "../clusters/clusters";
 import { ClustersSection } from "../clusters/clusters-section";
@@ -17,7 +16,7 @@ import type { Foreground } from "../keys/foreground";
 import type { PaintedKeys } from "../keys/keys";
 import { KeysSection } from "../keys/keys-section";
 import { ScribblesSection } from "../keys/scribbles-section";
-import { followPresets } from "../previews/preset-pictures";
+import { usePresetPictures } from "../previews/preset-pictures";
 import { RegionsSection } from "../regions/regions-section";
 import type { Store } from "../state/store";
 import { SaveStyle, StyleLibrary } from "../styles/style-library";
@@ -51,7 +50,11 @@ export function Panel({ store, films, keys, clusters, foreground, saveAll, corre
           <summary>
             <span>{method?.title ?? "Method"}</span>
           </summary>
-          <Embedded key={`cards-${store.layer.value.id}-${store.layer.value.method}`} make={() => methodCards(store)} />
+          <MethodCards
+            methods={store.methods}
+            chosen={store.layer.value.method}
+            onChoose={(name) => choose(store, name)}
+          />
         </details>
         {method && (
           <MethodParts
@@ -86,48 +89,41 @@ function MethodParts(props: MethodPartsProps) {
   return (
     <>
       <StyleLibrary store={store} method={method} />
-      <Embedded key={`inputs-${store.layer.value.id}-${inputsKey(store)}`} make={() => inputSlots(store, method)} />
-      {method.name === "analogy" && (
+      <LayerInputs store={store} method={method} />
+      {store.offers("keys") && (
         <KeysSection store={store} keys={keys} correct={correct} take={take} suggest={suggest} />
       )}
-      {method.name === "patches" && <ScribblesSection store={store} keys={keys} foreground={foreground} />}
-      {method.name === "patches" && <ClustersSection store={store} clusters={clusters} solve={solve} />}
-      {method.name === "multistyle" && <RegionsSection store={store} />}
-      <Embedded make={() => settings(store, method)} />
+      {store.offers("scribbles") && <ScribblesSection store={store} keys={keys} foreground={foreground} />}
+      {store.offers("clusters") && <ClustersSection store={store} clusters={clusters} solve={solve} />}
+      {store.offers("regions") && <RegionsSection store={store} />}
+      <AllSettings store={store} method={method} />
       <SaveStyle store={store} />
       <LayersSection store={store} />
       <Variants store={store} saveAll={saveAll} />
-      <Embedded make={() => output(store, method)} />
+      <OutputSettings store={store} method={method} />
     </>
   );
 }
 
-function methodCards(store: Store): Part {
-  const choose = (method: string) => {
-    store.tool.value = "pan";
-    store.editLayer("Change the method", (layer) => ({ ...layer, method, params: {} }));
-  };
-  return { element: createMethodCards([...store.methods], store.layer.value.method, choose) };
+function choose(store: Store, method: string): void {
+  store.tool.value = "pan";
+  store.editLayer("Change the method", (layer) => ({ ...layer, method, params: {} }));
 }
 
 /** The inputs that are plain files; painted keys, designs and masks are made on the stage instead. */
-function inputSlots(store: Store, method: Method): Part {
+function LayerInputs({ store, method }: { store: Store; method: Method }) {
   const specs = method.inputs.filter(
     (spec) => spec.name !== "video" && (spec.required || ["image", "image-or-video"].includes(spec.kind)),
   );
-  const main = specs.filter((spec) => ["style_output", "reference"].includes(spec.name));
+  const main = specs.filter((spec) => spec.name === method.studio.painting);
   const ordered = [...main, ...specs.filter((spec) => !main.includes(spec))];
   const assets = store.document.value.assets;
   const given = Object.fromEntries(
     Object.entries(store.layer.value.inputs ?? {}).map(([name, asset]) => [name, assets[asset]?.id ?? ""]),
   );
   const { place } = store; // another layer may be selected when an upload ends
-  const slots = createInputs(ordered, given, () => setInputs(store, place, slots.values()));
-  return slots;
+  return <Inputs specs={ordered} given={given} onChange={(values) => setInputs(store, place, values)} />;
 }
-
-/** Changes with the layer's inputs, so that the slots show what undo or the library has chosen. */
-const inputsKey = (store: Store): string => JSON.stringify(store.layer.value.inputs ?? {});
 
 function setInputs(store: Store, place: LayerPlace, values: Record<string, string>): void {
   store.editDocument("Change an input", (document) => {
@@ -139,57 +135,50 @@ function setInputs(store: Store, place: LayerPlace, values: Record<string, strin
   });
 }
 
-/** Presets and the form of all parameters; undo and redo are written back into the form. */
-function settings(store: Store, method: Method): Part {
-  const form = createForm(method.params_schema, { onchange: changed, open: 0, search: true });
-  const presets = createPresets(method.examples ?? [], (params) => {
-    store.editLayer("Use a preset", (layer) => ({ ...layer, params }));
-  });
-  let written: Params | undefined;
+const NONE: Params = {};
 
-  function changed(): void {
-    if (!form.valid()) return;
-    written = form.values();
-    const params = written;
-    store.editLayer("Change settings", (layer) => ({ ...layer, params }), "params");
-  }
-
-  const close = effect(() => {
-    const { params = {} } = store.layer.value;
-    presets.match(params);
-    if (params === written) return;
-    written = params;
-    form.write(params);
-  });
-  const element = document.createElement("div");
-  element.className = "all-settings";
-  element.append(presets.element, form.element);
-  const closePictures = followPresets(store, presets);
-  return {
-    element,
-    close() {
-      close();
-      closePictures();
-    },
-  };
+/** Presets and the form of all parameters. */
+function AllSettings({ store, method }: { store: Store; method: Method }) {
+  const { params = NONE } = store.layer.value;
+  const pictures = usePresetPictures(store, method.examples);
+  return (
+    <div class="all-settings">
+      <Presets
+        examples={method.examples}
+        params={params}
+        pictures={pictures}
+        ratio={store.size.width / store.size.height}
+        onChoose={(chosen) => store.editLayer("Use a preset", (layer) => ({ ...layer, params: chosen }))}
+      />
+      <Form
+        schema={method.params_schema}
+        values={params}
+        open={0}
+        search
+        onChange={(values, valid) => {
+          if (valid) store.editLayer("Change settings", (layer) => ({ ...layer, params: values }), "params");
+        }}
+      />
+    </div>
+  );
 }
 
-function output(store: Store, method: Method): Part {
-  const schema = outputSchema(method.artefacts ?? []);
-  const { name: _name, ...properties } = schema.properties ?? {};
-  const form = createForm({ ...schema, properties }, { onchange: changed, open: 0 });
-  const { output: present = {} } = store.document.value;
-  form.write({ ...(present as Params), ...(store.layer.value.seed && { seed: store.layer.value.seed }) });
-
-  function changed(): void {
-    if (!form.valid()) return;
-    const { seed = 0, ...rest } = form.values();
-    const place = store.place;
+function OutputSettings({ store, method }: { store: Store; method: Method }) {
+  const { seed } = store.layer.value;
+  const { output } = store.document.value;
+  const schema = useMemo(() => {
+    const { properties: { name: _name, ...properties } = {} } = outputSchema(method.artefacts);
+    return { properties };
+  }, [method]);
+  const values = useMemo(() => ({ ...(output as Params | undefined), ...(seed && { seed }) }), [output, seed]);
+  const change = ({ seed = 0, ...output }: Params) => {
+    const { place } = store;
     const withSeed = (layer: Layer): Layer => ({ ...layer, seed: Number(seed) });
-    const change = (document: ReturnType<Store["document"]["peek"]>) =>
-      changeLayer({ ...document, output: rest }, place, withSeed);
-    store.editDocument("Change the output", change, "output");
-  }
-
-  return { element: form.element };
+    store.editDocument(
+      "Change the output",
+      (document) => changeLayer({ ...document, output }, place, withSeed),
+      "output",
+    );
+  };
+  return <Form schema={schema} values={values} open={0} onChange={(next, valid) => valid && change(next)} />;
 }

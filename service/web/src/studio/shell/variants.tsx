@@ -2,7 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../../api/api";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import { notify } from "../../ui/notices";
 import { checkProject, pictureOf, preview, submitProject } from "../document/api";
 import { freeName, type Variant } from "../document/document";

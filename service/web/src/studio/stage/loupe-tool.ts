@@ -19,7 +19,7 @@ interface Piece {
 }
 
 /** The box of at most `SIZE` px around a point, within the picture. */
-export function boxAround([x, y]: Point, { width, height }: { width: number; height: number }): Piece["box"] {
+function boxAround([x, y]: Point, { width, height }: { width: number; height: number }): Piece["box"] {
   const [w, h] = [Math.min(SIZE[0], width), Math.min(SIZE[1], height)];
   const left = Math.min(width - w, Math.max(0, Math.round(x - w / 2)));
   const top = Math.min(height - h, Math.max(0, Math.round(y - h / 2)));

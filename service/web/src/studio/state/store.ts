@@ -1,7 +1,7 @@
 /** The state of the studio: one project, its history, and what is selected. */
 
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import type { Asset, Job, Method } from "../../api/schemas";
+import type { Asset, Job, Method, Section } from "../../api/schemas";
 import type { Project } from "../document/api";
 import type { SaveState } from "../document/autosave";
 import {
@@ -28,7 +28,6 @@ export type Tool =
   | "region"
   | "lasso"
   | "direction"
-  | "scribble"
   | "label"
   | "loupe";
 export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker"];
@@ -117,9 +116,18 @@ export class Store {
     this.layerId = signal(document.shots[0]?.layers.at(-1)?.id ?? "");
     this.shot = computed(() => must(shotOf(this.document.value, shotId)));
     this.layer = computed(() => layerOf(this.shot.value, this.layerId.value) ?? must(this.shot.value.layers.at(-1)));
-    this.method = computed(() => methods.find((method) => method.name === this.layer.value.method));
+    this.method = computed(() => this.methodOf(this.layer.value));
     this.span = signal([0, this.frames]);
     this.frame.value = Math.floor(this.frames / 3);
+  }
+
+  methodOf(layer: Layer): Method | undefined {
+    return this.methods.find((method) => method.name === layer.method);
+  }
+
+  /** Whether the method of a layer, the selected one if none is given, offers a part of the studio. */
+  offers(section: Section, layer = this.layer.value): boolean {
+    return this.methodOf(layer)?.studio.sections.includes(section) ?? false;
   }
 
   get frames(): number {

@@ -2,7 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import type { Method, Params } from "../../api/schemas";
-import { Icon, IconButton } from "../../ui/icon";
+import { Icon, IconButton } from "../../ui/icons";
 import { notify } from "../../ui/notices";
 import { listProjects, readProject } from "../document/api";
 import { addAsset, changeLayer, type Layer, type ProjectDocument } from "../document/document";
@@ -10,12 +10,16 @@ import type { Store } from "../state/store";
 import { libraryPicture, listStyles, pictureOfAsset, type Style, useStyle } from "./styles";
 
 const PROJECTS = 12;
-/** Inputs that take a painting, the more telling first. */
-const PAINTING_INPUTS = ["style_output", "reference"];
 
-/** The input of a method that takes a painting; undefined: none does. */
-export const paintingInput = (method: Method): string | undefined =>
-  PAINTING_INPUTS.find((name) => method.inputs.some((input) => input.name === name));
+/** Inputs of the methods that take a painting. */
+const paintingInputs = (methods: readonly Method[]): string[] =>
+  methods.flatMap(({ studio }) => (studio.painting ? [studio.painting] : []));
+
+/** The same, and those for the pictures that the paintings show. */
+const styleInputs = (methods: readonly Method[]): string[] => [
+  ...paintingInputs(methods),
+  ...methods.flatMap(({ studio }) => (studio.painting_source ? [studio.painting_source] : [])),
+];
 
 /** A style as a project's document keeps it, in `ui.styles`. */
 export interface SavedStyle {
@@ -26,7 +30,7 @@ export interface SavedStyle {
   inputs: Record<string, string>;
 }
 
-export const savedStyles = ({ ui }: ProjectDocument): SavedStyle[] =>
+const savedStyles = ({ ui }: ProjectDocument): SavedStyle[] =>
   Array.isArray(ui?.styles) ? (ui.styles as unknown as SavedStyle[]) : [];
 
 /** The same with asset ids, which mean the same in every project; inputs without an asset are left out. */
@@ -41,21 +45,22 @@ export const portableStyles = (document: ProjectDocument): SavedStyle[] =>
     ),
   }));
 
-/** Asset ids of the paintings that a project's layers use. */
-export function paintingsOf(document: ProjectDocument): { id: string; title: string }[] {
+/** Asset ids of the paintings that a project's layers use, in inputs of these names. */
+export function paintingsOf(document: ProjectDocument, inputs: readonly string[]): { id: string; title: string }[] {
   const layers = document.shots.flatMap((shot) => shot.layers);
-  const names = layers.flatMap((layer) => PAINTING_INPUTS.map((input) => layer.inputs?.[input] ?? ""));
+  const names = layers.flatMap((layer) => inputs.map((input) => layer.inputs?.[input] ?? ""));
   return [...new Set(names)].flatMap((name) => {
     const ref = document.assets[name];
     return ref ? [{ id: ref.id, title: ref.title ?? document.name }] : [];
   });
 }
 
-/** The layer with other inputs in place of those that hold a painting or its source. */
+/** The layer with other inputs in place of those of the names `replaced`, which hold a painting or its source. */
 export function withPainting(
   document: ProjectDocument,
   place: { shot: string; layer: string },
   given: Record<string, { id: string; title: string }>,
+  replaced: readonly string[],
 ): ProjectDocument {
   let next = document;
   const named: Record<string, string> = {};
@@ -65,7 +70,7 @@ export function withPainting(
     named[input] = name;
   }
   return changeLayer(next, place, (layer) => {
-    const kept = Object.entries(layer.inputs ?? {}).filter(([input]) => ![...PAINTING_INPUTS, "style"].includes(input));
+    const kept = Object.entries(layer.inputs ?? {}).filter(([input]) => !replaced.includes(input));
     return { ...layer, inputs: { ...Object.fromEntries(kept), ...named } };
   });
 }
@@ -76,14 +81,15 @@ interface Own {
 }
 
 export function StyleLibrary({ store, method }: { store: Store; method: Method }) {
-  const input = paintingInput(method);
+  const { painting: input, painting_source: sourceInput } = method.studio;
+  const replaced = styleInputs(store.methods);
   const [styles, setStyles] = useState<Style[]>([]);
   const own = useOwn(store);
   const [waiting, setWaiting] = useState("");
   useEffect(() => {
     if (input) listStyles().then(setStyles, () => setStyles([]));
   }, [input]);
-  const chosen = store.document.value.assets[store.layer.value.inputs?.[input ?? ""] ?? ""]?.id;
+  const chosen = store.document.value.assets[store.layer.value.inputs?.[input] ?? ""]?.id;
   const saved = [...portableStyles(store.document.value), ...own.saved];
   if (!input && !saved.length) return null;
 
@@ -94,21 +100,22 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
     try {
       const { painting, source } = await useStyle(style.id);
       const given: Record<string, { id: string; title: string }> = { [input]: { id: painting.id, title: style.title } };
-      if (source && input === "style_output") given.style = { id: source.id, title: `${style.title}, source` };
-      store.editDocument("Choose a painting", (document) => withPainting(document, place, given));
+      if (source && sourceInput) given[sourceInput] = { id: source.id, title: `${style.title}, source` };
+      store.editDocument("Choose a painting", (document) => withPainting(document, place, given, replaced));
     } catch (error) {
       notify(error);
     }
     setWaiting("");
   };
   const useOwnPainting = (painting: { id: string; title: string }) =>
-    input &&
-    store.editDocument("Choose a painting", (document) => withPainting(document, store.place, { [input]: painting }));
+    store.editDocument("Choose a painting", (document) =>
+      withPainting(document, store.place, { [input]: painting }, replaced),
+    );
   const useSaved = (style: SavedStyle) => {
     const place = store.place;
     store.editDocument("Use a saved style", (document) => {
       const refs = Object.entries(style.inputs).map(([name, id]) => [name, { id, title: style.title }]);
-      const next = withPainting(document, place, Object.fromEntries(refs));
+      const next = withPainting(document, place, Object.fromEntries(refs), replaced);
       return changeLayer(next, place, (layer): Layer => ({ ...layer, method: style.method, params: style.params }));
     });
   };
@@ -175,7 +182,7 @@ export function SaveStyle({ store }: { store: Store }) {
   const save = (event: Event) => {
     event.preventDefault();
     const { method, params = {}, inputs = {} } = store.layer.value;
-    const kept = Object.entries(inputs).filter(([input]) => [...PAINTING_INPUTS, "style"].includes(input));
+    const kept = Object.entries(inputs).filter(([input]) => styleInputs(store.methods).includes(input));
     const style: SavedStyle = { title: title.trim(), method, params, inputs: Object.fromEntries(kept) };
     store.editDocument("Save a style", (document) => ({
       ...document,
@@ -252,12 +259,13 @@ function useOwn(store: Store): Own {
   useEffect(() => {
     let current = true;
     const read = async () => {
+      const inputs = paintingInputs(store.methods);
       const { items } = await listProjects(PROJECTS);
       const others = items.filter((project) => project.id !== store.projectId);
       const documents = (await Promise.all(others.map((project) => readProject(project.id)))).map(
         (one) => one.document,
       );
-      const all = [store.document.peek(), ...documents].flatMap(paintingsOf);
+      const all = [store.document.peek(), ...documents].flatMap((one) => paintingsOf(one, inputs));
       const paintings = [...new Map(all.map((painting) => [painting.id, painting])).values()];
       if (current) setOwn({ paintings, saved: documents.flatMap(portableStyles) });
     };

@@ -1,11 +1,10 @@
 /** The tools beside the stage, and the settings of the brush. */
 
 import { percent } from "../../ui/format";
-import { IconButton } from "../../ui/icon";
 import type { IconName } from "../../ui/icons";
+import { IconButton } from "../../ui/icons";
 import type { Clusters } from "../clusters/clusters";
 import { type Films, filmHas } from "../films/films";
-import { scribbled } from "../keys/keys";
 import { regionsState } from "../regions/region-tool";
 import type { Stage } from "../stage/stage";
 import { PAINT_TOOLS, type StageView, type Store, type Tool } from "../state/store";
@@ -22,15 +21,12 @@ const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
   direction: { icon: "arrow", label: "Direct the strokes", keys: "D" },
   label: { icon: "fill", label: "Paint cluster labels", keys: "" },
   loupe: { icon: "eye", label: "Loupe at full size", keys: "Z" },
-  scribble: { icon: "brush", label: "Scribble", keys: "" },
 };
 
-/** Tools for the inputs of a method: painted keys, or regions with styles and directions. */
-export function toolsOf(method: string, previews: boolean, clusters: boolean): Tool[] {
-  if (method === "analogy") return ["pan", ...PAINT_TOOLS];
-  if (method === "patches") return ["pan", "brush", "eraser", ...(clusters ? (["label"] as const) : [])];
-  if (method !== "multistyle") return ["pan"];
-  return previews ? ["pan", "region", "lasso", "direction"] : ["pan", "lasso", "direction"];
+/** Tools for the inputs of the layer's method. `regions`, `clusters`: whether the service can find or has found them. */
+export function toolsOf(store: Store, regions: boolean, clusters: boolean): Tool[] {
+  const { tools = [] } = store.method.value?.studio ?? {};
+  return ["pan", ...tools.filter((tool) => (tool !== "region" || regions) && (tool !== "label" || clusters))];
 }
 
 interface ToolbarProps {
@@ -41,7 +37,7 @@ interface ToolbarProps {
 
 export function Toolbar({ store, clusters, stage }: ToolbarProps) {
   const regions = store.previews.value && regionsState.value !== "missing";
-  const chosen = toolsOf(store.layer.value.method, regions, clusters.available.value);
+  const chosen = toolsOf(store, regions, clusters.available.value);
   const tools: Tool[] = store.previews.value ? [...chosen, "loupe"] : chosen;
   return (
     <div class="toolbar" role="toolbar" aria-label="Tools" aria-orientation="vertical">
@@ -132,7 +128,7 @@ function BrushSettings({ store }: { store: Store }) {
     <div class="brush-settings">
       {!labels &&
         !smudging &&
-        (scribbled(store.layer.value) ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
+        (store.offers("scribbles") ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
       <label>
         Size
         <input

@@ -3,28 +3,34 @@ import { newDocument, type ProjectDocument, pruneAssets } from "../../../src/stu
 import { withLayerFiles } from "../../../src/studio/shell/layer-files";
 import { paintingsOf, portableStyles, withPainting } from "../../../src/studio/styles/style-library";
 
+const INPUTS = ["style_output", "style"];
 const place = { shot: "s1", layer: "l1" };
 const layerOf = (document: ProjectDocument) => document.shots[0]?.layers[0];
 
 test("a painting of the library takes the place of the one before, and other inputs stay", () => {
   let document = newDocument("Swan", "ast_v", "analogy");
-  document = withPainting(document, place, {
-    style_output: { id: "ast_p", title: "P" },
-    style: { id: "ast_s", title: "S" },
-  });
+  document = withPainting(
+    document,
+    place,
+    {
+      style_output: { id: "ast_p", title: "P" },
+      style: { id: "ast_s", title: "S" },
+    },
+    INPUTS,
+  );
   expect(layerOf(document)?.inputs).toEqual({ style_output: "style_output", style: "style" });
-  document = withPainting(document, place, { style_output: { id: "ast_q", title: "Q" } });
+  document = withPainting(document, place, { style_output: { id: "ast_q", title: "Q" } }, INPUTS);
   const name = layerOf(document)?.inputs?.style_output ?? "";
   expect(document.assets[name]?.id).toBe("ast_q");
   expect(layerOf(document)?.inputs).not.toHaveProperty("style");
-  expect(paintingsOf(document)).toEqual([{ id: "ast_q", title: "Q" }]);
+  expect(paintingsOf(document, INPUTS)).toEqual([{ id: "ast_q", title: "Q" }]);
 });
 
 test("a saved style keeps its painting when the layer has lost it, and means the same in another project", () => {
   let document = newDocument("Swan", "ast_v", "analogy");
-  document = withPainting(document, place, { style_output: { id: "ast_p", title: "P" } });
+  document = withPainting(document, place, { style_output: { id: "ast_p", title: "P" } }, INPUTS);
   const style = { title: "Mine", method: "analogy", params: { boil: 1 }, inputs: { style_output: "style_output" } };
-  document = { ...withPainting(document, place, {}), ui: { styles: [style] as never } };
+  document = { ...withPainting(document, place, {}, INPUTS), ui: { styles: [style] as never } };
   expect(portableStyles(pruneAssets(document))).toEqual([{ ...style, inputs: { style_output: "ast_p" } }]);
 });
 

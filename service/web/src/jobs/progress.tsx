@@ -1,0 +1,90 @@
+/** Progress of a job: the whole, its steps, the time left. */
+
+import { useEffect, useRef } from "preact/hooks";
+import type { Job, RunState, Schemas, Step } from "../api/schemas";
+import { duration, percent, remaining } from "../ui/format";
+import { Icon } from "../ui/icons";
+import { announce } from "../ui/notices";
+
+const WORDS: Record<RunState, string> = {
+  queued: "Queued",
+  running: "Painting",
+  paused: "Paused",
+  succeeded: "Finished",
+  failed: "Failed",
+  cancelled: "Cancelled",
+};
+
+/** The state of a job in words. */
+export const stateWord = (job: Job): string => WORDS[job.state] ?? job.state;
+export const isFinal = (job: Job): boolean => ["succeeded", "failed", "cancelled"].includes(job.state);
+
+/** How many jobs are served before one, and what they need, seconds. */
+export type Queue = Schemas["QueuePosition"];
+
+/** `queue`: the job's position, if it is known. */
+export function Progress({ job, queue }: { job: Job; queue: Queue | null }) {
+  useNarration(job);
+  return (
+    <div class="progress" data-state={job.state}>
+      <div class="progress-head">
+        <strong class="progress-number">{percent(job.progress)}</strong>
+        <span class="progress-hint">{progressText(job, queue)}</span>
+      </div>
+      <progress max={1} value={job.progress} aria-label="Progress of the film" />
+      <ol class="steps">
+        {job.steps.map((step) => (
+          <StepRow key={step.name} step={step} />
+        ))}
+      </ol>
+    </div>
+  );
+}
+
+/** "Queued, 2 jobs ahead, about 4 min". */
+export function queueText(queue: Queue | null): string {
+  if (!queue) return "Queued";
+  if (!queue.jobs_ahead) return "Queued, next in line";
+  const jobs = `${queue.jobs_ahead} ${queue.jobs_ahead === 1 ? "job" : "jobs"} ahead`;
+  if (queue.seconds === null) return `Queued, ${jobs}`;
+  const minutes = Math.round(queue.seconds / 60);
+  return `Queued, ${jobs}, ${minutes < 1 ? "less than a minute" : `about ${duration(60 * minutes)}`}`;
+}
+
+/** What happens to a job, in words: its position while it is queued, the time left while it is painted. */
+export const progressText = (job: Job, queue: Queue | null): string =>
+  job.state === "queued" ? queueText(queue) : timeLeft(job);
+
+function timeLeft(job: Job): string {
+  if (job.state !== "running") return stateWord(job);
+  return job.eta_s === null || job.eta_s === undefined ? "estimating the time left" : remaining(job.eta_s);
+}
+
+/** Tell assistive technology of each new state and step, not of every percent. */
+function useNarration(job: Job): void {
+  const state = useRef("");
+  const step = job.steps.find((candidate) => candidate.state === "running")?.title;
+  useEffect(() => {
+    if (state.current !== job.state) announce(stateWord(job));
+    else if (step) announce(`Now: ${step}`);
+    state.current = job.state;
+  }, [job.state, step]);
+}
+
+function StepRow({ step }: { step: Step }) {
+  const total = Object.values(step.counts).reduce((sum, n) => sum + n, 0);
+  const tasks = total > 1 && `${step.counts.succeeded ?? 0} of ${total} tasks`;
+  const reused = step.reused ? `${step.reused} of ${total} tasks taken over` : "";
+  const seconds = step.state === "succeeded" && step.seconds > 0 && duration(step.seconds);
+  return (
+    <li class="step" data-state={step.state} aria-label={`${step.title}: ${step.state}, ${percent(step.progress)}`}>
+      <span class="step-mark">
+        {step.state === "succeeded" && <Icon name="check" />}
+        {step.state === "failed" && <Icon name="alert" />}
+      </span>
+      <span class="step-title">{step.title}</span>
+      <span class="step-hint">{reused || seconds || tasks || ""}</span>
+      <span class="step-bar" style={{ "--done": step.progress }} />
+    </li>
+  );
+}
