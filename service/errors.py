@@ -186,6 +186,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "no-room": (503, "No machine has what this needs"),
     "worker-died": (500, "A worker process has ended"),
     "device-error": (503, "No compute device works"),
+    "damaged-storage": (500, "Stored bytes are damaged"),
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),
 }

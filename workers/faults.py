@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError, StorageFull
 from workers.blobs.keys import NoBlob
-from workers.errors import NoCapacity, NotFound
+from workers.errors import DamagedBlob, NoCapacity, NotFound
 from workers.model import Fault, TaskOutcome
 
 RESOURCES_EXHAUSTED = "resources-exhausted"
@@ -65,7 +65,7 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
 
 
 def is_final(fault: Fault) -> bool:
-    """Whether another attempt would fail in the same way, because the input is wrong."""
+    """Whether another attempt would fail in the same way, because the input is wrong or damaged."""
     return fault.code in _FINAL
 
 
@@ -78,5 +78,5 @@ def _codes(kind: type[ImpastoError]) -> set[str]:
     return {kind.code}.union(*(_codes(child) for child in kind.__subclasses__()))
 
 
-_FINAL = _codes(BadInput) | {NotFound.code, NoCapacity.code}
+_FINAL = _codes(BadInput) | {NotFound.code, NoCapacity.code, DamagedBlob.code}
 _AWAY = _codes(StorageError) | {RESOURCES_EXHAUSTED}
