@@ -187,6 +187,7 @@ TABLE: dict[str, tuple[int, str]] = {
     "worker-died": (500, "A worker process has ended"),
     "device-error": (503, "No compute device works"),
     "damaged-storage": (500, "Stored bytes are damaged"),
+    "resources-exhausted": (503, "The machine has no resources left"),
     "storage-unavailable": (503, "Storage cannot be reached"),
     "storage-full": (507, "Storage is full"),
 }
