@@ -91,7 +91,7 @@ class DecoderProcess:
             send(self._wire, message)
             return int(receive(self._wire)[0]["pid"])
         except (ConnectionBroken, OSError, KeyError) as error:
-            remedy = "Check whether the machine has free memory and processes, and the limits of the service (ulimit -v, -u)."
+            remedy = "Check whether the machine has free memory and processes, and its limits (ulimit -v, -u)."
             raise DecoderNotStarted(f"No decoder could be started: {error}.", remedy=remedy) from error
 
     def ask(
