@@ -12,6 +12,7 @@ import re
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from workers.errors import DamagedBlob
@@ -49,7 +50,7 @@ def check_file(key: str, path: Path) -> None:
 def trust(key: str, path: Path, state: _State | None = None) -> None:
     """Note that the file has the bytes that its key names: they have just been compared, or written."""
     if hash_of_key(key) is not None:
-        with _lock:
+        with _lock, suppress(FileNotFoundError):  # somebody may have deleted it again
             _sound[state or _state(path)] = None
             while len(_sound) > _MOST:
                 _sound.popitem(last=False)
