@@ -186,6 +186,8 @@ TABLE: dict[str, tuple[int, str]] = {
     "no-room": (503, "No machine has enough resources"),
     "worker-died": (500, "Worker process died"),
     "device-error": (503, "Compute device failed"),
+    "damaged-storage": (500, "Stored bytes are damaged"),
+    "resources-exhausted": (503, "The machine is out of resources"),
     "storage-unavailable": (503, "Storage unavailable"),
     "storage-full": (507, "Storage full"),
 }

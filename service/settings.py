@@ -34,7 +34,7 @@ class Settings(BaseSettings, FarmSettings):
     """Names, in addition to those of loopback, that are accepted as Host while no key is required."""
 
     requests_per_minute: int = Field(default=6000, ge=1)
-    """Rate limit per key, or per address without one; a sixth of it may come at once. A key may have its own."""
+    """Rate limit per owner, or per address without a key; a sixth of it may come at once. An owner may have its own."""
     quota_active_jobs: int = Field(default=1000, ge=1)
     """Unfinished jobs of an owner; a key may have its own limit."""
     quota_asset_bytes: int | None = Field(default=None, ge=1)

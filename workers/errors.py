@@ -4,6 +4,7 @@ ImpastoError
 ├── NotFound                    no such job, task, asset, result            404
 ├── Conflict                    not in this state; or the same key with another body   409 / 422
 │   └── IdempotencyMismatch
+├── DamagedBlob                 stored bytes are not those that were stored    500
 ├── NoCapacity                      no machine has what a task needs            (of a task, never answered)
 └── QuotaExceeded               a key's quota or rate is used up            429
 """
@@ -27,6 +28,10 @@ class IdempotencyMismatch(Conflict):
 
 class NoCapacity(ImpastoError):
     code = "no-room"
+
+
+class DamagedBlob(ImpastoError):
+    code = "damaged-storage"
 
 
 class QuotaExceeded(ImpastoError):

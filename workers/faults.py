@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError, StorageFull
 from workers.blobs.keys import NoBlob
-from workers.errors import NoCapacity, NotFound
+from workers.blobs.verified import hash_of_key
+from workers.errors import DamagedBlob, NoCapacity, NotFound
 from workers.model import Fault, TaskOutcome
 
 RESOURCES_EXHAUSTED = "resources-exhausted"
@@ -36,8 +37,12 @@ def fault_from(error: BaseException) -> Fault:
     if isinstance(error, ImpastoError):
         return Fault(error.code, error.message, error.remedy, error.field, error.value)
     if isinstance(error, NoBlob):
-        remedy = "Restore it from a backup, or upload the input again and submit a new job."
-        return Fault(NotFound.code, "A file that the job needs is gone.", remedy, "blob", str(error.args[0])[:200])
+        key = str(error.args[0])[:200]
+        if sha256 := hash_of_key(key):
+            remedy = "Upload the file again, which restores them, then retry the job."
+            return Fault(NotFound.code, "The stored bytes of an input are gone.", remedy, "asset", f"ast_{sha256}")
+        remedy = "Restore it from a backup, or submit a new job."
+        return Fault(NotFound.code, "A file that the job needs is gone.", remedy, "blob", key)
     if isinstance(error, MemoryError):
         return Fault("out-of-memory", "The task needs more memory than there is.", "Use a smaller video.")
     return Fault("internal-error", f"{type(error).__name__}: {error}"[:500], "See the log of the task.")
@@ -65,7 +70,7 @@ def _chain(error: BaseException) -> Iterator[BaseException]:
 
 
 def is_final(fault: Fault) -> bool:
-    """Whether another attempt would fail in the same way, because the input is wrong."""
+    """Whether another attempt would fail in the same way, because the input is wrong or damaged."""
     return fault.code in _FINAL
 
 
@@ -78,5 +83,5 @@ def _codes(kind: type[ImpastoError]) -> set[str]:
     return {kind.code}.union(*(_codes(child) for child in kind.__subclasses__()))
 
 
-_FINAL = _codes(BadInput) | {NotFound.code, NoCapacity.code}
+_FINAL = _codes(BadInput) | {NotFound.code, NoCapacity.code, DamagedBlob.code}
 _AWAY = _codes(StorageError) | {RESOURCES_EXHAUSTED}

@@ -20,6 +20,7 @@ import typer
 from impasto.cli.console import FAILED, emit, out
 from impasto.cli.options import HomeOption, JsonFlag, home_of
 from workers.model import Json
+from workers.process.starting import readable_by_others
 from workers.version import version as impasto_version
 
 MARKS = {"ok": "[green]ok  [/green]", "warning": "[yellow]warn[/yellow]", "broken": "[red]BAD [/red]"}
@@ -97,7 +98,17 @@ class Check:
 
 def checks(home: Path, device: str = "") -> list[Check]:
     """All checks, in the order of output."""
-    return [_python(), *_packages(), *_opencl(device), *_codecs(), _cascade(), _methods(), _disk(home), _memory()]
+    return [
+        _python(),
+        *_packages(),
+        *_opencl(device),
+        *_codecs(),
+        _cascade(),
+        _methods(),
+        _disk(home),
+        *_privacy(home),
+        _memory(),
+    ]
 
 
 def _python() -> Check:
@@ -179,6 +190,14 @@ def _disk(home: Path) -> Check:
     free = shutil.disk_usage(there).free / GIB
     state: State = "broken" if free < 0.5 else "warning" if free < 5 else "ok"
     return Check("disk", state, f"{free:.1f} GiB free for {home}", "Free some, or name another folder with --home.")
+
+
+def _privacy(home: Path) -> Iterator[Check]:
+    """Whether other users of this machine can read the home: its database has private data."""
+    if home.is_dir():
+        mode = readable_by_others(home)
+        detail = f"other users of this machine can enter {home} (mode {mode})" if mode else f"{home} is private"
+        yield Check("home", "warning" if mode else "ok", detail, f"chmod 700 {home}")
 
 
 def _memory() -> Check:

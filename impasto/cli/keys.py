@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -13,6 +14,7 @@ import typer
 from impasto.cli.console import emit, out, print_status, print_table, table
 from impasto.cli.options import DatabaseOption, HomeOption, JsonFlag, home_of
 from workers.model import Json
+from workers.process.starting import keep_files_private
 
 if TYPE_CHECKING:
     from workers.model import ApiKey
@@ -101,11 +103,15 @@ def _keys(home: Path | None, database: str | None) -> Iterator[Keys]:
     from service.settings import Settings
     from workers.farm import open_farm
 
-    farm = open_farm(load(Settings, home=home_of(home), database_url=database, pool="none"))
+    before = keep_files_private()
     try:
-        yield farm.keys
+        farm = open_farm(load(Settings, home=home_of(home), database_url=database, pool="none"))
+        try:
+            yield farm.keys
+        finally:
+            farm.stop()
     finally:
-        farm.stop()
+        os.umask(before)
 
 
 def _row(key: ApiKey) -> Json:

@@ -39,13 +39,20 @@ def status(server: ServerOption = None, api_key: KeyOption = None, as_json: Json
 
 
 @app.command()
-def check(server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
-    """Check the invariants of the service's database.
+def check(
+    blobs: Annotated[
+        bool, typer.Option("--blobs", help="Read all stored assets, too, and compare their hashes.")
+    ] = False,
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Check the invariants of the service's database, and on request the stored bytes.
 
     The exit status is 0 if all of them hold, 1 if one is violated.
     """
     with client_of(server, api_key) as client:
-        found = client.ops.check()
+        found = client.ops.check() + (client.ops.check_blobs() if blobs else [])
     if as_json:
         emit({"violations": found})
     for one in () if as_json else found:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import urlsplit
 
 import typer
 
 from impasto.cli.console import print_status
 from impasto.cli.options import BlobsOption, DatabaseOption, HomeOption, S3EndpointOption, home_of, takes_options
-from workers.process.starting import without_garbage_collection
+from workers.process.starting import keep_files_private, readable_by_others, without_garbage_collection
+
+if TYPE_CHECKING:
+    from service.settings import Settings
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -91,5 +95,20 @@ def serve(options: ServeOptions) -> None:
         s3_endpoint_url=options.s3_endpoint,
         auth=options.auth and options.auth.value,
     )
-    print_status(f"Impasto keeps everything in {settings.home}. Ctrl-C stops it.")
+    keep_files_private()
+    if mode := readable_by_others(settings.home):
+        print_status(f"Other users of this machine can enter {settings.home} (mode {mode}): chmod 700 it.")
+    print_status(f"{_places(settings)} Ctrl-C stops it.")
     run(settings, typer.echo)
+
+
+def _places(settings: Settings) -> str:
+    """Where the service keeps its data, without passwords."""
+    database, blobs = settings.database_url, settings.blob_url or settings.blob_root
+    if not database and not blobs:
+        return f"Impasto keeps everything in {settings.home}."
+    jobs = urlsplit(database)._replace(netloc=urlsplit(database).netloc.rpartition("@")[2], query="").geturl()
+    return (
+        f"Impasto keeps jobs and projects in {jobs or settings.home}, files in {blobs or settings.blobs_at}, and "
+        f"unfinished uploads and its secret in {settings.home}."
+    )

@@ -15,7 +15,7 @@ import typer
 
 from impasto.cli.console import print_status
 from impasto.cli.options import BlobsOption, DatabaseOption, HomeOption, S3EndpointOption, home_of, takes_options
-from workers.process.starting import without_garbage_collection
+from workers.process.starting import keep_files_private, without_garbage_collection
 
 if TYPE_CHECKING:
     from service.settings import Settings
@@ -82,6 +82,7 @@ def worker(options: WorkerOptions) -> None:
         blob_url=options.blobs,
         s3_endpoint_url=options.s3_endpoint,
     )
+    keep_files_private()
     set_up_logs(settings)
     raise_descriptor_limit()
     limit_free_memory()

@@ -67,7 +67,7 @@ def _text_or_program(head: bytes) -> str:
     if text[:1] in (b"{", b"["):
         return "application/json"
     if not head.startswith(b"YUV4MPEG2") and _is_text(head):
-        unreadable("The file is text, not media.", text[:40].decode("utf-8", "replace"))
+        unreadable("The file is text, not media.")  # its content is not quoted: it may be private
     return ""
 
 

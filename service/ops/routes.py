@@ -10,6 +10,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from service.access.depends import Admin, Context, Reader
 from service.routing import Router
+from service.schemas import Cursor
 from workers.model import Json
 from workers.operations import Violation
 
@@ -62,6 +63,21 @@ class CheckOut:
 def check(context: Context, _caller: Admin) -> CheckOut:
     """Check the database's invariants: read-only and bounded."""
     return CheckOut(tuple(context.farm.validate_state()))
+
+
+@dataclass(frozen=True)
+class BlobsCheckOut:
+    """Damaged or missing bytes of assets; `cursor` continues, and is null at the end."""
+
+    violations: tuple[Violation, ...]
+    cursor: str | None
+
+
+@router.get("/v1/ops/check/blobs")
+def check_blobs(context: Context, _caller: Admin, cursor: Cursor = None) -> BlobsCheckOut:
+    """Read the stored bytes of assets and compare them with their hashes, about 1 GiB a request."""
+    found, left = context.farm.assets.damage(cursor)
+    return BlobsCheckOut(tuple(found), left)
 
 
 @router.get("/v1/ops/snapshot")

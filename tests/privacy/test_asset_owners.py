@@ -19,6 +19,7 @@ OPERATORS = {
     "workers/model.py": "defines it",
     "service/access/keys.py": "callers with the scope admin",
     "workers/store/assets.py": "serves it",
+    "workers/farm_parts/assets.py": "compares the stored bytes of all assets",
 }
 """Modules that may name the assets of all owners, with the reason."""
 UNKNOWN = f"ast_{'0' * 64}"

@@ -40,7 +40,7 @@ class Blobs(Protocol):
         ...
 
     def get(self, key: str) -> bytes:
-        """All bytes. Raises KeyError."""
+        """All bytes. Raises KeyError, DamagedBlob (an asset on a disk that has changed its bytes)."""
         ...
 
     def read(self, key: str, start: int = 0, stop: int | None = None, chunk: int = 1 << 20) -> Iterator[bytes]:
@@ -48,7 +48,8 @@ class Blobs(Protocol):
         ...
 
     def local(self, key: str) -> AbstractContextManager[Path]:
-        """A read-only local file with the bytes, for decoders: the file itself on disk, a cached copy from S3."""
+        """A read-only local file with the bytes, for decoders: the file itself on disk, a cached copy from S3. An asset
+        is compared with its hash when the process first opens it. Raises KeyError, DamagedBlob."""
         ...
 
     def size(self, key: str) -> int | None:

@@ -3,6 +3,8 @@ all.
 
 root/<key>                   a committed blob
 root/~tmp/<random>           a blob that is being written; only a crash leaves one, which the next start removes
+
+The folder ~tmp marks a store: it is made when the store is opened, and nothing is written where it is missing.
 """
 
 from __future__ import annotations
@@ -12,15 +14,16 @@ import secrets
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from pipeline.errors import StorageFull
+from pipeline.errors import StorageError, StorageFull
 from workers.blobs.base import Content, Direct
 from workers.blobs.disk_errors import disk_errors
 from workers.blobs.keys import NoBlob, check_key
+from workers.blobs.verified import check_file, trust
 
 _CHUNK = 1 << 20
 _TEMPORARY = "~tmp"
@@ -39,10 +42,15 @@ class DiskBlobs:
     root: Path
     reserve_bytes: int = 0
 
+    def __post_init__(self) -> None:
+        with suppress(OSError):  # the first use reports it
+            (self.root / _TEMPORARY).mkdir(parents=True, exist_ok=True)
+
     def put(self, key: str, data: Content) -> None:
         place = self._place(key)
         with disk_errors(), self._written(data) as temporary:
             _in_folder(place, lambda: temporary.rename(place))
+            trust(key, place)
 
     def put_if_absent(self, key: str, data: bytes) -> bool:
         place = self._place(key)
@@ -55,6 +63,7 @@ class DiskBlobs:
 
     def get(self, key: str) -> bytes:
         with _missing(key), disk_errors():
+            check_file(key, self._place(key))
             return self._place(key).read_bytes()
 
     def read(self, key: str, start: int = 0, stop: int | None = None, chunk: int = _CHUNK) -> Iterator[bytes]:
@@ -67,6 +76,8 @@ class DiskBlobs:
         place = self._place(key)
         if not place.is_file():
             raise NoBlob(key)
+        with _missing(key), disk_errors():
+            check_file(key, place)
         yield place
 
     def size(self, key: str) -> int | None:
@@ -96,8 +107,7 @@ class DiskBlobs:
     def check_free_space(self, wanted_bytes: int = 0) -> None:
         """Raise StorageFull unless `wanted_bytes` more leave the reserve free. Cheap."""
         with disk_errors():
-            self.root.mkdir(parents=True, exist_ok=True)
-            free = shutil.disk_usage(self.root).free
+            free = shutil.disk_usage(self._temporary_folder()).free
         if free < self.reserve_bytes + wanted_bytes:
             raise StorageFull(
                 "The disk of the blobs is nearly full.",
@@ -121,12 +131,21 @@ class DiskBlobs:
     def _place(self, key: str) -> Path:
         return self.root / check_key(key)
 
+    def _temporary_folder(self) -> Path:
+        """The folder of unfinished blobs, made when the store is opened. Where it is missing, the store was deleted or
+        its disk is not mounted: new blobs beside no old ones would be lost."""
+        folder = self.root / _TEMPORARY
+        if not folder.is_dir():
+            raise StorageError(
+                f"The folder of the blobs is gone or empty: {self.root}.",
+                remedy="Mount or restore it, then restart the service. A new store is made at a start.",
+            )
+        return folder
+
     @contextmanager
     def _written(self, data: Content) -> Iterator[Path]:
         """A flushed temporary file with `data`, removed at the end if it is still there."""
-        folder = self.root / _TEMPORARY
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = folder / secrets.token_hex(16)
+        temporary = self._temporary_folder() / secrets.token_hex(16)
         try:
             with temporary.open("xb") as file:
                 _copy(data, file)

@@ -25,6 +25,8 @@ from workers.blobs.keys import check_key
 from workers.blobs.local_copies import Copies
 from workers.blobs.s3_client import Answer, S3Client, S3Options, as_storage_error, client_for, code_of
 from workers.blobs.s3_direct import S3Direct
+from workers.blobs.verified import check_file
+from workers.errors import DamagedBlob
 from workers.ids import new_id
 from workers.process.heartbeat import current_heartbeat, heartbeats_of_another
 
@@ -93,6 +95,11 @@ class S3Blobs:
         same = f"{self.options.endpoint_url} {self.options.bucket} {self._name(key)} {head['ETag']}"
         copy = hashlib.sha256(same.encode()).hexdigest()
         with self.copies.file(copy, head["ContentLength"], lambda place: self._download(key, place)) as place:
+            try:
+                check_file(key, place)
+            except DamagedBlob:
+                place.unlink(missing_ok=True)  # the next reader fetches it again
+                raise
             yield place
 
     def size(self, key: str) -> int | None:

@@ -9,11 +9,13 @@ from pathlib import Path
 
 from pipeline.video.media import Limits, MediaInfo
 from workers.blobs.base import Blobs
+from workers.blobs.verified import is_sound
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.source_frames import SourceFrames
 from workers.farm_parts.stored_file import StoredFile, asset_file
-from workers.model import AnyOwner, Asset, Page, asset_key
+from workers.model import ANY_OWNER, AnyOwner, Asset, Page, asset_key
+from workers.operations import Violation
 from workers.store import Store
 
 Probe = Callable[[Path, Limits], MediaInfo]
@@ -62,10 +64,37 @@ class FarmAssets:
     def _store_bytes(self, asset: Asset, path: Path) -> Asset:
         key = asset_key(asset.id)
         while True:  # a concurrent deletion may remove the bytes before the row is written
-            if self._blobs.size(key) is None:
+            if not self._is_stored(key):
                 self._blobs.put(key, path)
             if kept := self._store.assets.add(asset, lambda: self._blobs.size(key) is not None):
                 return kept
+
+    def _is_stored(self, key: str) -> bool:
+        """Whether the undamaged bytes are stored; else an upload stores them."""
+        try:
+            return is_sound(key, self._blobs.read(key))
+        except KeyError:
+            return False
+
+    def damage(self, cursor: str | None = None, most_bytes: int = 1 << 30) -> tuple[list[Violation], str | None]:
+        """Assets whose stored bytes are missing or have changed, and where to continue; None: all are compared.
+
+        Args:
+            most_bytes: about so many bytes are read.
+        """
+        found: list[Violation] = []
+        while most_bytes > 0:
+            page = self._store.assets.page(ANY_OWNER, cursor, 1)
+            for asset in page.items:
+                most_bytes -= max(asset.size_bytes, 1)
+                if not self._is_stored(asset_key(asset.id)):
+                    there = self._blobs.size(asset_key(asset.id)) is not None
+                    message = "Its bytes have changed." if there else "Its bytes are missing."
+                    remedy = "Upload the file again: that replaces the bytes. Check the disk."
+                    found.append(Violation("damaged-asset", asset.id, message, remedy))
+            if (cursor := page.cursor) is None:
+                return found, None
+        return found, cursor
 
     def get(self, asset_id: str, owner: str | AnyOwner) -> Asset:
         """The asset with the name and time of `owner`: several owners may have the same bytes. Raises NotFound."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
+from workers.blobs.verified import compared, hash_of_key
 from workers.errors import Conflict, NotFound
 from workers.execution.decoders import Decoders
 from workers.farm_parts.stored_file import StoredFile, job_file
@@ -44,11 +45,18 @@ class FarmFiles:
         raise Conflict(f"The file {name!r} is not there yet.", field="name", value=name, remedy="Wait for the job.")
 
     def read(self, file: StoredFile, start: int = 0, stop: int | None = None) -> Iterator[bytes]:
-        """The bytes [start, stop) in chunks. Raises NotFound: the file has been deleted."""
+        """The bytes [start, stop) in chunks.
+
+        Raises:
+            NotFound: the file has been deleted.
+            DamagedBlob: before the last chunk of a whole asset whose bytes have changed.
+        """
         try:
-            return self._blobs.read(file.key, start, stop, _CHUNK_BYTES)
+            pieces = self._blobs.read(file.key, start, stop, _CHUNK_BYTES)
         except KeyError:
             raise NotFound("The file has been deleted.", field="file", value=file.filename) from None
+        whole = start == 0 and stop in (None, file.size_bytes)
+        return compared(file.key, pieces) if whole and hash_of_key(file.key) else pieces
 
     def local(self, file: StoredFile) -> AbstractContextManager[Path]:
         """The file on this machine's disk while the context is open."""

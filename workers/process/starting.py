@@ -3,11 +3,29 @@
 from __future__ import annotations
 
 import gc
+import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 WARM_UP_THREAD = "impasto-warm-up"
 """Name of the thread that loads kernels while the process starts."""
+
+
+def keep_files_private() -> int:
+    """Let only the user of this process read the files that it and its children make from now on; returns the umask of
+    before."""
+    return os.umask(0o077)
+
+
+def readable_by_others(folder: Path) -> str:
+    """The mode of a folder that other users of the machine can enter or list, such as "755"; "" if there is none."""
+    try:
+        mode = stat.S_IMODE(folder.stat().st_mode)
+    except OSError:
+        return ""
+    return f"{mode:o}" if mode & 0o077 else ""
 
 
 @contextmanager

@@ -12,6 +12,7 @@ half a minute, and waits for locks and queries have time-outs.
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
 from collections.abc import Iterator
@@ -65,6 +66,7 @@ class Database:
         self._clock = None if self.is_sqlite else ServerClock()
         with _as_storage_error():
             self._migrate()
+        self._file = _StoredFile(self.engine.url.database) if self.is_sqlite else None
 
     @property
     def is_sqlite(self) -> bool:
@@ -77,6 +79,7 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[Connection]:
         """A snapshot to read from."""
+        self._check_file()
         with _as_storage_error(), self.engine.connect().execution_options(**{_READ: True}) as connection:
             self._synchronize_clock(connection)
             yield connection
@@ -98,6 +101,7 @@ class Database:
     @contextmanager
     def write(self) -> Iterator[Connection]:
         """A transaction: committed at the end, rolled back by any exception."""
+        self._check_file()
         with _as_storage_error(), self._one_writer, self.engine.begin() as connection:
             self._synchronize_clock(connection)
             yield connection
@@ -110,6 +114,12 @@ class Database:
     def _synchronize_clock(self, connection: Connection) -> None:
         if self._clock is not None:
             self._clock.synchronize(connection)
+
+    def _check_file(self) -> None:
+        """Raise StorageError if the file of SQLite is no longer at its place: what is written to a deleted file is lost
+        when the process ends."""
+        if self._file is not None:
+            self._file.check()
 
     def check(self) -> None:
         """Raise StorageError if the database does not answer now."""
@@ -126,6 +136,39 @@ class Database:
                     connection.execute(text(f"SET LOCAL {setting} = 0"))
                 connection.execute(text("SELECT pg_advisory_xact_lock(482309)"))
             migrate(connection)
+
+
+class _StoredFile:
+    """The file of a database, as it was when it was opened."""
+
+    def __init__(self, path: str | None) -> None:
+        self._path = None if path in (None, "", ":memory:") else Path(str(path))
+        self._inode = self._found()
+
+    def _found(self) -> tuple[int, int] | None:
+        try:
+            found = None if self._path is None else self._path.stat()
+        except OSError:
+            return None
+        return found and (found.st_dev, found.st_ino)
+
+    def check(self) -> None:
+        """Raise StorageError if the file was deleted or replaced."""
+        if self._path is not None and self._found() != self._inode:
+            raise StorageError(
+                f"The database file was deleted or replaced while it was in use: {self._path}.",
+                remedy="Restore it if you need it, then restart the service: nothing new is accepted until then.",
+            )
+
+
+def _file_error(reason: str) -> StorageError:
+    """The error of SQLite, which has no server that could be down."""
+    if "locked" in reason:
+        return StorageError(f"The database file is in use: {reason}.", remedy="Try again shortly.")
+    return StorageError(
+        f"The database file cannot be opened, read or written: {reason}.",
+        remedy="Make the home writable for this user, keep its path under 500 characters, and check the disk.",
+    )
 
 
 def _engine(url: str, durable: bool) -> Engine:
@@ -197,6 +240,8 @@ def _as_storage_error() -> Iterator[None]:
         if "disk is full" in reason or "No space left" in reason or "disk full" in reason:
             raise StorageFull("The disk of the database is full.", remedy="Free some space on it.") from error
         away = type(error) in (OperationalError, InterfaceError, DatabaseError) or error.connection_invalidated
+        if away and isinstance(error.orig, sqlite3.Error):
+            raise _file_error(reason) from error
         if away or getattr(error.orig, "sqlstate", "") == _READ_ONLY:
             raise StorageError(f"The database does not answer: {reason}.", remedy="Check that it runs.") from error
         raise

@@ -41,6 +41,8 @@ class DecoderDied(UnreadableMedia):
 class DecoderNotStarted(ImpastoError):
     """A decoder process could not be started, for reasons other than its file."""
 
+    code = "resources-exhausted"
+
 
 class DecoderProcess:
     """A decoder process with one role on one file, killed if it does not answer in time. Not thread-safe; close it.
@@ -87,7 +89,7 @@ class DecoderProcess:
             send(self._wire, message)
             return int(receive(self._wire)[0]["pid"])
         except (ConnectionBroken, OSError, KeyError) as error:
-            remedy = "Check whether the machine has free memory and processes."
+            remedy = "Check whether the machine has free memory and processes, and its limits (ulimit -v, -u)."
             raise DecoderNotStarted(f"No decoder could be started: {error}.", remedy=remedy) from error
 
     def ask(

@@ -219,6 +219,8 @@ def _described(error: BaseException) -> Message:
 def _set_limits(first: Message) -> None:
     """Limit memory and open files; forbid core dumps and, for most roles, writing files."""
     memory = psutil.Process().memory_info().vms + int(first["memory"])
+    allowed = resource.getrlimit(resource.RLIMIT_AS)[1]  # of the machine's operator (`ulimit -v`): cannot be raised
+    memory = memory if allowed == resource.RLIM_INFINITY else min(memory, allowed)
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_NOFILE, (_OPEN_FILES, _OPEN_FILES))
