@@ -4,13 +4,15 @@ ImpastoError
 ├── NotFound                    no such job, task, asset, result            404
 ├── Conflict                    not in this state; or the same key with another body   409 / 422
 │   └── IdempotencyMismatch
+├── StorageError
+│   └── WrongVersion            a worker of another version                 (of an attempt, never answered)
 ├── NoCapacity                      no machine has what a task needs            (of a task, never answered)
 └── QuotaExceeded               a key's quota or rate is used up            429
 """
 
 from __future__ import annotations
 
-from pipeline.errors import ImpastoError
+from pipeline.errors import ImpastoError, StorageError
 
 
 class NotFound(ImpastoError):
@@ -23,6 +25,12 @@ class Conflict(ImpastoError):
 
 class IdempotencyMismatch(Conflict):
     code = "idempotency-mismatch"
+
+
+class WrongVersion(StorageError):
+    """A worker of a cluster has another version of the program than the dispatcher. The task waits."""
+
+    code = "wrong-version"
 
 
 class NoCapacity(ImpastoError):

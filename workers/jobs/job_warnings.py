@@ -10,6 +10,8 @@ from workers.model import JobWarning, Json
 
 DAMAGED_INPUT = "damaged-input"
 """Code: frames of an input are missing or unreadable."""
+PLANNED_AGAIN = "planned-again"
+"""Code: another version of Impasto began the job, and what it has left cannot be continued."""
 DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' to use what can be read."
 
 
@@ -24,11 +26,11 @@ def describe_damage(name: str, damage: Damage) -> str:
 
 
 def merged_warnings(known: Iterable[Json], new: Iterable[JobWarning]) -> list[Json]:
-    """Warnings as JSON, one for each input: tasks read different frames of the same file."""
+    """Warnings as JSON, one for each code and input: tasks read different frames of the same file."""
     found = {(each["code"], each["input"]): each for each in known}
     for warning in new:
         before = found.get((warning.code, warning.input))
-        if before is not None:
+        if before is not None and warning.code == DAMAGED_INPUT:
             whole = Damage.from_json(before["damage"]).union(Damage.from_json(warning.damage))
             warning = damage_warning(warning.input, whole)
         found[warning.code, warning.input] = asdict(warning)
