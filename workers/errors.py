@@ -5,13 +5,15 @@ ImpastoError
 ├── Conflict                    not in this state; or the same key with another body   409 / 422
 │   └── IdempotencyMismatch
 ├── DamagedBlob                 stored bytes are not those that were stored    500
+├── StorageError
+│   └── WrongVersion            a worker of another version                 (of an attempt, never answered)
 ├── NoCapacity                      no machine has what a task needs            (of a task, never answered)
 └── QuotaExceeded               a key's quota or rate is used up            429
 """
 
 from __future__ import annotations
 
-from pipeline.errors import ImpastoError
+from pipeline.errors import ImpastoError, StorageError
 
 
 class NotFound(ImpastoError):
@@ -24,6 +26,12 @@ class Conflict(ImpastoError):
 
 class IdempotencyMismatch(Conflict):
     code = "idempotency-mismatch"
+
+
+class WrongVersion(StorageError):
+    """A worker of a cluster has another version of the program than the dispatcher. The task waits."""
+
+    code = "wrong-version"
 
 
 class NoCapacity(ImpastoError):

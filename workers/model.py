@@ -146,11 +146,11 @@ class JobWarning:
     """A fact that the user of a job should know although the job continues."""
 
     code: str
-    """"damaged-input", or the code of a `pipeline.video.media.Note`."""
+    """"damaged-input", "planned-again", or the code of a `pipeline.video.media.Note`."""
     message: str
     """One sentence, for example "The source is damaged: frames 22-95 of 96 are missing."."""
     input: str
-    """Name of the input."""
+    """Name of the input; empty: it is about none."""
     damage: Json
     """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames.
     Empty, unless the code is "damaged-input"."""
@@ -238,7 +238,7 @@ class Event:
     job_id: str
     at: float
     type: str
-    """"job.state", "job.progress", "job.warning", "step.planned", "task.state", "log"."""
+    """"job.state", "job.progress", "job.warning", "job.replanned", "job.waits", "step.planned", "task.state", "log"."""
     data: Json
 
 
@@ -298,6 +298,8 @@ class TaskOrder:
     """The same task of an earlier job, whose result is used if none of its recorded reads has changed."""
     traced: bool = False
     """Whether later jobs may use the result: the task records its reads, and artefacts are named after their values."""
+    versions: tuple[tuple[str, int], ...] = ()
+    """(Name, version) of the job's steps up to this one: see `workers.jobs.plan_versions`."""
 
 
 @dataclass(frozen=True)

@@ -201,6 +201,11 @@ class Step(Generic[P]):
 
     Attributes:
         weight: expected total weight of its tasks per frame of the video, used until the step is planned.
+        version: of its tasks' args, results, artefacts and values. Raise it with every change of them, and that of the
+            first step also with every change of the parameters' names or the list of steps: unfinished work of a lower
+            version is planned again, and finished work is not reused. `tests/pipeline/methods/test_versions.py` records
+            the formats.
+        reads: lower versions that this one can continue from.
     """
 
     name: str
@@ -208,6 +213,8 @@ class Step(Generic[P]):
     plan: Callable[[PlanContext[P]], Sequence[Task]]
     run: Callable[[Task, TaskContext[P]], TaskResult]
     weight: float = 1.0
+    version: int = 1
+    reads: tuple[int, ...] = ()
 
 
 PROCESS_BYTES = 512 << 20

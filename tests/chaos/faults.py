@@ -23,6 +23,7 @@ from tests.chaos.raylets import Raylets
 from tests.chaos.retries import RETRY_S, with_retries
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
+from tests.workers.hangs import HANGS
 from tests.workers.real_farm import Accepting, Worker
 from workers.farm import Farm
 from workers.model import JobRequest, TaskOutcome
@@ -251,6 +252,35 @@ def poison(scene: Scene) -> None:
     scene.poisoned.append(with_retries(lambda: scene.asking.jobs.submit(request, idempotency_key=key)).id)
 
 
+def spin_in_python(scene: Scene) -> None:
+    """A library spins in a loop of Python."""
+    _hang(scene, "spin_in_python")
+
+
+def sleep_in_python(scene: Scene) -> None:
+    """A library waits in Python for something that never comes."""
+    _hang(scene, "sleep_in_python")
+
+
+def spin_in_native_code(scene: Scene) -> None:
+    """Native code spins, with or without the interpreter lock."""
+    _hang(scene, scene.chance.choice([name for name in HANGS if name.startswith("spin_in_native")]))
+
+
+def sleep_in_native_code(scene: Scene) -> None:
+    """Native code sleeps, with or without the interpreter lock."""
+    _hang(scene, scene.chance.choice([name for name in HANGS if name.startswith("sleep_in_native")]))
+
+
+def _hang(scene: Scene, trouble: str) -> None:
+    """Submit a job with a task whose first attempt hangs: it must succeed like the others of its shape."""
+    number, shape = next((n, shape) for n, shape in enumerate(scene.shapes) if shape["tasks"] > 1)
+    key = f"hang-{len(scene.jobs)}"
+    params = {**shape, "trouble": trouble, "mark": str(scene.folder / key)}
+    request = JobRequest("toy", {"data": _asset(scene)}, params, seed=7)
+    scene.jobs.append((with_retries(lambda: scene.asking.jobs.submit(request, idempotency_key=key)).id, number))
+
+
 def _asset(scene: Scene) -> str:
     """Id of the jobs' input."""
     return with_retries(lambda: scene.asking.jobs.page(limit=1).items[0].request.inputs["data"])
@@ -288,7 +318,8 @@ TO_WORKERS: tuple[Fault, ...] = (
 )
 TO_POSTGRES: tuple[Fault, ...] = (crash_postgres, stop_postgres, freeze_postgres, cut_connections, restart_postgres)
 TO_CALLERS: tuple[Fault, ...] = (kill_accepting, answer_again, poison)
-FAULTS = (*TO_WORKERS, *TO_POSTGRES, *TO_CALLERS)
+TO_TASKS: tuple[Fault, ...] = (spin_in_python, sleep_in_python, spin_in_native_code, sleep_in_native_code)
+FAULTS = (*TO_WORKERS, *TO_POSTGRES, *TO_CALLERS, *TO_TASKS)
 OF_S3: tuple[Fault, ...] = (stop_objects, kill_s3, spoil_s3)
 """Additional faults if blobs are in S3."""
 OF_A_CLUSTER: tuple[Fault, ...] = (kill_node, kill_actor)
@@ -296,7 +327,7 @@ OF_A_CLUSTER: tuple[Fault, ...] = (kill_node, kill_actor)
 OF_ROOT: tuple[Fault, ...] = (fill_disk,)
 """Additional faults if the process may mount file systems."""
 BY_NAME = {fault.__name__: fault for fault in (*FAULTS, *OF_S3, *OF_A_CLUSTER, *OF_ROOT)}
-_COMPONENTS = ((*TO_WORKERS, *OF_ROOT), TO_POSTGRES, TO_CALLERS, OF_S3, OF_A_CLUSTER)
+_COMPONENTS = ((*TO_WORKERS, *OF_ROOT), TO_POSTGRES, TO_CALLERS, TO_TASKS, OF_S3, OF_A_CLUSTER)
 
 
 def component(fault: Fault) -> int:

@@ -20,7 +20,7 @@ from impasto.cli import supervisor
 
 supervisor.SILENT_S = 5
 supervisor.watch_from_here()
-from tests.workers.test_hanging import HANGS
+from tests.workers.hangs import HANGS
 from workers.execution.renderer import Renderer
 from workers.scheduling import dispatcher
 

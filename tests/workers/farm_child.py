@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from types import FrameType
 
 import pipeline.methods
@@ -24,6 +25,7 @@ from workers.blobs.open import open_blobs
 from workers.farm import Farm
 from workers.model import JobRequest
 from workers.pools.base import Pool
+from workers.pools.child_runner import ChildRunner
 from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 
@@ -67,7 +69,7 @@ def _pool(settings: FarmSettings, blobs: Blobs) -> Pool | None:
     if settings.pool == "none":
         return None
     if settings.pool == "local":
-        return LocalPool(lambda number: ToyRunner(blobs), settings.workers)
+        return LocalPool(lambda number: ChildRunner(partial(ToyRunner, blobs)), settings.workers)
     from workers.pools.ray_pool import RayPool
 
     return RayPool(blobs, settings, ToyRunner)

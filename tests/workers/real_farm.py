@@ -37,6 +37,7 @@ def real_settings(postgres: Postgres, s3: Swift, home: Path, **changes: Any) -> 
         "retry_delay_s": 0.05,
         "workers": 2,
         "lease_s": 3.0,
+        "stall_s": 15.0,
     }
     return FarmSettings(**{**given, **changes})
 

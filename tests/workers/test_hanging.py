@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
-import hashlib
 import logging
-import re
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -16,6 +13,7 @@ import pytest
 
 from tests.waiting import until
 from tests.workers.conftest import finished, request_on
+from tests.workers.hangs import HANGS
 from tests.workers.toy import METHODS, Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
@@ -26,43 +24,6 @@ from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 
 STALL_S = 1.5
-
-
-def spin_in_python() -> None:
-    while True:
-        pass
-
-
-def spin_in_native_code_with_the_lock() -> None:
-    re.match(r"(a+)+$", "a" * 64 + "b")
-
-
-def spin_in_native_code_without_the_lock() -> None:
-    hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1)
-
-
-def sleep_in_python() -> None:
-    while True:  # the signal for the stacks ends a sleep
-        time.sleep(3600)
-
-
-def sleep_in_native_code_with_the_lock() -> None:
-    while True:
-        ctypes.PyDLL(None).sleep(3600)
-
-
-def sleep_in_native_code_without_the_lock() -> None:
-    while True:
-        ctypes.CDLL(None).sleep(3600)
-
-
-HANGS: dict[str, Callable[[], None]] = {
-    hang.__name__: hang
-    for hang in (
-        spin_in_python, spin_in_native_code_with_the_lock, spin_in_native_code_without_the_lock,
-        sleep_in_python, sleep_in_native_code_with_the_lock, sleep_in_native_code_without_the_lock,
-    )
-}  # fmt: skip
 
 
 class HangingRunner(ToyRunner):

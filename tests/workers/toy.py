@@ -28,6 +28,7 @@ from pipeline.methods.base import (
     TaskResult,
     seeded,
 )
+from tests.workers.hangs import HANGS
 from tests.workers.relay_method import Relay
 from workers.blobs.base import Blobs
 from workers.blobs.disk import DiskBlobs
@@ -42,7 +43,8 @@ class ToyParams(Params):
     chain: bool = False
     sleep_s: float = Field(default=0.0, ge=0)
     trouble: str = ""
-    """Fault of task "run-1": "raise", "bad-input", "full", "away", "once", "die", "cycle" (in the plan)."""
+    """Fault of task "run-1": "raise", "bad-input", "full", "away", "once", "die", "cycle" (in the plan), or a name of
+    `tests.workers.hangs.HANGS`."""
     gpus: float = Field(default=0.0, ge=0)
     """GPUs per task."""
     memory_mib: int = Field(default=0, ge=0)
@@ -101,6 +103,8 @@ def _trouble(params: ToyParams) -> None:
         raise StorageError("S3 does not answer.")
     if params.trouble == "die" and first:
         os.kill(os.getpid(), signal.SIGKILL)
+    if params.trouble in HANGS and first:
+        HANGS[params.trouble]()
 
 
 class Toy(Method):

@@ -22,7 +22,7 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, Params, Step, Task
 from pipeline.video.guard.decoder_server import start_decoder_server
 from workers.blobs.base import Blobs
-from workers.errors import NotFound
+from workers.errors import NotFound, WrongVersion
 from workers.execution.assembly import Assembly
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
@@ -181,6 +181,13 @@ class Renderer:
 
     def _step(self, order: TaskOrder, context: AttemptContext) -> TaskOutcome:
         step = _step_of(self._find(order.method), context.params, order.step)
+        if order.versions and order.versions[-1] != (step.name, step.version):
+            raise WrongVersion(
+                f"The step {step.name!r} has version {order.versions[-1][1]}, and this worker knows {step.version}.",
+                field="step",
+                value=step.name,
+                remedy="Start workers of the dispatcher's version of Impasto.",
+            )
         task = Task(order.key, order.args, order.after, order.emits)
         if task.emits:
             finish_warm_up()

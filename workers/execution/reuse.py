@@ -23,7 +23,6 @@ from pipeline.errors import ImpastoError
 from pipeline.methods.base import Arrays
 from workers.blobs.base import Blobs
 from workers.model import EarlierTask, Json, TaskOrder, TaskOutcome
-from workers.version import version
 
 ABSENT = "-"
 """Digest of something that does not exist."""
@@ -47,12 +46,12 @@ def _digest(value: object) -> str:
 
 
 def signature(order: TaskOrder) -> str:
-    """Digest of the data that a task has without reading: program version, place in the plan, parameters, facts of the
-    video, and encoding of emitted frames."""
+    """Digest of the data that a task has without reading: versions of the steps up to its own, place in the plan,
+    parameters, facts of the video, and encoding of emitted frames."""
     output = order.output
     return _digest(
-        [version(), order.method, order.step, order.key, order.args, order.after, order.emits, order.params, order.seed,
-         order.input_info.get("video"), output.format, output.quality, order.frames, order.on_damage,
+        [order.versions, order.method, order.step, order.key, order.args, order.after, order.emits, order.params,
+         order.seed, order.input_info.get("video"), output.format, output.quality, order.frames, order.on_damage,
          asdict(order.source)]
     )  # fmt: skip
 

@@ -11,6 +11,8 @@ from workers.model import JobWarning, Json
 
 DAMAGED_INPUT = "damaged-input"
 """Code: frames of an input are missing or unreadable."""
+PLANNED_AGAIN = "planned-again"
+"""Code: another version of Impasto began the job, and what it has left cannot be continued."""
 DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' to use what can be read."
 
 

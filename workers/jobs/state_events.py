@@ -28,6 +28,14 @@ class PlanFailed:
 
 
 @dataclass(frozen=True)
+class Replanned:
+    """Another version has planned the job: its tasks from `step` on are gone, and the job has `steps` steps."""
+
+    step: int
+    steps: int
+
+
+@dataclass(frozen=True)
 class Claimed:
     """A dispatcher claimed the task; an attempt begins."""
 
@@ -86,8 +94,9 @@ class Requeue:
 
 
 StateEvent: TypeAlias = (
-    Planned | PlanFailed | Claimed | Done | Failed | Interrupted | Released | Pause | Resume | Cancel | Retry | Requeue
-)
+    Planned | PlanFailed | Replanned | Claimed | Done | Failed | Interrupted | Released
+    | Pause | Resume | Cancel | Retry | Requeue
+)  # fmt: skip
 
 
 # -- effects

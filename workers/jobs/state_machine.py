@@ -26,6 +26,9 @@ A task (`TaskState`); its attempts are counted, and a late answer never gets her
       WAITING, READY, RUNNING -- cancel of the job --> CANCELLED
       FAILED, CANCELLED -- retry, requeue --> READY or WAITING, with a fresh budget of attempts
 
+A job that another version of the program has planned goes back to the first step that this program cannot continue from
+(`Replanned`); the tasks of that step and the later ones are planned again.
+
 Steps run one after the other: a step is planned once every task of the step before it is done. The last step of every
 job is the platform's own (`ASSEMBLE`). A job that is `doomed` (a task has failed for good) starts nothing new, lets
 running attempts end, because their results are kept, and then fails. Pausing, too, lets running attempts end.
@@ -58,6 +61,7 @@ from workers.jobs.state_events import (
     PlanFailed,
     Planned,
     Released,
+    Replanned,
     Requeue,
     RestartTasks,
     Resume,
@@ -88,6 +92,7 @@ __all__ = [
     "PlanFailed",
     "Planned",
     "Released",
+    "Replanned",
     "Requeue",
     "RestartTasks",
     "Resume",
@@ -210,6 +215,13 @@ def _plan_failed(state: State, event: PlanFailed) -> tuple[State, Effects]:
     return replace(state, job=replace(job, run=RunState.FAILED)), (SetError(event.fault),)
 
 
+def _replanned(state: State, event: Replanned) -> tuple[State, Effects]:
+    job = state.job
+    _require(not job.run.final and not job.counts.running, "The job has ended, or tasks of it run.", job.run)
+    back = replace(job, step=event.step, steps=event.steps, planned=False, doomed=False, counts=Counts())
+    return replace(state, job=back), ()
+
+
 def _claimed(state: State, event: Claimed) -> tuple[State, Effects]:
     job = state.job
     _require(job.run in (RunState.QUEUED, RunState.RUNNING) and not job.doomed, "The job starts nothing now.", job.run)
@@ -328,6 +340,7 @@ def _require(condition: bool, message: str, found: RunState | TaskState) -> None
 _HANDLERS: dict[type, Callable[[State, Any], tuple[State, Effects]]] = {
     Planned: _planned,
     PlanFailed: _plan_failed,
+    Replanned: _replanned,
     Claimed: _claimed,
     Done: _done,
     Failed: _failed,

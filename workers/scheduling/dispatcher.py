@@ -25,8 +25,10 @@ from workers.scheduling.flights import Flight, facts_of, log_end, log_hang, lost
 from workers.scheduling.orders import Orders
 from workers.scheduling.process_lock import ProcessLock
 from workers.scheduling.step_planner import StepPlanner, is_ours
+from workers.scheduling.versions import is_readable
 from workers.settings import FarmSettings
 from workers.store import Claim, ClaimFailed, Heartbeat, Store
+from workers.store.claims import OtherVersion
 
 log = logging.getLogger(__name__)
 
@@ -369,7 +371,13 @@ class Dispatcher:
         while self._has_free_slot() and not (self._stopping or self._draining):
             self._check_space()
             try:
-                claim = self._store.queue.claim(self._process_lock.id, self._settings.lease_s, self._planner.skipped)
+                claim = self._store.queue.claim(
+                    self._process_lock.id, self._settings.lease_s, self._planner.skipped, is_readable
+                )
+            except OtherVersion as error:
+                self._planner.take_over(error.job_id)
+                self._wake.set()  # it may have to be planned
+                continue
             except ClaimFailed as error:
                 log.exception("no task of the job can be claimed; it is skipped", extra=log_extra(job=error.job_id))
                 self._planner.skip(error.job_id)

@@ -37,14 +37,15 @@ class Orders:
     def __init__(self, store: Store, shares_memory: bool) -> None:
         self._store = store
         self._shares_memory = shares_memory
-        self._known: OrderedDict[tuple[str, int], _Before] = OrderedDict()
+        self._known: OrderedDict[tuple[str, int, str], _Before] = OrderedDict()
         self._earlier: LruCache[dict[str, EarlierTask]] = LruCache(_REMEMBERED)
 
     def order(self, claim: Claim) -> TaskOrder:
         """Raises NotFound if an input has been deleted, StorageError."""
         task, request = claim.task, request_of(claim.job["request"])
         step = claim.step_name
-        before = self._before(claim.job_id, task["step"], request, step)
+        versions = claim.job["versions"] or []
+        before = self._before((claim.job_id, task["step"], str(versions)), request, step)
         after, chained = self._store.task_inputs.chain(task["id"]) if task["chained"] else ((), {})
         return TaskOrder(
             attempt_id=claim.attempt_id,
@@ -71,6 +72,7 @@ class Orders:
             resources=None if task["needs"] is None else Resources(**task["needs"]),
             earlier=self._earlier_task(claim.job["base_id"], step, task["key"]),
             traced=claim.job["base_id"] is not None,
+            versions=tuple((name, number) for name, number in versions[: task["step"] + 1]),
             leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
         )
 
@@ -80,10 +82,10 @@ class Orders:
             return None
         return self._earlier.get(f"{base_id}/{step}", lambda: self._store.reuse.earlier(base_id, step)).get(key)
 
-    def _before(self, job_id: str, step: int, request: JobRequest, name: str) -> _Before:
-        key = (job_id, step)
+    def _before(self, key: tuple[str, int, str], request: JobRequest, name: str) -> _Before:
+        """`key`: job, step, and versions, with which the results change if the job is planned again."""
         if key not in self._known:
-            self._known[key] = self._read(job_id, step, request, name)
+            self._known[key] = self._read(*key[:2], request, name)
         self._known.move_to_end(key)
         while len(self._known) > _REMEMBERED:
             self._known.popitem(last=False)

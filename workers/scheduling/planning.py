@@ -8,10 +8,13 @@ from dataclasses import replace
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, PlanContext, Task, TaskResult, VideoInfo, resources_per_pixel
 from pipeline.methods.plan_check import check_plan
+from workers.jobs.plan_versions import StepVersion
 from workers.jobs.state_machine import ASSEMBLE
 from workers.model import JobRequest, Json
 
 _ASSEMBLE_TITLE = "Join frames and sound"
+_ASSEMBLE_VERSION = 1
+"""See `pipeline.methods.base.Step.version`."""
 _ASSEMBLE_WEIGHT = 0.05
 """Weight of a frame: see `pipeline.methods.base.Task.weight`."""
 _ASSEMBLE_BYTES = 100.0
@@ -21,6 +24,18 @@ _ASSEMBLE_BYTES = 100.0
 def steps_of(chosen: Method, params: Params) -> tuple[tuple[str, str], ...]:
     """(name, title) of a job's steps: the method's, then the platform's own."""
     return (*((step.name, step.title) for step in chosen.steps_of(params)), (ASSEMBLE, _ASSEMBLE_TITLE))
+
+
+def step_versions(chosen: Method, params: Params | None) -> tuple[StepVersion, ...]:
+    """Versions of `steps_of`. `params`: None if the stored ones are those of another version."""
+    steps = chosen.steps if params is None else chosen.steps_of(params)
+    own = (StepVersion(step.name, step.version, step.reads) for step in steps)
+    return (*own, StepVersion(ASSEMBLE, _ASSEMBLE_VERSION))
+
+
+def versions_of(chosen: Method, params: Params) -> list[tuple[str, int]]:
+    """The same as they are stored."""
+    return [(step.name, step.version) for step in step_versions(chosen, params)]
 
 
 def expected_weights(chosen: Method, params: Params, info: Json) -> tuple[float, ...]:

@@ -29,7 +29,7 @@ from workers.model import (
     JobRequest,
     OutputSpec,
 )
-from workers.scheduling.planning import expected_weights, steps_of
+from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
 
 FITS: Mapping[InputKind, tuple[str, ...]] = {
@@ -72,7 +72,8 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
         raise together(faults)
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames, request.source)
     weights = expected_weights(chosen, params, info)
-    return Accepted(request, params.model_dump(mode="json"), steps_of(chosen, params), weights)
+    steps, versions = steps_of(chosen, params), versions_of(chosen, params)
+    return Accepted(request, params.model_dump(mode="json"), steps, weights, versions)
 
 
 @contextmanager

@@ -10,11 +10,14 @@ from workers.faults import fault_from
 from workers.jobs.frame_window import window_inputs
 from workers.process.log_context import log_extra
 from workers.scheduling.planning import plan_step
+from workers.scheduling.versions import VersionKeeper, is_readable
 from workers.store import StepToPlan, Store
 
 log = logging.getLogger(__name__)
 
 _PLANS_AT_ONCE = 4
+VERSION_WAIT_S = 5.0
+"""Time for which a job is skipped that waits for another version of the program, seconds."""
 SKIP_S = 60.0
 """Time for which a job is skipped after its state could not be written, seconds."""
 
@@ -24,6 +27,7 @@ class StepPlanner:
 
     def __init__(self, store: Store) -> None:
         self._store = store
+        self._versions = VersionKeeper(store)
         self.skipped: dict[str, float] = {}
         """Job id -> monotonic time until which the job is skipped, because its state could not be written."""
 
@@ -36,9 +40,22 @@ class StepPlanner:
             self.plan_one(todo)
         return bool(due)
 
-    def skip(self, job_id: str) -> None:
-        """Skip the job for `SKIP_S` seconds."""
-        self.skipped[job_id] = time.monotonic() + SKIP_S
+    def skip(self, job_id: str, seconds: float = SKIP_S) -> None:
+        """Skip the job for a while."""
+        self.skipped[job_id] = time.monotonic() + seconds
+
+    def take_over(self, job_id: str) -> None:
+        """Continue a job that another version has planned, or let it be planned again. If it must wait, or an error
+        prevents that, it is skipped for a while."""
+        try:
+            found = self._store.plans.find(job_id)
+            if found is None or not self._versions.take_over(found):
+                self.skip(job_id, VERSION_WAIT_S)
+        except StorageError:
+            raise
+        except Exception:
+            log.exception("a job of another version cannot be taken over", extra=log_extra(job=job_id))
+            self.skip(job_id)
 
     def plan_one(self, todo: StepToPlan) -> None:
         """Plan a step and store its tasks. An error fails this job only; if that cannot be recorded, the job is skipped
@@ -61,6 +78,9 @@ class StepPlanner:
             self.skip(todo.job_id)
 
     def _plan_and_store(self, todo: StepToPlan) -> None:
+        if not is_readable(vars(todo)):
+            self.take_over(todo.job_id)
+            return
         plans, inputs, request = self._store.plans, self._store.task_inputs, todo.request
         results, _ = inputs.before(todo.job_id, todo.step)
         info = window_inputs(inputs.input_info(request.inputs), request.frames, request.source)

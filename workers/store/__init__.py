@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from workers.store.accepted import Accepted
 from workers.store.assets import Assets
 from workers.store.base import Clock
 from workers.store.claims import Claim, ClaimFailed
@@ -10,7 +11,7 @@ from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
 from workers.store.events import Events
 from workers.store.job_transaction import StorePolicy
-from workers.store.jobs import Accepted, Jobs
+from workers.store.jobs import Jobs
 from workers.store.keys import Keys
 from workers.store.plans import Plans, StepToPlan
 from workers.store.projects import StoredProjects

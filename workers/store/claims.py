@@ -40,6 +40,16 @@ class Claim:
     """The row of its job."""
 
 
+class OtherVersion(ImpastoError):
+    """The next job has been planned by another version of the program. Tasks of other jobs may be claimed."""
+
+    code = "other-version"
+
+    def __init__(self, job_id: str) -> None:
+        super().__init__(f"The job {job_id} was planned by another version.", field="job", value=job_id)
+        self.job_id = job_id
+
+
 class ClaimFailed(ImpastoError):
     """An unexpected error (its cause) occurred when a task of the job `job_id` was claimed. Tasks of other jobs may be
     claimed."""

@@ -19,8 +19,10 @@ from workers.jobs.job_warnings import merged_warnings
 from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.model import JobWarning, Json, RunState, TaskState
 from workers.store import schema, shares, task_states
+from workers.store.accepted import Accepted, step_rows
 from workers.store.records import TaskRow, Values, counts_of, fault_to_json
 from workers.store.tallies import Changes
+from workers.version import version
 
 _PRUNE_EVERY = 100
 RUNNING = "running"
@@ -102,6 +104,22 @@ class JobTransaction:
         for effect in effects:
             self._apply(effect, task)
         return after
+
+    def replan(self, step: int, accepted: Accepted) -> bool:
+        """Go back to `step`: see `Plans.replan`. False if the job has ended, or tasks of it run."""
+        snapshot = self._job_snapshot()
+        if snapshot.run.final or snapshot.counts.running:
+            return False
+        versions = [list(pair) for pair in accepted.versions]
+        self._set(params=accepted.params, versions=versions, planned_by=version())
+        if step <= self.row["step"]:
+            self.apply(machine.Replanned(step, len(accepted.steps)))
+        if step < len(accepted.steps):
+            self._set(step_count=len(accepted.steps))
+            for table in (schema.tasks, schema.steps):  # attempts and edges go with their tasks
+                self.connection.execute(delete(table).where(table.c.job_id == self.job_id, table.c.step >= step))
+            self.connection.execute(insert(schema.steps), step_rows(self.job_id, accepted)[step:])
+        return True
 
     def prioritise(self, priority: int) -> None:
         """Change the priority, also in the request that is shown."""

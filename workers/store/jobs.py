@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from sqlalchemy import ColumnElement, Connection, Table, bindparam, func, insert, or_, select, text
 from sqlalchemy.exc import IntegrityError
@@ -13,14 +13,16 @@ from pipeline.errors import BadParameter
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import MAX_PRIORITY, Job, JobRequest, Json, Page, RunState, Submitted, TaskState
+from workers.model import MAX_PRIORITY, Job, JobRequest, Page, RunState, Submitted, TaskState
 from workers.store import schema, task_states
+from workers.store.accepted import Accepted, step_rows
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
 from workers.store.job_transaction import JobTransaction
 from workers.store.job_views import job_views
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
 from workers.store.tallies import Changes
+from workers.version import version
 
 ACTIVE_JOBS = (
     select(func.count())
@@ -29,19 +31,6 @@ ACTIVE_JOBS = (
 )
 """Unfinished jobs of an owner."""
 _JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """A checked request, completed with data for the store."""
-
-    request: JobRequest
-    params: Json
-    """The parameters with every default filled in, so that a job means the same after an upgrade."""
-    steps: tuple[tuple[str, str], ...]
-    """(name, title) of the method's steps and the platform's own."""
-    weights: tuple[float, ...] = ()
-    """Expected weight of each step; empty: all equal."""
 
 
 class Jobs(StorePart):
@@ -266,11 +255,13 @@ class Jobs(StorePart):
             "idempotency_key": key or None,
             "digest": digest,
             "base_id": base_id,
+            "versions": list(accepted.versions),
+            "planned_by": version(),
             "created_at": now,
             "updated_at": now,
         }
         connection.execute(insert(schema.jobs).values(row))
-        _insert_all(connection, schema.steps, _step_rows(job_id, accepted))
+        _insert_all(connection, schema.steps, step_rows(job_id, accepted))
         _insert_all(connection, schema.job_inputs, _pairs(job_id, request.inputs, "asset_id"))
         _insert_all(connection, schema.job_labels, _pairs(job_id, request.labels, "value"))
         born = {"job_id": job_id, "seq": 1, "at": now, "type": "job.state", "data": {"state": "queued", "error": None}}
@@ -374,14 +365,6 @@ def _job_of_task(connection: Connection, task_id: str) -> str:
     if job_id is None:
         raise NotFound(f"There is no task {task_id}.", field="task", value=task_id)
     return str(job_id)
-
-
-def _step_rows(job_id: str, accepted: Accepted) -> list[Values]:
-    weights = accepted.weights or (1.0,) * len(accepted.steps)
-    return [
-        {"job_id": job_id, "step": i, "name": name, "title": title, "expected": weight}
-        for i, ((name, title), weight) in enumerate(zip(accepted.steps, weights, strict=True))
-    ]
 
 
 def _pairs(job_id: str, values: dict[str, str], column: str) -> list[Values]:

@@ -13,8 +13,9 @@ from sqlalchemy import Connection, and_, bindparam, func, insert, select, text, 
 from pipeline.methods.base import Task
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import Fault, JobRequest, Json, RunState, TaskState
+from workers.model import Fault, JobRequest, JobWarning, Json, RunState, TaskState
 from workers.store import fair_scheduler, schema
+from workers.store.accepted import Accepted
 from workers.store.base import StorePart
 from workers.store.job_transaction import JobTransaction
 from workers.store.records import Row, request_of
@@ -39,6 +40,12 @@ class StepToPlan:
     method: str
     params: Json
     stored_request: Json
+    versions: Sequence[tuple[str, int]] = ()
+    """(Name, version) of each step as the job was planned: see `workers.jobs.plan_versions`."""
+    planned: bool = False
+    """Whether it has tasks after all, which another version has planned."""
+    planned_by: str = ""
+    """Version of the program that has planned it; empty: one before versions."""
 
     @property
     def request(self) -> JobRequest:
@@ -83,6 +90,34 @@ class Plans(StorePart):
             job.add_event("step.planned", {"step": job.step_row(step)["name"], "tasks": len(rows)})
             return True
 
+    def find(self, job_id: str) -> StepToPlan | None:
+        """The current step of a job, which may be planned; None if there is no such job."""
+        with self._db.read() as connection:
+            row = connection.execute(select(schema.jobs).where(schema.jobs.c.id == job_id)).mappings().first()
+        return None if row is None else _step_to_plan(row)
+
+    def replan(self, seen: StepToPlan, step: int, accepted: Accepted, warning: JobWarning | None) -> bool:
+        """Go back to `step` of a job that another version has planned, with this program's parameters and steps; False
+        if the job has changed since it was `seen`, or tasks of it run.
+
+        Args:
+            step: first step that is planned again; the number of steps: none, only the versions are taken over.
+            warning: tells the job's user; None: nothing is lost.
+        """
+        with self._transaction_if_any(seen.job_id) as job:
+            if job is None or (job.row["versions"] or []) != seen.versions or not job.replan(step, accepted):
+                return False
+            if warning is not None:
+                job.add_event("job.replanned", {"step": accepted.steps[step][0], "message": warning.message})
+                job.add_warnings([warning])
+            return True
+
+    def tell_waiting(self, job_id: str, message: str) -> None:
+        """Add an event to a job that waits for another program."""
+        with self._transaction_if_any(job_id) as job:
+            if job is not None:
+                job.add_event("job.waits", {"message": message})
+
     def plan_failed(self, job_id: str, step: int, fault: Fault) -> bool:
         with self._unplanned(job_id, step) as job:
             if job is None:
@@ -106,7 +141,10 @@ def _oldest_of(connection: Connection, lane: tuple[int, str], most: int, skipped
 
 
 def _step_to_plan(row: Any) -> StepToPlan:
-    return StepToPlan(row["id"], row["step"], row["step_count"], row["method"], row["params"], row["request"])
+    return StepToPlan(
+        row["id"], row["step"], row["step_count"], row["method"], row["params"], row["request"], row["versions"] or [],
+        row["planned"], row["planned_by"],
+    )  # fmt: skip
 
 
 def _task_rows(job: JobTransaction, step: int, tasks: Sequence[Task]) -> list[dict[str, Any]]:

@@ -14,6 +14,9 @@
 A job of a project has `jobs.base_id`: the earlier job whose results it may use, or empty if there is none. Traces of
 tasks (their recorded reads) are kept for such jobs only.
 
+`jobs.versions` are the versions of its steps, null if a program before versions has planned it; `planned_by` is the
+version of the program. See `workers.jobs.plan_versions`.
+
 Counts of tasks by state are kept in `steps`, updated in the transaction that moves a task, so that neither claiming
 nor showing a job counts rows; `jobs.ready` repeats the current step's if the job may start tasks now, so that an index
 contains only the jobs from which a claim may choose. `tallies` counts jobs and tasks by state over all jobs, in several
@@ -139,6 +142,8 @@ jobs = Table(
     Column("error", JSON(none_as_null=True)),
     Column("warnings", JSON(none_as_null=True)),
     Column("base_id", String(40)),
+    Column("versions", JSON(none_as_null=True)),
+    Column("planned_by", String(40), nullable=False, default="", server_default=""),
     Column("last_seq", BigInteger, nullable=False),
     Column("idempotency_key", String(255)),
     Column("digest", String(64), nullable=False),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from workers.operations import DrainScope
 from workers.process.log_context import log_extra
 from workers.store import fair_scheduler, schema
 from workers.store.base import Clock, StorePart
-from workers.store.claims import Claim, ClaimFailed, claim_in
+from workers.store.claims import Claim, ClaimFailed, OtherVersion, claim_in
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
@@ -61,13 +61,18 @@ class TaskQueue(StorePart):
 
     # -- claiming
 
-    def claim(self, dispatcher: str, lease_s: float, skipped: Collection[str] = ()) -> Claim | None:
+    def claim(
+        self, dispatcher: str, lease_s: float, skipped: Collection[str] = (),
+        readable: Callable[[Row], bool] = lambda job: True,
+    ) -> Claim | None:  # fmt: skip
         """Claim the next task; None if no task may run now. See `fair_scheduler` for the order.
 
         Args:
             skipped: ids of jobs that are passed over.
+            readable: whether this program can continue the job, of which the row is given.
 
         Raises:
+            OtherVersion: the next job is not readable.
             ClaimFailed: an unexpected error prevented claiming a task of the next job.
         """
         for _ in range(_CLAIM_TRIES):
@@ -79,12 +84,14 @@ class TaskQueue(StorePart):
                     row = self._next_job(connection, lanes, skipped)
                     if row is None:
                         return None
+                    if not readable(row):
+                        raise OtherVersion(row["id"])
                     job = JobTransaction(connection, row, self._now(), self._policy)
                     claim = claim_in(job, dispatcher)
                     if claim is not None:
                         job.take_turn(min(lane.used_s for lane in lanes))
                     job.close()
-            except StorageError:
+            except (StorageError, OtherVersion):
                 raise
             except Exception as error:
                 if row is None:

@@ -18,6 +18,8 @@ from pipeline.methods.layers.plan import plan_composite, plan_stage, run_composi
 
 LAYERS = "layers"
 _VIDEO = InputSpec(VIDEO, "video", True, "Video", "The video of the shot.")
+_STAGE_VERSION = 1
+"""Of what a stage adds to the formats of its layers' steps."""
 _COMPOSITE: Step[AnyParams] = Step(COMPOSITE, "Lay the layers over each other", plan_composite, run_composite, 0.1)
 
 
@@ -59,7 +61,8 @@ def _layer_input(number: int, spec: InputSpec) -> InputSpec:
 def _stage(index: int, count: int, params: AnyParams) -> Step[AnyParams]:
     steps = [layer.chosen.steps[index] for layer in params.layers if index < len(layer.chosen.steps)]
     title = steps[0].title if len({step.title for step in steps}) == 1 else f"Paint the layers, stage {index + 1}"
-    return Step(stage(index), title, partial(plan_stage, index), run_stage, sum(step.weight for step in steps))
+    version = _STAGE_VERSION + sum(step.version for step in steps)
+    return Step(stage(index), title, partial(plan_stage, index), run_stage, sum(step.weight for step in steps), version)
 
 
 __all__ = ["LAYERS", "LayerParams", "Layers", "LayersParams"]
