@@ -272,7 +272,7 @@ def _told(error: Exception, path: str) -> ImpastoError:
     """What the client is told of an error in an answer that has begun."""
     if isinstance(error, NoBlob):
         return NotFound(
-            "The bytes of a file of this project are lost.", field="document", value=error.args[0] if error.args else "",
+            "The bytes of a file of this project are lost.", field="document", value=str(error),
             remedy="Upload the file again.",
         )  # fmt: skip
     return error if isinstance(error, ImpastoError) else surprise(path, error)
