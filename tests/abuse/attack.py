@@ -59,6 +59,8 @@ def in_process(
 
 async def _attack(made: Attack, place: tuple[str, int], seconds: float) -> Counter[int]:
     found: Counter[int] = Counter()
+    if not made.parallel:
+        await asyncio.sleep(seconds)
     calls, until = itertools.cycle(made.calls), time.monotonic() + seconds
     await asyncio.gather(*(_repeat(made, calls, place, until, found) for _ in range(made.parallel)))
     return found

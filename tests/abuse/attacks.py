@@ -19,6 +19,7 @@ from tests.abuse.target import Target, noise
 from tests.fuzz.service import document
 
 Json = dict[str, Any]
+CONTROL = "nothing"
 PARALLEL = 45
 ANY_VERSION = "If-Match: *\r\n"
 COPY: Json = {"op": "copy", "from": "/ui/a", "path": "/ui/a/-"}
@@ -139,9 +140,7 @@ def _zips() -> Iterator[bytes]:
         with zipfile.ZipFile(stream, "w", method) as archive:
             archive.writestr("project.json", large)
         yield stream.getvalue().replace(struct.pack("<L", len(large)), struct.pack("<L", 1 << 20))
-    entry = (
-        struct.pack("<4s4B4HL2L5H2L", b"PK\x01\x02", 20, 3, 20, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0) + b"a"
-    )
+    entry = struct.pack("<4s4B4H3L5H2L", b"PK\x01\x02", 20, 3, 20, *[0] * 8, 1, *[0] * 6) + b"a"
     directory = entry * 300_000
     yield directory + struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, 65535, 65535, len(directory), 0, 0)
 
@@ -156,6 +155,7 @@ async def _offer() -> bytes:
 
 
 ATTACKS: dict[str, tuple[Callable[[Target], Iterable[Call]], int, float]] = {
+    CONTROL: (lambda made: iter(()), 0, 0),
     "most parallel: every route": (lambda made: _calls(made, list(_routes(made)), b"{}"), PARALLEL, 0),
     "largest: 30 MiB of text": (_bodies(lambda: _text(30 * MIB)), 8, 0),
     "largest: 1 MiB of text": (_bodies(lambda: _text(MIB - 64)), PARALLEL, 0),
@@ -178,5 +178,5 @@ ATTACKS: dict[str, tuple[Callable[[Target], Iterable[Call]], int, float]] = {
     "WebRTC: offers": (_whip, PARALLEL, 0),
     "multipart: many headers": (_forms, PARALLEL, 0),
 }
-"""Name -> requests, connections at once, pause between two bytes of a body in seconds. The last ones have once worked, or
-are described by no schema."""
+"""Name -> requests, connections at once, pause between two bytes of a body in seconds. The last ones have once worked,
+or are described by no schema."""

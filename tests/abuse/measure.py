@@ -72,6 +72,17 @@ def measured(made: Attack, target: Target, seconds: float) -> Found:
     return found
 
 
+def settled(target: Target) -> bool:
+    """Whether the service answers within 10 s, in a tenth of a second at last."""
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        with target.client(target.keys[1]) as http:
+            if _timed(lambda http=http: http.get("/healthz", timeout=5)) < 0.1:
+                return True
+        time.sleep(0.1)
+    return False
+
+
 def _probe(target: Target, path: str, times: list[float], over: threading.Event) -> None:
     with target.client(target.keys[1]) as http:
         http.timeout = httpx.Timeout(_PROBE_TIMEOUT_S)
