@@ -17,6 +17,8 @@ from tests.abuse.target import Target
 
 HEALTH_S, LISTING_S, RSS_MIB = 0.5, 1.0, 1024
 """What the others must get at the 99th percentile, seconds; and the memory of the service."""
+_ENDED_MIB = 3072
+"""A service that takes more is killed, before it takes the memory of the machine."""
 _PROBE_TIMEOUT_S, _PAUSE_S = 20.0, 0.05
 _OURS = {*range(200, 500), 501, 503, 507}
 """Statuses that an abuse may get."""
@@ -75,7 +77,7 @@ def measured(made: Attack, target: Target, seconds: float) -> Found:
 def settled(target: Target) -> bool:
     """Whether the service answers within 10 s, in a tenth of a second at last."""
     until = time.monotonic() + 10
-    while time.monotonic() < until:
+    while time.monotonic() < until and target.process.is_running():
         with target.client(target.keys[1]) as http:
             if _timed(lambda http=http: http.get("/healthz", timeout=5)) < 0.1:
                 return True
@@ -106,6 +108,8 @@ def _sample(process: psutil.Process, found: Found, over: threading.Event) -> Non
         try:
             found.rss_mib = max(found.rss_mib, process.memory_info().rss / 2**20)
             found.threads = max(found.threads, process.num_threads())
+            if found.rss_mib > _ENDED_MIB:
+                process.kill()
         except psutil.Error:
             return
         over.wait(_PAUSE_S)
