@@ -45,7 +45,7 @@ class JsonBodies:
     def __init__(self, app: ASGIApp, max_bytes: int, max_project_bytes: int, idle_s: float) -> None:
         self._app, self._max_bytes, self._idle_s = app, max_bytes, idle_s
         self._max_project_bytes = max_project_bytes
-        self._large, self._documents = OwnerSlots(), OwnerSlots()
+        self._large, self._documents, self._exports = OwnerSlots(), OwnerSlots(), OwnerSlots()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["path"].startswith(STREAMED):
@@ -53,8 +53,8 @@ class JsonBodies:
             return
         async with AsyncExitStack() as until_answered:
             try:
-                if _has_document(scope["path"]):
-                    await until_answered.enter_async_context(self._documents.one(_owner(scope)))
+                if (slots := self._slots(scope["path"])) is not None:
+                    await until_answered.enter_async_context(slots.one(_owner(scope)))
                 body = await self._read(scope, receive, until_answered)
             except ImpastoError as error:
                 await respond(error, scope["path"])(scope, receive, send)
@@ -67,6 +67,13 @@ class JsonBodies:
                 await send(message)
 
             await self._app(scope, _replay(body, receive), answer)
+
+    def _slots(self, path: str) -> OwnerSlots | None:
+        """The slots of a request about one project, or None. Exports are written for long, and have slots of their
+        own."""
+        if not path.startswith(f"{PROJECTS}/") or path.startswith(STREAMED):
+            return None
+        return self._exports if path.endswith("/export") else self._documents
 
     async def _read(self, scope: Scope, receive: Receive, until_answered: AsyncExitStack) -> bytes:
         project = scope["path"].startswith(PROJECTS)
@@ -117,11 +124,6 @@ class OwnerSlots:
                     "Too many large requests are being answered.", field="body", remedy="Send fewer at once."
                 ) from None
             yield
-
-
-def _has_document(path: str) -> bool:
-    """Whether a request is about one project. Exports read for long, and have threads of their own."""
-    return path.startswith(f"{PROJECTS}/") and not path.endswith("/export") and not path.startswith(STREAMED)
 
 
 def _owner(scope: Scope) -> str:
