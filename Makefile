@@ -3,6 +3,7 @@ PYTHON ?= python3
 TEST_JOBS ?= 4
 MINUTES ?= 5
 SEED ?= 0
+SECONDS ?= 10
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
@@ -12,7 +13,7 @@ RUN_STAMP := $(VENV)/.installed-to-run
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench chaos fuzz soak docs gallery clean help
+.PHONY: install web demo test check audit bench chaos fuzz soak abuse docs gallery clean help
 
 help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -65,6 +66,9 @@ soak: install ## measure the growth of resources of a service under mixed load: 
 
 fuzz: install ## send malformed media, requests, uploads and live messages for some minutes: make fuzz MINUTES=10 SEED=1
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)
+
+abuse: install ## send what one key can send to every route, and measure what the others get: make abuse SECONDS=10
+	$(BIN)/python -m tests.abuse --seconds $(SECONDS)
 
 docs: install ## build the documentation as a searchable site in build/site
 	$(BIN)/python -m docs.site build/site

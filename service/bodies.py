@@ -16,13 +16,15 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pipeline.errors import ImpastoError
 from service.errors import BodyTooLarge, Busy, RequestTimeout, UnsupportedMediaType, respond
-from workers.strict_json import MAX_VALUES, strict_json
+from workers.strict_json import MAX_VALUES, BadJson, strict_json
 
 MIN_BYTES_PER_S = 1024
 """Minimum rate of a body; slower ones are aborted, because each occupies a connection."""
 LARGE_BYTES = 64 * 1024
 """A larger body needs a slot until the answer begins: parsed, it may take fifty times its size."""
 LARGE_AT_ONCE = 4
+MOST_MEMBERS = 1000
+"""Members of a body, not of objects in it. Each unknown one is a fault, which costs a thousand times its bytes."""
 LARGE_WAIT_S = 10.0
 STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import", "/v1/live/whip", "/v1/live/whep")
 """Paths whose routes read the body themselves."""
@@ -42,7 +44,8 @@ class JsonBodies:
 
     def __init__(self, app: ASGIApp, max_bytes: int, max_project_bytes: int, idle_s: float) -> None:
         self._app, self._max_bytes, self._idle_s = app, max_bytes, idle_s
-        self._max_project_bytes, self._large = max_project_bytes, LargeBodies()
+        self._max_project_bytes = max_project_bytes
+        self._large, self._documents, self._exports = OwnerSlots(), OwnerSlots(), OwnerSlots()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["path"].startswith(STREAMED):
@@ -50,6 +53,8 @@ class JsonBodies:
             return
         async with AsyncExitStack() as until_answered:
             try:
+                if (slots := self._slots(scope["path"])) is not None:
+                    await until_answered.enter_async_context(slots.one(_owner(scope)))
                 body = await self._read(scope, receive, until_answered)
             except ImpastoError as error:
                 await respond(error, scope["path"])(scope, receive, send)
@@ -62,6 +67,13 @@ class JsonBodies:
                 await send(message)
 
             await self._app(scope, _replay(body, receive), answer)
+
+    def _slots(self, path: str) -> OwnerSlots | None:
+        """The slots of a request about one project, or None. Exports are written for long, and have slots of their
+        own."""
+        if not path.startswith(f"{PROJECTS}/") or path.startswith(STREAMED):
+            return None
+        return self._exports if path.endswith("/export") else self._documents
 
     async def _read(self, scope: Scope, receive: Receive, until_answered: AsyncExitStack) -> bytes:
         project = scope["path"].startswith(PROJECTS)
@@ -81,14 +93,18 @@ class JsonBodies:
         return body
 
     async def _check(self, body: bytes, max_values: int) -> None:
-        if len(body) > LARGE_BYTES:
-            await run_in_threadpool(strict_json, body, max_values)
-        else:
-            strict_json(body, max_values)
+        large = len(body) > LARGE_BYTES
+        parsed = await run_in_threadpool(strict_json, body, max_values) if large else strict_json(body, max_values)
+        if isinstance(parsed, dict) and len(parsed) > MOST_MEMBERS:
+            raise BadJson(
+                f"The body has more than {MOST_MEMBERS} members.", field="body", value=len(parsed),
+                remedy="See /docs for the fields.",
+            )  # fmt: skip
 
 
-class LargeBodies:
-    """Slots of requests whose bodies are larger than `LARGE_BYTES`. A body that waits for a slot is not read on."""
+class OwnerSlots:
+    """Slots of requests that take much memory and time: with bodies above `LARGE_BYTES`, or about a document. The body
+    of one that waits for a slot is not read on, and it has no thread."""
 
     def __init__(self) -> None:
         self._slots = asyncio.Semaphore(LARGE_AT_ONCE)
@@ -105,7 +121,7 @@ class LargeBodies:
                     await held.enter_async_context(self._slots)
             except TimeoutError:
                 raise Busy(
-                    "Too many large bodies are being read.", field="body", remedy="Send fewer at once, or try again."
+                    "Too many large requests are being answered.", field="body", remedy="Send fewer at once."
                 ) from None
             yield
 

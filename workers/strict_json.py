@@ -21,7 +21,7 @@ MAX_DEPTH = 64
 """Maximum depth of lists and objects."""
 MAX_VALUES = 250_000
 """Maximum number of values and member names in one text, or one document."""
-_STRINGS = re.compile(rb'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
+_STRINGS = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _STEP = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}
 _ESCAPED = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])")

@@ -274,7 +274,7 @@ def _told(error: Exception, path: str) -> ImpastoError:
         return NotFound(
             "The bytes of a file of this project are lost.",
             field="document",
-            value=error.args[0] if error.args else "",
+            value=str(error),
             remedy="Upload the file again.",
         )
     return error if isinstance(error, ImpastoError) else internal_error(path, error)

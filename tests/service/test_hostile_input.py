@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import ipaddress
 import json
@@ -23,7 +24,8 @@ from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
 from pipeline.video.stills import decode_rgb, encode_png
 from service.access.gate import KEY_PROTOCOL, _bearer, _offered
-from service.errors import RangeNotSatisfiable
+from service.bodies import OwnerSlots
+from service.errors import Busy, RangeNotSatisfiable
 from service.serving import disposition, wanted
 from service.uploads.headers import Checksum, filename, whole_number
 from service.webhooks.targets import check_target, is_public
@@ -138,6 +140,34 @@ def _numbers(value: object) -> list[float]:
 def test_deeply_nested_json_is_refused(depth: int) -> None:
     with pytest.raises(ImpastoError, match="nests deeper than 64"):
         strict_json(b"[" * depth + b"]" * depth)
+
+
+@pytest.mark.parametrize("body", [b"[" + b"[]," * 200_000 + b"[]]", b'{"a":' + b"[{}" + b",{}" * 300_000 + b"]}"])
+def test_json_has_a_bounded_number_of_values(body: bytes) -> None:
+    with pytest.raises(ImpastoError, match="more than 250000 values"):
+        strict_json(body)
+    assert strict_json(b'"' + b"[]," * 200_000 + b'"'), "text may contain anything"
+
+
+def test_large_requests_of_an_owner_take_turns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.bodies.LARGE_WAIT_S", 0.05)
+
+    async def run() -> None:
+        slots = OwnerSlots()
+        async with slots.one("anna"), slots.one("anna"):
+            with pytest.raises(Busy):
+                async with slots.one("anna"):
+                    pass
+            async with slots.one("ben"), slots.one("ben"):
+                with pytest.raises(Busy):
+                    async with slots.one("cleo"):
+                        pass
+            async with slots.one("cleo"):
+                pass
+        async with slots.one("anna"):
+            pass
+
+    asyncio.run(run())
 
 
 @CHEAP

@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 from workers.projects.document import Document, Drawing, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, refuse_if_any
 
+_MOST_FAULTS = 1000
 _DRAWINGS = ("region_maps", "scribbles", "labels", "importance")
 
 
@@ -18,12 +19,12 @@ def parse_document(value: object) -> Document:
 
     Raises:
         BadProject: unknown members, wrong types, numbers out of range, repeated ids, names of assets that are not in
-        `assets`. It contains all faults.
+        `assets`. It contains all faults, at most 1,000 of the structure.
     """
     try:
         document = Document.model_validate(value)
     except ValidationError as error:
-        raise BadProject([_fault(found) for found in error.errors(include_url=False)]) from None
+        raise BadProject([_fault(found) for found in error.errors(include_url=False)[:_MOST_FAULTS]]) from None
     refuse_if_any(_faults(document))
     return document
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, cast
 
 from fastapi import Query, Request, Response
+from starlette.concurrency import run_in_threadpool
 
 from pipeline.errors import BadParameter
 from service.access.depends import Context, Reader, ServiceContext, Submitter
@@ -34,7 +36,7 @@ async def publish(
     seed: Annotated[int, Query(ge=0, le=MAX_SEED)] = 0,
 ) -> Response:  # fmt: skip
     """Open a session whose frames come over WebRTC."""
-    peers = _peers(request)
+    peers = await _peers(request)
     from service.live.webrtc.publisher import Painting, Publisher
 
     offer, sessions = await _offer(request, context), _sessions(request)
@@ -57,7 +59,7 @@ async def publish(
 @router.post("/v1/live/whep")
 async def watch(request: Request, context: Context, caller: Reader, session: str | None = None) -> Response:
     """Send the painting of a session over WebRTC."""
-    peers = _peers(request)
+    peers = await _peers(request)
     from service.live.webrtc.playback import play
 
     offer, sessions = await _offer(request, context), _sessions(request)
@@ -75,16 +77,17 @@ async def watch(request: Request, context: Context, caller: Reader, session: str
 @router.delete("/v1/live/peers/{peer_id}")
 async def leave(request: Request, caller: Reader, peer_id: str) -> Response:
     """End a WebRTC connection of the caller."""
-    peer = _peers(request).find(peer_id, caller)
+    peer = (await _peers(request)).find(peer_id, caller)
     if peer is None:
         raise NotFound("There is no such connection.", field="peer", value=peer_id, remedy="It may have ended.")
     await peer.close()
     return Response(status_code=200)
 
 
-def _peers(request: Request) -> Peers:
+async def _peers(request: Request) -> Peers:
     """This process's WebRTC connections. Raises NotInstalled."""
     try:
+        await run_in_threadpool(import_module, "service.live.webrtc.peers")  # takes a second, in which others wait
         from service.live.webrtc.peers import Peers
         from service.live.webrtc.receiving import install
     except ModuleNotFoundError as missing:
