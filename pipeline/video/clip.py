@@ -42,7 +42,7 @@ class Clip:
         check_size(first.width, first.height, limits)
         self.pixel_format = first.format.name
         assert self._pass is not None
-        self.geometry: Geometry = geometry_of(first, self._pass.aspect)
+        self.geometry: Geometry = geometry_of(first, self._pass.aspect, self._pass.crop)
 
     def _first(self) -> av.VideoFrame:
         """The first picture; frames before it that have none are removed from the index."""
