@@ -66,6 +66,9 @@ soak: install ## measure the growth of resources of a service under mixed load: 
 fuzz: install ## send malformed media, requests, uploads and live messages for some minutes: make fuzz MINUTES=10 SEED=1
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)
 
+conformance: install ## compare what Impasto reads with FFmpeg, Pillow and OpenEXR: make conformance MEDIA=FOLDER [TABLE=FILE]
+	$(BIN)/python -m tests.conformance $(MEDIA) $(if $(TABLE),--table $(TABLE))
+
 docs: install ## build the documentation as a searchable site in build/site
 	$(BIN)/python -m docs.site build/site
 
