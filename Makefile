@@ -12,7 +12,7 @@ RUN_STAMP := $(VENV)/.installed-to-run
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench chaos fuzz soak docs gallery clean help
+.PHONY: install web demo test check audit bench chaos conformance fuzz soak docs gallery clean help
 
 help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'

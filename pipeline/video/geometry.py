@@ -61,6 +61,11 @@ class Geometry:
         """(width, height) of frames, px."""
         return self.scaled[::-1] if self.transpose else self.scaled
 
+    def shown_of(self, stored: tuple[int, int]) -> tuple[int, int]:
+        """The part of a stored picture of this size that is shown, (width, height) px."""
+        left, top, right, bottom = self.crop or (0, 0, 0, 0)
+        return stored[0] - left - right, stored[1] - top - bottom
+
     @property
     def rotation_deg(self) -> int:
         """Clockwise rotation for display; for mirrored pictures, the rotation before mirroring left to right."""
