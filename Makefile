@@ -13,7 +13,7 @@ RUN_STAMP := $(VENV)/.installed-to-run
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench chaos fuzz soak abuse docs gallery clean help
+.PHONY: install web demo test check audit bench chaos conformance fuzz soak abuse docs gallery clean help
 
 help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -69,6 +69,9 @@ fuzz: install ## send malformed media, requests, uploads and live messages for s
 
 abuse: install ## send what one key can send to every route, and measure what the others get: make abuse SECONDS=10
 	$(BIN)/python -m tests.abuse --seconds $(SECONDS)
+
+conformance: install ## compare what Impasto reads with FFmpeg, Pillow and OpenEXR: make conformance MEDIA=FOLDER [TABLE=FILE]
+	$(BIN)/python -m tests.conformance $(MEDIA) $(if $(TABLE),--table $(TABLE))
 
 docs: install ## build the documentation as a searchable site in build/site
 	$(BIN)/python -m docs.site build/site

@@ -41,8 +41,9 @@ class Clip:
         first = self._first()
         check_size(first.width, first.height, limits)
         self.pixel_format = first.format.name
+        self._stored_size = first.width, first.height
         assert self._pass is not None
-        self.geometry: Geometry = geometry_of(first, self._pass.aspect)
+        self.geometry: Geometry = geometry_of(first, self._pass.aspect, self._pass.crop)
 
     def _first(self) -> av.VideoFrame:
         """The first picture; frames before it that have none are removed from the index."""
@@ -62,9 +63,13 @@ class Clip:
     @property
     def notes(self) -> tuple[Note, ...]:
         """What was chosen, corrected or assumed."""
-        if not self._interlaced or self._options.fields != "auto":
-            return self.index.notes
-        return (*self.index.notes, Note("deinterlaced", "The video is interlaced: its fields were made into frames."))
+        found = [*self.index.notes]
+        if self._interlaced and self._options.fields == "auto":
+            found.append(Note("deinterlaced", "The video is interlaced: its fields were made into frames."))
+        if self._stored_size != self.geometry.shown_of(self._stored_size):
+            shown, whole = (f"{w}x{h}" for w, h in (self.geometry.shown_of(self._stored_size), self._stored_size))
+            found.append(Note("cropped", f"The container crops the pictures: {shown} of {whole} px are shown."))
+        return tuple(found)
 
     def _forget(self) -> None:
         self._pass: Pass | None = None

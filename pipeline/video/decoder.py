@@ -14,6 +14,7 @@ from av.packet import Packet
 from av.video.frame import PictureType
 from av.video.stream import VideoStream
 
+from pipeline.video.aperture import crop_of
 from pipeline.video.container import decoder_of, open_container, video_stream
 from pipeline.video.fields import Numbered, deinterlaced
 from pipeline.video.index import Index
@@ -47,6 +48,8 @@ class Pass:
         self._container = open_container(path, limits)
         # Error concealment may depend on the number of decoder threads; the output of undamaged files does not.
         self._stream = video_stream(self._container, options.picture)
+        self.crop = crop_of(path, self._container, self._stream)
+        """What the container leaves out of each picture."""
         self._decoder = decoder_of(self._stream, limits, threads=0 if errors is None else 1)
         self.failed: set[int] = set()
         """Frames whose packets could not be decoded."""

@@ -21,6 +21,7 @@ from av.video.reformatter import ColorRange, Colorspace, Interpolation
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
+from pipeline.video.aperture import Crop
 from pipeline.video.stills import over_white
 
 _HD_LINES = 720
@@ -46,17 +47,24 @@ def customary_matrix(height: int) -> Colorspace:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Transform from stored pictures to frames: scale to `scaled` (width, height) px, then transpose, then flip."""
+    """Transform from stored pictures to frames: crop, scale to `scaled` (width, height) px, transpose, then flip."""
 
     scaled: tuple[int, int]
     transpose: bool = False
     flip_x: bool = False
     flip_y: bool = False
+    crop: Crop | None = None
+    """Pixels that are not shown; None: all are."""
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) of frames, px."""
         return self.scaled[::-1] if self.transpose else self.scaled
+
+    def shown_of(self, stored: tuple[int, int]) -> tuple[int, int]:
+        """The part of a stored picture of this size that is shown, (width, height) px."""
+        left, top, right, bottom = self.crop or (0, 0, 0, 0)
+        return stored[0] - left - right, stored[1] - top - bottom
 
     @property
     def rotation_deg(self) -> int:
@@ -66,13 +74,14 @@ class Geometry:
         return 180 if self.flip_y else 0
 
 
-def geometry_of(picture: av.VideoFrame, aspect: Fraction | None) -> Geometry:
+def geometry_of(picture: av.VideoFrame, aspect: Fraction | None, crop: Crop | None = None) -> Geometry:
     """The geometry of a stream, from its first picture and its sample aspect ratio (None or 0 = square pixels)."""
     a, b, c, d = _display_matrix(picture)
-    scaled = _square(picture.width, picture.height, aspect)
+    left, top, right, bottom = crop or (0, 0, 0, 0)
+    scaled = _square(picture.width - left - right, picture.height - top - bottom, aspect)
     if abs(a) + abs(d) >= abs(b) + abs(c):
-        return Geometry(scaled, False, a < 0, d < 0)
-    return Geometry(scaled, True, c < 0, b < 0)
+        return Geometry(scaled, False, a < 0, d < 0, crop)
+    return Geometry(scaled, True, c < 0, b < 0, crop)
 
 
 def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
@@ -98,8 +107,9 @@ def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]
 
 def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
     """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
-    width, height = geometry.scaled
-    same = (picture.width, picture.height) == geometry.scaled
+    whole = (picture.width, picture.height)
+    width, height = whole if geometry.crop else geometry.scaled
+    same = whole == (width, height)
     made = picture.reformat(
         width=width,
         height=height,
@@ -111,7 +121,17 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
         threads=1,
     )
     pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
-    return _oriented(over_white(pixels) if pixels.shape[2] == 4 else pixels, geometry)
+    shown = over_white(pixels) if pixels.shape[2] == 4 else pixels
+    return _oriented(_cropped(shown, geometry) if geometry.crop else shown, geometry)
+
+
+def _cropped(pixels: Frame, geometry: Geometry) -> Frame:
+    """The shown part of a picture, scaled to square pixels."""
+    left, top, right, bottom = geometry.crop or (0, 0, 0, 0)
+    shown = pixels[top : pixels.shape[0] - bottom, left : pixels.shape[1] - right]
+    if (shown.shape[1], shown.shape[0]) == geometry.scaled:
+        return shown
+    return np.asarray(cv2.resize(shown, geometry.scaled, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 def _exactness(picture: av.VideoFrame) -> int:

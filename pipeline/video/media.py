@@ -36,7 +36,7 @@ class Note(NamedTuple):
     """A fact about a file that its user should know: what was chosen, corrected, assumed or left out."""
 
     code: str
-    """"stream-choice", "corrected-times", "left-out", "assumed", "deinterlaced" or "sound"."""
+    """"stream-choice", "corrected-times", "left-out", "assumed", "deinterlaced", "cropped" or "sound"."""
     message: str
     """One sentence."""
 

@@ -82,7 +82,7 @@ def test_the_pixel_aspect_ratio_is_applied() -> None:
         (b"YUV4MPEG2 W64 H4x F25:1\n", "width and height"),
         (b"YUV4MPEG2 W64 H48 F0:0\n", "rate"),
         (b"YUV4MPEG2 W64 H48 F25:1 C411\n", "C411"),
-        (b"YUV4MPEG2 W64 H48 F25:1 It\n", "interlaced"),
+        (b"YUV4MPEG2 W64 H48 F25:1 Im\n", "order of the fields"),
         (b"YUV4MPEG2 " + b"X" * 2000 + b"\n", "too long"),
         (b"YUV4MPEG2 W64 H48 F25:1\nFRAME\n" + bytes(100), "within frame 0"),
         (b"YUV4MPEG2 W64 H48 F25:1\nFROG\n", "begin with FRAME"),

@@ -31,6 +31,7 @@ def test_a_job_document_has_the_fields_of_the_dataclass_and_links(
         "webhook": "",
         "frames": None,
         "on_damage": "warn",
+        "source": {"picture": None, "sound": None, "fields": "auto"},
     }
     assert job["state"] == "queued"
     assert isinstance(job["created_at"], float)

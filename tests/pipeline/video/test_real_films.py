@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
@@ -314,6 +315,43 @@ def test_a_progressive_film_is_not_filtered(tmp_path: Path) -> None:
     path = film(tmp_path / "p.mp4")
     plain = read(path, SourceOptions(fields="progressive"))[0]
     assert all(np.array_equal(a, b) for a, b in zip(read(path)[0], plain, strict=True))
+
+
+# -- crops
+
+
+def cropped_mov(path: Path) -> Path:
+    """Clean aperture of 80 x 40 px, 4 px right of and 2 px above the middle."""
+    data = film(path, sound=None).read_bytes()
+    clap = struct.pack(">I4s8i", 40, b"clap", 80, 1, 40, 1, 4, 1, -2, 1)
+    boxes = [data.rindex(name) - 4 for name in (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"stsd", b"avc1")]
+    entry = boxes[-1]
+    end = entry + struct.unpack(">I", data[entry : entry + 4])[0]
+    made = bytearray(data[:end] + clap + data[end:])
+    for at in boxes:
+        made[at : at + 4] = struct.pack(">I", struct.unpack(">I", made[at : at + 4])[0] + len(clap))
+    path.write_bytes(made)
+    return path
+
+
+def cropped_mkv(path: Path) -> Path:
+    """The same, as PixelCrop: FFmpeg's muxer writes what its demuxer has read."""
+    with av.open(str(cropped_mov(path.with_suffix(".mov")))) as source, av.open(str(path), "w") as out:
+        stream = out.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.size:
+                packet.stream = stream
+                out.mux(packet)
+    assert b"\x54\xcc" in path.read_bytes()
+    return path
+
+
+@pytest.mark.parametrize("make", [cropped_mov, cropped_mkv])
+def test_the_container_crops(make: Callable[[Path], Path], tmp_path: Path) -> None:
+    whole = read(film(tmp_path / "whole.mov", sound=None))[0]
+    frames = read(make(tmp_path / ("c.mov" if make is cropped_mov else "c.mkv")))[0]
+    assert len(frames) == FRAMES
+    assert np.array_equal(frames[7], whole[7][10:50, 12:92])
 
 
 # -- streams

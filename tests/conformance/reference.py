@@ -1,0 +1,140 @@
+"""What FFmpeg (through PyAV), Pillow or OpenEXR find in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import OpenEXR
+from av.container import InputContainer
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from tests.conformance.facts import MOST_PICTURES, Colours, Facts, onset
+
+STILLS = frozenset({".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp", ".tif", ".tiff", ".avif", ".heic", ".apng"})
+_MOST_S = 30.0
+"""Sound after this time is not looked at."""
+
+
+def by_library(path: Path) -> Facts:
+    """Read a file with the library for its kind."""
+    try:
+        if path.suffix.lower() == ".exr":
+            return _exr(path)
+        return _still(path) if path.suffix.lower() in STILLS else _film(path)
+    except Exception as error:  # whatever a library raises for a file that it cannot read
+        return Facts(refused=f"{type(error).__name__}: {error}"[:200])
+
+
+def _exr(path: Path) -> Facts:
+    with OpenEXR.File(str(path), header_only=True) as file:
+        header = file.header()
+        (left, top), (right, bottom) = header["dataWindow"]
+        width, height = int(right - left + 1), int(bottom - top + 1)
+        aspect = float(header.get("pixelAspectRatio", 1.0))
+    return Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000)))
+
+
+def _still(path: Path) -> Facts:
+    found, colours = Facts(), Colours()
+    with Image.open(path) as image:
+        count = min(getattr(image, "n_frames", 1), MOST_PICTURES)
+        animated = getattr(image, "is_animated", False) and image.format in ("GIF", "PNG", "WEBP", "AVIF")
+        at = 0.0
+        for number in range(count if animated else 1):
+            image.seek(number)
+            shown = ImageOps.exif_transpose(image).convert("RGBA")
+            colours.add(np.asarray(shown))
+            found.times_s.append(at)
+            at += float(image.info.get("duration", 0)) / 1000
+            found.size = shown.size
+        found.pictures = len(found.times_s)
+    found.colours = colours.sampled()
+    return found
+
+
+def _film(path: Path) -> Facts:
+    found, colours = Facts(), Colours()
+    with av.open(str(path), metadata_errors="replace") as source:
+        stream: Any = source.streams.best("video")
+        if stream is None or stream.disposition & stream.disposition.attached_pic:
+            return Facts(refused="no video stream")
+        stream.thread_type = "AUTO"
+        first_s = None
+        for picture in islice(_decoded(source, stream, found), MOST_PICTURES):
+            time = picture.pts if picture.pts is not None else picture.dts
+            at = float(time * picture.time_base) if time is not None else None
+            first_s = at if first_s is None else first_s
+            found.times_s.append((at or 0.0) - (first_s or 0.0))
+            found.size = found.size if found.pictures else _displayed(picture, stream.sample_aspect_ratio)
+            found.damaged |= picture.is_corrupt
+            colours.add(_pixels(picture))
+            found.pictures += 1
+    found.colours = colours.sampled()
+    if not found.pictures:
+        return Facts(refused="no picture can be decoded")
+    found.onset_s = heard(path, first_s or 0.0)
+    return found
+
+
+def _decoded(source: InputContainer, stream: Any, found: Facts) -> Iterator[Any]:
+    """Pictures or sound; packets that cannot be decoded are left out, as FFmpeg's command does."""
+    packets = source.demux(stream)
+    while True:
+        try:
+            if (packet := next(packets, None)) is None:
+                return
+            yield from packet.decode()
+        except av.EOFError:
+            return
+        except (av.FFmpegError, ValueError) as error:
+            found.damaged = True
+            if not isinstance(error, av.InvalidDataError):
+                return
+
+
+def _pixels(picture: av.VideoFrame) -> NDArray[Any]:
+    alpha = any(component.is_alpha for component in picture.format.components) or picture.format.name == "pal8"
+    return picture.to_ndarray(format="rgba" if alpha else "rgb24")
+
+
+def _displayed(picture: av.VideoFrame, aspect: Fraction | None) -> tuple[int, int]:
+    width, height = _square(picture.width, picture.height, aspect)
+    turned = picture.rotation in (90, -90, 270)  # a matrix that is no rotation gives a very low number
+    return (height, width) if turned else (width, height)
+
+
+def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
+    if not aspect or abs(aspect - 1) < 0.005:
+        return width, height
+    return (2 * round(width * aspect / 2), height) if aspect > 1 else (width, 2 * round(height / aspect / 2))
+
+
+def heard(path: Path, first_s: float) -> float | None:
+    """The onset of a file's first sound track, seconds from `first_s`."""
+    pieces: list[tuple[float, NDArray[Any], int]] = []
+    with av.open(str(path), metadata_errors="replace") as source:
+        stream = next((s for s in source.streams.audio if s.codec_context is not None), None)
+        if stream is None:
+            return None
+        for piece in _decoded(source, stream, Facts()):
+            if piece.pts is None or piece.time_base is None:
+                continue
+            at = float(piece.pts * piece.time_base) - first_s
+            if at > _MOST_S:
+                break
+            pieces.append((at, _level(piece), piece.sample_rate))
+    return onset(pieces)
+
+
+def _level(piece: av.AudioFrame) -> NDArray[Any]:
+    values = piece.to_ndarray()
+    full = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1.0
+    level = np.abs(values.astype(np.float64) - (128 if values.dtype == np.uint8 else 0)) / full
+    return level.max(axis=0) if piece.format.is_planar else level.reshape(piece.samples, -1).max(axis=1)
