@@ -21,7 +21,8 @@ class Principal:
     """The key's id, which owns what the caller creates; "" without a key."""
     scopes: frozenset[str]
     quotas: dict[str, int] = field(default_factory=dict)
-    """The key's own limits, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
+    """The key's own limits, by name: "active_jobs", "asset_bytes", "live_sessions", "requests_per_minute",
+    "running_tasks"."""
 
     def may(self, scope: Scope) -> bool:
         return scope in self.scopes or Scope.ADMIN in self.scopes
@@ -36,6 +37,8 @@ class Principal:
         return None if Scope.ADMIN in self.scopes else self.owner
 
 
+LIVE_SESSIONS = "live_sessions"
+"""Quota of a key: maximum number of its live sessions."""
 EVERYONE = Principal("", frozenset(Scope))
 """A caller without a key, where none is required."""
 OPERATOR = Principal("admin", frozenset(Scope))

@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping
 from typing import Protocol
 
-from service.access.keys import Principal, Scope
+from service.access.keys import EVERYONE, LIVE_SESSIONS, Principal, Scope
 from service.live.closing import Ending
 from service.live.viewers import Viewers
 from service.ops.metrics import LiveMetrics
@@ -76,7 +76,8 @@ class Sessions:
         """
         known = self._sessions.get(session_id or "")
         if known is None or known.owner != principal.owner:
-            known = LiveSession(self.live.place(), principal.owner)
+            owner = None if principal is EVERYONE else principal.owner
+            known = LiveSession(self.live.place(owner, principal.quotas.get(LIVE_SESSIONS)), principal.owner)
             self._sessions[known.id] = known
         before, known.connection = known.connection, connection
         if known.expiry is not None:

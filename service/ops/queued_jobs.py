@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.errors import ImpastoError
+from service.access.admission import Cost, costs
 from service.access.depends import Admin, Context, ServiceContext
 from service.access.keys import Principal
 from service.jobs.lookup import find_job, max_reopened_jobs
@@ -69,6 +70,7 @@ def set_priority(job_id: JobId, body: PriorityIn, context: Context, caller: Admi
 
 
 @router.post("/actions")
+@costs(Cost.HEAVY)
 def act_on_jobs(body: JobsActionIn, context: Context, caller: Admin) -> JobsActionOut:
     """Cancel, pause, resume, retry or delete several jobs. If the action is refused for one job, it is still done for
     the others."""

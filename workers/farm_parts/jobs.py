@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
+import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 
 from pipeline.errors import StorageError
 from pipeline.methods import method
@@ -16,11 +18,18 @@ from workers.jobs import state_machine as machine
 from workers.model import Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.previews.service import PreviewService
 from workers.process.log_context import log_extra
+from workers.projects import estimates
+from workers.projects.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from, measured, summed
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
 from workers.store import Store
+from workers.store.queue_position import MethodAhead
 
 log = logging.getLogger(__name__)
+
+SAMPLES_S = 30.0
+"""Time for which the finished jobs on which estimates are based are kept in memory, seconds."""
+_SAMPLED_METHODS = 64
 
 
 class FarmJobs:
@@ -45,6 +54,7 @@ class FarmJobs:
         self._collector, self._wake = collector, wake
         self._images = images
         self._previews = previews
+        self._samples: LruCache[list[MeasuredJob]] = LruCache(_SAMPLED_METHODS)
 
     def submit(
         self,
@@ -93,9 +103,33 @@ class FarmJobs:
         """Raises NotFound."""
         return self._store.jobs.get(job_id)
 
-    def ahead(self, job_id: str) -> list[Job]:
-        """Jobs that are served before this one, see `workers.store.jobs.Jobs.ahead`. Raises NotFound."""
+    def ahead(self, job_id: str) -> list[MethodAhead]:
+        """Jobs that are served before this one, by method, see `workers.store.queue_position`. Raises NotFound."""
         return self._store.jobs.ahead(job_id)
+
+    def by_state(self) -> dict[str, int]:
+        """Number of jobs of all owners by state."""
+        return self._store.statistics.jobs_by_state()
+
+    def estimate(self, request: JobRequest) -> Estimate:
+        """The cost of a job, from the newest finished jobs of its methods, which are read at most every `SAMPLES_S`
+        seconds."""
+        parts = estimates.parts(request)
+        return summed([estimate_from(part, self._info(part), self._measured(part.method)) for part in parts])
+
+    def _info(self, request: JobRequest) -> Json | None:
+        try:
+            return self._store.assets.get(request.inputs["video"]).info
+        except (KeyError, NotFound):
+            return None
+
+    def _measured(self, method: str) -> list[MeasuredJob]:
+        def read() -> list[MeasuredJob]:
+            finished = self._store.jobs.page(state="succeeded", method=method, limit=SAMPLES).items
+            found = (measured(job, self._store.assets.get) for job in finished)
+            return [each for each in found if each is not None]
+
+        return self._samples.get((method, time.monotonic() // SAMPLES_S), read)
 
     def page(
         self,
@@ -164,15 +198,20 @@ class FarmJobs:
         """Block until the job has an event with seq > `after`; False on time-out."""
         return self._store.events.wait(job_id, after, timeout_s)
 
+    def listening(self, job_id: str, on_news: Callable[[], None]) -> AbstractContextManager[None]:
+        """Call `on_news`, in any thread, after each new event of the job, and its deletion, while the block runs."""
+        return self._store.events.listening(job_id, on_news)
+
     def preview(
         self, request: JobRequest, frame: int, max_side_px: int = 640, design: Json | None = None,
-        artefacts_of: str | None = None,
+        artefacts_of: str | None = None, owner: str = "",
     ) -> bytes:  # fmt: skip
         """One frame (scaled to fit) stylised with the request's parameters; PNG bytes.
 
         Args:
             design: a design document in place of the request's input of that name.
             artefacts_of: id of a finished job of the same method, whose artefacts the preview uses.
+            owner: who waits for it; see `PreviewService`.
         """
         assets = self._inputs(request)
         params = check_request(request, assets).params
@@ -183,7 +222,7 @@ class FarmJobs:
         )
         documents = {} if design is None else {"design": design}
         options = {"request": request, "assets": assets, "ask": PreviewAsk(frame, max_side_px, documents, artefacts)}
-        return self._images.get(wanted, lambda: self._previews.frame(assets["video"].id, max_side_px, options))
+        return self._images.get(wanted, lambda: self._previews.frame(assets["video"].id, max_side_px, options, owner))
 
     def _artefact_keys(self, job_id: str, chosen: str) -> dict[str, str]:
         """Blob keys of the artefacts that a job has made, by name."""

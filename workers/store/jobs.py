@@ -19,6 +19,7 @@ from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
 from workers.store.job_transaction import JobTransaction
 from workers.store.job_views import job_views
+from workers.store.queue_position import MethodAhead, ahead
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
 from workers.store.tallies import Changes
 
@@ -115,23 +116,13 @@ class Jobs(StorePart):
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
             return job_views(connection, found)[0]
 
-    def ahead(self, job_id: str, most: int = 1000) -> list[Job]:
-        """Queued and running jobs of higher priority, or of the same and submitted earlier, oldest first; at most
-        `most`. Jobs of several owners take turns, so that some of them may begin later. Raises NotFound."""
-        table = schema.jobs
+    def ahead(self, job_id: str) -> list[MethodAhead]:
+        """Jobs that are served before this one, by method, see `queue_position`. Raises NotFound."""
         with self._db.read() as connection:
             own = connection.execute(_JOB, {"id": job_id}).mappings().first()
             if own is None:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
-            earlier = (table.c.priority == own["priority"]) & (table.c.id < job_id)
-            query = (
-                select(table)
-                .where(text(schema.UNFINISHED_TEXT), table.c.state != RunState.PAUSED.value)
-                .where(earlier | (table.c.priority > own["priority"]))
-                .order_by(table.c.id)
-                .limit(most)
-            )
-            return job_views(connection, connection.execute(query).mappings().all())
+            return ahead(connection, own)
 
     def page(
         self,

@@ -28,6 +28,8 @@ export interface Progress {
 /** How many jobs are served before one, and what they need, seconds. */
 export interface Queue {
   jobs_ahead: number;
+  /** Whether there are more than `jobs_ahead`, which are not counted. */
+  more?: boolean;
   seconds: number | null;
 }
 
@@ -56,8 +58,8 @@ export function createProgress(): Progress {
 export function queueText(queue: Queue | null): string {
   if (!queue) return "Queued";
   if (!queue.jobs_ahead) return "Queued, next in line";
-  const jobs = `${queue.jobs_ahead} ${queue.jobs_ahead === 1 ? "job" : "jobs"} ahead`;
-  if (queue.seconds === null) return `Queued, ${jobs}`;
+  const jobs = `${queue.more ? "more than " : ""}${queue.jobs_ahead} ${queue.jobs_ahead === 1 ? "job" : "jobs"} ahead`;
+  if (queue.seconds === null || queue.more) return `Queued, ${jobs}`;
   const minutes = Math.round(queue.seconds / 60);
   return `Queued, ${jobs}, ${minutes < 1 ? "less than a minute" : `about ${duration(60 * minutes)}`}`;
 }
