@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from pipeline.video.media import Limits, MediaInfo
@@ -74,6 +74,10 @@ class FarmAssets:
     def page(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
         """`Asset` items, newest first."""
         return self._store.assets.page(owner, cursor, limit)
+
+    def owners(self, owners: Collection[str]) -> set[str]:
+        """Those of the owners who have an asset."""
+        return self._store.assets.owners(owners)
 
     def delete(self, asset_id: str, owner: str | None = None) -> None:
         """Delete the asset, or with `owner` only that owner's entry.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager
+from functools import cache
+from typing import Literal
 
 from pipeline.errors import StorageError
 from pipeline.methods import method
@@ -23,9 +25,13 @@ from workers.projects.estimates import SAMPLES, Estimate, MeasuredJob, estimate_
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
 from workers.store import Store
+from workers.store.bulk import Refused
 from workers.store.queue_position import MethodAhead
 
 log = logging.getLogger(__name__)
+
+Command = Literal["cancel", "pause", "resume", "delete"]
+"""Commands that may be given to several jobs at once."""
 
 SAMPLES_S = 30.0
 """Time for which the finished jobs on which estimates are based are kept in memory, seconds."""
@@ -107,6 +113,10 @@ class FarmJobs:
         """Jobs that are served before this one, by method, see `workers.store.queue_position`. Raises NotFound."""
         return self._store.jobs.ahead(job_id)
 
+    def labelled(self, name: str, values: Collection[str]) -> set[str]:
+        """Those of the values that jobs have as a label of this name."""
+        return self._store.jobs.labelled(name, values)
+
     def by_state(self) -> dict[str, int]:
         """Number of jobs of all owners by state."""
         return self._store.statistics.jobs_by_state()
@@ -126,7 +136,8 @@ class FarmJobs:
     def _measured(self, method: str) -> list[MeasuredJob]:
         def read() -> list[MeasuredJob]:
             finished = self._store.jobs.page(state="succeeded", method=method, limit=SAMPLES).items
-            found = (measured(job, self._store.assets.get) for job in finished)
+            find = cache(self._store.assets.get)
+            found = (measured(job, find) for job in finished)
             return [each for each in found if each is not None]
 
         return self._samples.get((method, time.monotonic() // SAMPLES_S), read)
@@ -189,6 +200,20 @@ class FarmJobs:
             self._collector.job(job_id)
         except StorageError:  # the job is deleted; its blobs are deleted when the blob store answers again
             self._collector.later(job_id)
+
+    def command_many(self, job_ids: Collection[str], command: Command) -> Refused:
+        """Cancel, pause, resume or delete several jobs in one transaction; returns those for which it was refused. The
+        blobs of deleted jobs are deleted in the background."""
+        if command == "delete":
+            refused = self._store.bulk.remove(job_ids)
+            for job_id in job_ids:
+                if job_id not in refused:
+                    self._collector.later(job_id)
+            return refused
+        events = {"cancel": machine.Cancel(), "pause": machine.Pause(), "resume": machine.Resume()}
+        refused = self._store.bulk.command(job_ids, events[command])
+        self._wake()
+        return refused
 
     def events(self, job_id: str, after: int = 0, limit: int = 500) -> tuple[Sequence[Event], bool]:
         """Events with seq > `after`, and whether some of these have been pruned (history is bounded)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict
 from typing import Any
 
@@ -43,6 +43,13 @@ class Assets(StorePart):
         if found is None:
             raise _unknown(asset_id)
         return found
+
+    def owners(self, owners: Collection[str]) -> set[str]:
+        """Those of the owners who have an asset."""
+        table = schema.asset_owners
+        query = select(table.c.owner).where(table.c.owner.in_(list(owners))).distinct()
+        with self._db.read() as connection:
+            return set(connection.execute(query).scalars())
 
     def page(self, owner: str | None = None, cursor: str | None = None, limit: int = 50) -> Page:
         """Newest first."""

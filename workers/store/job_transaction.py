@@ -5,6 +5,7 @@ Every change of a job uses this class, so that states, counts, history and webho
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -144,13 +145,25 @@ class JobTransaction:
 
     def close(self) -> None:
         """Write the job's row and history, and the sums over all jobs."""
-        if self.changed:
-            self._write()
-        if self._floor_s is not None:
-            shares.take_turn(self.connection, self.row["owner"], self._floor_s)
-        if self._used_s:
-            shares.charge(self.connection, self.row["owner"], self._used_s)
-        self._tallies.write(self.connection, self.job_id)
+        self.close_all([self])
+
+    @staticmethod
+    def close_all(jobs: Sequence[JobTransaction]) -> None:
+        """Close several jobs of one transaction. Rows that others need, too, are locked last, in a fixed order."""
+        used: dict[str, float] = defaultdict(float)
+        counts = Changes()
+        for job in jobs:
+            if job.changed:
+                job._write()
+            if job._floor_s is not None:
+                shares.take_turn(job.connection, job.row["owner"], job._floor_s)
+            used[job.row["owner"]] += job._used_s
+            counts.add(job._tallies)
+        for owner in sorted(used):
+            if used[owner]:
+                shares.charge(jobs[0].connection, owner, used[owner])
+        if jobs:
+            counts.write(jobs[0].connection, jobs[0].job_id)
 
     def _write(self) -> None:
         seq = self.seq

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Collection
 from dataclasses import dataclass, fields
 
 from sqlalchemy import ColumnElement, Connection, Table, bindparam, func, insert, or_, select, text
@@ -14,7 +15,7 @@ from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceede
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
 from workers.model import MAX_PRIORITY, Job, JobRequest, Json, Page, RunState, Submitted, TaskState
-from workers.store import schema, task_states
+from workers.store import bulk, schema, task_states
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
 from workers.store.job_transaction import JobTransaction
@@ -23,12 +24,15 @@ from workers.store.queue_position import MethodAhead, ahead
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
 from workers.store.tallies import Changes
 
-ACTIVE_JOBS = (
-    select(func.count())
-    .select_from(schema.jobs)
+ACTIVE_JOBS = select(func.count()).select_from(
+    select(schema.jobs.c.id)
     .where(schema.jobs.c.owner == bindparam("owner"), text(schema.UNFINISHED_TEXT))
+    .limit(bindparam("most"))
+    .subquery()
 )
-"""Unfinished jobs of an owner."""
+"""Number of unfinished jobs of an owner, counted up to `most`."""
+MOST_COUNTED = 10_000
+"""Maximum number of unfinished jobs that are counted to show them."""
 _JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
 
 
@@ -95,7 +99,7 @@ class Jobs(StorePart):
         if max_active is None:
             return
         self._db.lock(connection, f"jobs of {owner}")
-        active = int(connection.execute(ACTIVE_JOBS, {"owner": owner}).scalar_one())
+        active = int(connection.execute(ACTIVE_JOBS, {"owner": owner, "most": max_active}).scalar_one())
         if active >= max_active:
             raise QuotaExceeded(
                 f"You may have at most {max_active} unfinished jobs.",
@@ -207,12 +211,15 @@ class Jobs(StorePart):
     def remove(self, job_id: str) -> None:
         """Delete a final job. Raises Conflict if it is not final."""
         with self._transaction(job_id) as job:
-            if not RunState(job.row["state"]).final:
-                raise Conflict(
-                    "The job has not ended.", field="state", value=job.row["state"], remedy="Cancel it first."
-                )
-            job.remove()
+            bulk.remove(job)
         self._notifier.notify(job_id, GONE)
+
+    def labelled(self, name: str, values: Collection[str]) -> set[str]:
+        """Those of the values that jobs have as a label of this name."""
+        labels = schema.job_labels
+        query = select(labels.c.value).where(labels.c.name == name, labels.c.value.in_(list(values))).distinct()
+        with self._db.read() as connection:
+            return set(connection.execute(query).scalars())
 
     def exists(self, job_id: str) -> bool:
         return self._state(job_id) is not None
