@@ -125,7 +125,7 @@ WRITES = (
     Ask(
         "POST /v1/estimates",
         "POST /v1/estimates",
-        8,
+        20,
         body={"request": {"method": "multistyle", "inputs": {"video": "{asset}"}}},
     ),
     Ask(

@@ -34,6 +34,9 @@ _TASK = select(schema.tasks).where(schema.tasks.c.id == bindparam("id"), schema.
 _STEP = select(schema.steps).where(
     schema.steps.c.job_id == bindparam("job_id"), schema.steps.c.step == bindparam("step")
 )
+_STARTED = select(schema.attempts.c.started_at).where(
+    schema.attempts.c.job_id == bindparam("job_id"), schema.attempts.c.outcome == RUNNING
+)
 _STEPS = select(schema.steps).where(schema.steps.c.job_id == bindparam("job_id"))
 ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
 """States of jobs that are planned and run."""
@@ -266,7 +269,10 @@ class JobTransaction:
         attempts = schema.attempts
         running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)
         ended = {"outcome": "cancelled", "finished_at": self.now}
-        for started_at in self.connection.execute(select(attempts.c.started_at).where(*running)).scalars():
+        started = self.connection.execute(_STARTED, {"job_id": self.job_id}).scalars().all()
+        if not started:
+            return
+        for started_at in started:
             self.charge(self.now - started_at)
         self.connection.execute(update(attempts).where(*running).values(ended))
         self._cancel_tasks(TaskState.RUNNING)
