@@ -13,7 +13,7 @@ RUN_STAMP := $(VENV)/.installed-to-run
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench chaos conformance fuzz soak abuse docs gallery clean help
+.PHONY: install web demo test check audit bench costs chaos conformance fuzz soak abuse docs gallery clean help
 
 help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -54,6 +54,10 @@ audit: install ## check dependencies for known vulnerabilities (needs the networ
 
 bench: install ## measure speed, as ratios within one run
 	$(BIN)/python -m benchmarks
+
+costs: install ## measure queries and time of every route at 0, 1,000 and 20,000 jobs, on SQLite and PostgreSQL
+	$(BIN)/python -m tests.costs
+	$(BIN)/python -m tests.costs --database postgresql
 
 chaos: install ## inject faults into every part of a farm on real PostgreSQL and S3, ten seeded runs; three on a Ray cluster; random work on the store
 	$(BIN)/python -m tests.chaos

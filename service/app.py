@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -12,7 +11,8 @@ from prometheus_client import CollectorRegistry
 from starlette.staticfiles import StaticFiles
 
 from service import bundle, errors, openapi
-from service.access.depends import FrameSlots, ServiceContext, Streams
+from service.access.admission import Admission, classes
+from service.access.depends import ServiceContext, Streams
 from service.access.gate import Gate
 from service.access.rates import Rates
 from service.artefacts.routes import router as artefacts
@@ -126,6 +126,7 @@ def _routes() -> FastAPI:
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    app.state.service.admission.start()
     async with background(app.state.service, app.state.live):
         try:
             yield
@@ -144,9 +145,8 @@ def _context(settings: Settings, farm: Farm) -> ServiceContext:
         settings=settings,
         farm=farm,
         streams=Streams(settings.max_streams),
-        previews=threading.BoundedSemaphore(settings.preview_slots),
         preview_threads=CapacityLimiter(settings.preview_threads),
-        frames=FrameSlots(settings.frame_slots),
+        admission=Admission(classes(settings)),
         webhook_secrets=_secrets(settings),
         styles=StyleLibrary(farm, settings.styles_dir),
         registry=CollectorRegistry(),

@@ -6,11 +6,13 @@ from enum import Enum
 
 from fastapi import APIRouter
 
+from service.access.admission import AdmittedRoute
 from service.errors import PROBLEM_RESPONSES
 
 
 class Router(APIRouter):
-    """A router whose routes may answer with a problem; the name of a function is its operation's id.
+    """A router whose routes may answer with a problem, and are admitted by their cost (`service.access.admission`); the
+    name of a function is its operation's id.
 
     `create_app` adds these route objects to an application. `FastAPI.include_router` would read the parameters of all
     functions a second time, and build their validators, at the first request to each application (180 ms of CPU time),
@@ -28,5 +30,6 @@ class Router(APIRouter):
             tags=tags,
             include_in_schema=include_in_schema,
             responses=PROBLEM_RESPONSES,
+            route_class=AdmittedRoute,
             generate_unique_id_function=lambda route: route.name,
         )

@@ -62,7 +62,7 @@ class Settings(BaseSettings, FarmSettings):
     for files."""
 
     heartbeat_s: float = Field(default=15.0, gt=0)
-    max_streams: int = Field(default=100, ge=1)
+    max_streams: int = Field(default=500, ge=1)
     """Maximum number of open event streams."""
     preview_slots: int = Field(default=2, ge=1)
     """Maximum number of previews rendered at once; further requests are answered with 503 and Retry-After."""

@@ -3,74 +3,59 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated, cast
 
-from anyio import CapacityLimiter, Semaphore, move_on_after
+from anyio import CapacityLimiter
 from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry
 
-from service.access.keys import Principal, Scope
-from service.errors import Busy, Forbidden, retry_after
+from service.access.admission import Admission
+from service.access.keys import EVERYONE, Principal, Scope
+from service.errors import Forbidden
 from service.ops.load_history import LoadHistory
 from service.settings import Settings
 from service.styles.library import StyleLibrary
 from service.webhooks.secrets import WebhookSecrets
 from workers.farm import Farm
+from workers.process.fair_slots import fair_share
 
-FRAME_WAIT_S = 3.0
-"""Maximum wait of a request for a frame slot, seconds; then it is answered with 503."""
-READINGS = 8
-"""Number of uploads and archives that are read or written at once."""
+HISTORIES = 8
+"""Number of event streams whose history is read at once."""
 DOWNLOADS = 16
 """Number of downloaded chunks that are read from the blob store at once."""
 
 
 class Streams:
-    """Counts open event streams. They wait in separate threads, so that they cannot block other requests."""
+    """Open event streams. One that waits for an event has no thread; their histories are read in few, which no other
+    request uses."""
 
     def __init__(self, most: int) -> None:
-        self._most, self._open = most, 0
-        self.threads = CapacityLimiter(most)
+        self._most = most
+        self._open: Counter[str] = Counter()
+        self.threads = CapacityLimiter(HISTORIES)
 
-    @property
-    def full(self) -> bool:
-        return self._open >= self._most
+    def full(self, owner: Principal) -> bool:
+        """Whether this owner may open none now: all are taken, or it has its share (`fair_share`)."""
+        free = self._most - self.count()
+        return free <= 0 or not (owner is EVERYONE or fair_share(free, self._open[owner.owner]))
 
     def count(self) -> int:
         """Number of open streams."""
-        return self._open
+        return self._open.total()
 
     @contextmanager
-    def one(self) -> Iterator[None]:
+    def one(self, owner: Principal) -> Iterator[None]:
         """Count a stream while the block runs. Call it on the event loop only."""
-        self._open += 1
+        self._open[owner.owner] += 1
         try:
             yield
         finally:
-            self._open -= 1
-
-
-class FrameSlots:
-    """Slots of requests that decode frames. A request that waits for a slot occupies no thread."""
-
-    def __init__(self, most: int) -> None:
-        self._free = Semaphore(most)
-
-    @asynccontextmanager
-    async def one(self) -> AsyncIterator[None]:
-        """Hold a slot while the block runs. Raises Busy if none is free within `FRAME_WAIT_S`."""
-        with move_on_after(FRAME_WAIT_S) as waiting:
-            await self._free.acquire()
-        if waiting.cancelled_caught:
-            raise Busy("Too many frames are being decoded.", headers=retry_after(1), remedy="Ask again in a second.")
-        try:
-            yield
-        finally:
-            self._free.release()
+            self._open -= Counter([owner.owner])
 
 
 @dataclass
@@ -80,19 +65,14 @@ class ServiceContext:
     settings: Settings
     farm: Farm
     streams: Streams
-    previews: threading.BoundedSemaphore
-    """Slots for previews of one frame."""
     preview_threads: CapacityLimiter
     """Threads in which previews of projects are made, so that they cannot block other requests."""
-    frames: FrameSlots
-    """Slots for decoding single frames of assets and films, and pictures of styles."""
+    admission: Admission
+    """Slots of requests, by the class of their cost."""
     webhook_secrets: WebhookSecrets
     styles: StyleLibrary
     registry: CollectorRegistry
     """Registry of this app's metrics."""
-    reading_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(READINGS))
-    """Threads in which finished uploads and archives are read. Each may take minutes and must not block other
-    requests."""
     download_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(DOWNLOADS))
     """Threads in which downloads are read: a blob store that answers slowly must not block other requests."""
     load: LoadHistory = field(default_factory=LoadHistory)
@@ -103,11 +83,6 @@ class ServiceContext:
 
 async def _context(request: Request) -> ServiceContext:  # async: no thread is needed, nothing blocks
     return cast(ServiceContext, request.app.state.service)
-
-
-async def _frame_slot(context: Annotated[ServiceContext, Depends(_context)]) -> AsyncIterator[None]:
-    async with context.frames.one():
-        yield
 
 
 bearer = HTTPBearer(auto_error=False, description="An API key. On loopback none is needed by default.")
@@ -137,5 +112,3 @@ Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
 Sharer = Annotated[Principal, Depends(_requires(Scope.SUBMIT, Scope.READ))]
 """A caller who lets others read: nobody gives away more than they have."""
 Admin = Annotated[Principal, Depends(_requires(Scope.ADMIN))]
-NEEDS_FRAME_SLOT = Depends(_frame_slot, scope="function")
-"""Dependency of a route that decodes frames: at most `frame_slots` such requests run at once."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import math
 import re
@@ -15,6 +16,7 @@ from service.access.keys import EVERYONE, OPERATOR, Principal
 from service.access.rates import Rates
 from service.errors import BadRequest, Forbidden, RateLimited, Unauthorized, respond, retry_after
 from service.settings import Settings, is_address, is_loopback
+from workers.model import ApiKey
 from workers.store.keys import Keys
 
 GUARDED = ("/v1/", "/metrics")
@@ -34,6 +36,8 @@ class Gate:
 
     def __init__(self, app: ASGIApp, settings: Settings, keys: Keys, rates: Rates) -> None:
         self._app, self._settings, self._keys, self._rates = app, settings, keys, rates
+        self._asked: dict[str, asyncio.Future[ApiKey | None]] = {}
+        """Queries for keys that are being answered, by secret."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -72,8 +76,17 @@ class Gate:
         fixed = self._settings.admin_key
         if fixed and hmac.compare_digest(secret.encode(), fixed.get_secret_value().encode()):
             return OPERATOR
-        key = await run_in_threadpool(self._keys.verify, secret)
+        key = await self._verified(secret)
         return Principal(key.owner, key.scopes, key.quotas, key.id) if key else None
+
+    async def _verified(self, secret: str) -> ApiKey | None:
+        """The key of the secret. Requests that come meanwhile with the same secret share the query, so that a thousand
+        requests of one key do not delay the check of another."""
+        asked = self._asked.get(secret)
+        if asked is None:
+            asked = self._asked[secret] = asyncio.ensure_future(run_in_threadpool(self._keys.verify, secret))
+            asked.add_done_callback(lambda _: self._asked.pop(secret, None))
+        return await asyncio.shield(asked)
 
     def _check_rate(self, principal: Principal | None, address: str) -> None:
         caller = (principal and principal.owner) or address

@@ -23,7 +23,8 @@ class Principal:
     """Owner of what the caller creates: the key's owner; "" without a key."""
     scopes: frozenset[str]
     quotas: dict[str, int] = field(default_factory=dict)
-    """The owner's limits, by name: "active_jobs", "asset_bytes", "requests_per_minute", "running_tasks"."""
+    """The owner's limits, by name: "active_jobs", "asset_bytes", "document_bytes", "live_sessions",
+    "requests_per_minute", "running_tasks"."""
     key: str = ""
     """Id of the caller's key; "" without a stored key."""
 
@@ -45,6 +46,8 @@ class Principal:
         return ANY_OWNER if Scope.ADMIN in self.scopes else self.owner
 
 
+LIVE_SESSIONS = "live_sessions"
+"""Quota of a key: maximum number of its live sessions."""
 EVERYONE = Principal("", frozenset(Scope))
 """A caller without a key, where none is required."""
 OPERATOR = Principal("admin", frozenset(Scope))

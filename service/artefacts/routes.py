@@ -14,6 +14,7 @@ from typing import Annotated
 
 from fastapi import Path, Response
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
@@ -42,6 +43,7 @@ class EntryOut:
 
 
 @router.get("/artefacts/{name}")
+@costs(Cost.HEAVY)
 def list_entries(job_id: JobId, name: FileName, context: Context, caller: Reader) -> Listing[EntryOut]:
     """The entries of an artefact. 409 while the job has not made it yet; 404 if the artefact is not an archive."""
     served = _artefact(context, caller, job_id, name)
@@ -54,6 +56,7 @@ def list_entries(job_id: JobId, name: FileName, context: Context, caller: Reader
 
 
 @router.get("/artefacts/{name}/{entry:path}", response_class=Response, responses=ENTRY)
+@costs(Cost.HEAVY)
 def get_entry(job_id: JobId, name: FileName, entry: EntryName, context: Context, caller: Reader) -> Response:
     """One entry of an artefact. Entries never change."""
     return _answer(context, _artefact(context, caller, job_id, name), entry)

@@ -6,11 +6,11 @@ import tempfile
 from pathlib import Path
 from typing import Annotated
 
-from anyio.to_thread import run_sync
 from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import NEEDS_FRAME_SLOT, Context, Reader, ServiceContext, Submitter
+from service.access.admission import Cost, costs
+from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
@@ -49,7 +49,8 @@ async def upload(request: Request, response: Response, context: Context, caller:
     with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         received = await _receive(request, context, Path(folder) / "file")
         file = (received.path, received.filename, received.sha256)
-        asset, new = await run_sync(adopt, context, caller, *file, limiter=context.reading_threads)
+        async with context.admission.one(Cost.READING, caller):
+            asset, new = await run_in_threadpool(adopt, context, caller, *file)
     response.headers["Location"] = f"/v1/assets/{asset.id}"
     response.status_code = 201 if new else 200
     return asset
@@ -93,7 +94,8 @@ def get_content(
     return serve(context, asset_file(visible(context, caller, asset_id)), request, download)
 
 
-@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG, dependencies=[NEEDS_FRAME_SLOT])
+@router.get("/{asset_id}/frame", response_class=Response, responses=JPEG)
+@costs(Cost.FRAMES)
 def get_frame(
     asset_id: AssetId,
     context: Context,

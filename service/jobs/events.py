@@ -10,16 +10,20 @@ tells a browser's EventSource to stop.
 
 from __future__ import annotations
 
+import asyncio
 import json
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Annotated
 
-import anyio.to_thread
+import anyio
+from anyio.to_thread import run_sync
 from fastapi import Header, Response
 from starlette.responses import StreamingResponse
 
 from service.access.depends import Context, Reader, ServiceContext
+from service.access.keys import Principal
 from service.errors import Busy, retry_after
 from service.jobs.lookup import find_job
 from service.routing import Router
@@ -31,7 +35,7 @@ from workers.model import Event
 router = Router(prefix="/v1/jobs", tags=["events"])
 
 SLICE_S = 1.0
-"""Maximum wait of a thread, seconds, after which shutdown and lost clients are checked."""
+"""Interval at which a waiting stream looks whether the service closes, seconds."""
 AT_ONCE = 500
 RETRY_MS = 1000
 
@@ -55,14 +59,14 @@ def get_events(
     job = find_job(context, caller, job_id)
     if last_event_id and job.state.final and not context.farm.jobs.events(job_id, last_event_id, 1)[0]:
         return Response(status_code=204)
-    if context.streams.full:
+    if context.streams.full(caller):
         raise Busy(
             "Too many event streams are open.",
             headers=retry_after(5),
             remedy="Request the job every few seconds instead.",
         )
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return StreamedResponse(_stream(context, job_id, last_event_id), 200, headers, "text/event-stream")
+    return StreamedResponse(_stream(context, caller, job_id, last_event_id), 200, headers, "text/event-stream")
 
 
 @dataclass(frozen=True)
@@ -74,23 +78,55 @@ class _HistoryRead:
     over: bool = False
 
 
-async def _stream(context: ServiceContext, job_id: str, after: int) -> AsyncGenerator[str]:
-    with context.streams.one():
+class _News:
+    """Tells the event loop that the job has new events."""
+
+    def __init__(self) -> None:
+        self._loop, self._event = asyncio.get_running_loop(), asyncio.Event()
+
+    def announce(self) -> None:
+        """Call it in any thread."""
+        with suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(self._event.set)
+
+    @property
+    def any(self) -> bool:
+        return self._event.is_set()
+
+    def forget(self) -> None:
+        """Wait for later news only."""
+        self._event.clear()
+
+    async def wait(self, timeout_s: float, closing: Callable[[], bool]) -> None:
+        """Wait for news, for some time, or until the service closes."""
+        end = anyio.current_time() + timeout_s
+        while not (self._event.is_set() or closing() or anyio.current_time() >= end):
+            with anyio.move_on_after(min(SLICE_S, max(0.0, end - anyio.current_time()))):
+                await self._event.wait()
+
+
+async def _stream(context: ServiceContext, caller: Principal, job_id: str, after: int) -> AsyncGenerator[str]:
+    news, closing = _News(), context.closing.is_set
+    with context.streams.one(caller), context.farm.jobs.listening(job_id, news.announce):
         yield f"retry: {RETRY_MS}\n\n"
-        heard_at = anyio.current_time()
         latest = _HistoryRead("", after)
-        while not (latest.over or context.closing.is_set()):
-            latest = await anyio.to_thread.run_sync(
-                _read_history, context, job_id, latest.after, limiter=context.streams.threads
-            )
-            silent_s = anyio.current_time() - heard_at
-            if latest.text or silent_s >= context.settings.heartbeat_s:
-                heard_at = anyio.current_time()
-                yield latest.text or ": still here\n\n"
+        while not (latest.over or closing()):
+            news.forget()
+            latest = await run_sync(_read_history, context, job_id, latest.after, limiter=context.streams.threads)
+            if latest.text:
+                yield latest.text
+            elif not latest.over and not await _heard(news, context):
+                yield ": still here\n\n"
+
+
+async def _heard(news: _News, context: ServiceContext) -> bool:
+    """Wait for news; False if there are none for the time of a heartbeat."""
+    await news.wait(context.settings.heartbeat_s, context.closing.is_set)
+    return news.any or context.closing.is_set()
 
 
 def _read_history(context: ServiceContext, job_id: str, after: int) -> _HistoryRead:
-    """Events after `after`; waits briefly for one if there are none."""
+    """Events after `after`, and whether they are the last."""
     try:
         # The state is read before the events, so that the final event is among them.
         final = context.farm.jobs.get(job_id).state.final
@@ -100,8 +136,6 @@ def _read_history(context: ServiceContext, job_id: str, after: int) -> _HistoryR
     if events:
         lost = _lost(job_id, after, events[0].seq) if gone else ""
         return _HistoryRead(lost + "".join(map(_text, events)), events[-1].seq)
-    if not final:
-        context.farm.jobs.wait_for_event(job_id, after, min(SLICE_S, context.settings.heartbeat_s))
     return _HistoryRead("", after, over=final)
 
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 from fastapi import Path, Response
 
-from service.access.depends import NEEDS_FRAME_SLOT, Context, Reader, ServiceContext
+from service.access.admission import Cost, costs
+from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, binary
@@ -24,8 +25,8 @@ Index = Annotated[int, Path(ge=0, le=10_000_000, description="Which frame of the
     "/frames/{index}",
     response_class=Response,
     responses=binary("image/png", "The frame"),
-    dependencies=[NEEDS_FRAME_SLOT],
 )
+@costs(Cost.FRAMES)
 def get_film_frame(job_id: JobId, index: Index, context: Context, caller: Reader) -> Response:
     """A frame of the finished film as PNG. Of a film in PNG frames these are its exact pixels, of any other the decoded
     ones. A film of a piece of the video begins with frame 0. 409 while the film is not finished; 404 beyond its end."""

@@ -2,47 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId
-from workers.model import Job, JobRequest, RunState
-from workers.projects.estimates import SAMPLES, Estimate, estimate, parts, summed
+from workers.errors import NotFound
+from workers.model import RunState
+from workers.store.queue_position import MOST, MethodAhead
 
 router = Router(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
 
 @dataclass(frozen=True)
 class QueuePosition:
-    """`jobs_ahead`: unfinished jobs of higher priority, or of equal priority and submitted earlier; `seconds`: time
-    that they need one after the other; null without finished jobs for an estimate."""
+    """`jobs_ahead`: unfinished jobs that are served before this one; `more`: there are more than this number, which are
+    not counted; `seconds`: time that the counted ones need one after the other; null if it cannot be estimated."""
 
     jobs_ahead: int
     seconds: float | None
+    more: bool = False
 
 
 @router.get("/queue")
 def get_queue_position(job_id: JobId, context: Context, caller: Reader) -> QueuePosition:
-    """The position of a job that has not begun; 0 for any other. Jobs of several users take turns, so that a job may
-    begin earlier than the position suggests."""
+    """The position of a job that has not begun; 0 for any other. Before it are jobs of higher priority, your earlier
+    jobs, and as many of each other owner plus one, because owners take turns. At most 1,000 jobs are counted."""
     job = find_job(context, caller, job_id)
     if job.state is not RunState.QUEUED:
         return QueuePosition(0, 0.0)
     ahead = context.farm.jobs.ahead(job_id)
-    seconds = [_seconds_left(context, other) for other in ahead]
-    known = [found for found in seconds if found is not None]
-    return QueuePosition(len(ahead), round(sum(known), 1) if len(known) == len(ahead) else None)
+    count = sum(each.jobs for each in ahead)
+    return QueuePosition(min(count, MOST), _seconds(context, ahead), count > MOST)
 
 
-def _seconds_left(context: ServiceContext, job: Job) -> float | None:
-    if job.eta_s is not None:
-        return job.eta_s
+def _seconds(context: ServiceContext, ahead: Sequence[MethodAhead]) -> float | None:
+    known = [seconds for each in ahead if (seconds := _seconds_of(context, each)) is not None]
+    return round(sum(known), 1) if len(known) == len(ahead) else None
 
-    def one(part: JobRequest) -> Estimate:
-        finished = context.farm.jobs.page(state="succeeded", method=part.method, limit=SAMPLES).items
-        return estimate(part, job.owner, finished, context.farm.assets.get)
 
-    whole = summed([one(part) for part in parts(job.request)]).seconds
-    return None if whole is None else whole * (1 - job.progress)
+def _seconds_of(context: ServiceContext, ahead: MethodAhead) -> float | None:
+    """Time of all jobs of one method: the estimate of the oldest, in proportion to the weights."""
+    try:
+        oldest = context.farm.jobs.get(ahead.oldest)
+    except NotFound:  # it has been deleted since
+        return 0.0
+    seconds = context.farm.jobs.estimate(oldest.request, oldest.owner).seconds
+    return None if seconds is None else seconds * ahead.left

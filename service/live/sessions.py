@@ -11,7 +11,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
-from service.access.keys import Principal, Scope
+from service.access.keys import EVERYONE, LIVE_SESSIONS, Principal, Scope
 from service.live.closing import Ending
 from service.live.viewers import Viewers
 from service.ops.metrics import LiveMetrics
@@ -85,7 +85,9 @@ class Sessions:
         """
         known = self._sessions.get(session_id or "")
         if known is None or known.owner != principal.owner:
-            known = LiveSession(self.live.place(), principal.owner, named or new_id("liv_"))
+            owner = None if principal is EVERYONE else principal.owner
+            place = self.live.place(owner, principal.quotas.get(LIVE_SESSIONS))
+            known = LiveSession(place, principal.owner, named or new_id("liv_"))
             self._sessions[known.id] = known
         before, known.connection = known.connection, connection
         if known.expiry is not None:

@@ -27,6 +27,7 @@ class QuotasIn(BaseModel):
     active_jobs: Quota | None = None
     asset_bytes: Quota | None = None
     document_bytes: Quota | None = None
+    live_sessions: Annotated[int, Field(ge=0, le=10**4)] | None = None
     requests_per_minute: Annotated[int, Field(ge=1, le=10**6)] | None = None
     running_tasks: Annotated[int, Field(ge=1, le=10**6)] | None = None
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.errors import ImpastoError
+from service.access.admission import Cost, costs
 from service.access.depends import Admin, Context, ServiceContext
 from service.access.keys import Principal
 from service.jobs.lookup import find_job, max_reopened_jobs
@@ -69,30 +69,35 @@ def set_priority(job_id: JobId, body: PriorityIn, context: Context, caller: Admi
 
 
 @router.post("/actions")
+@costs(Cost.HEAVY)
 def act_on_jobs(body: JobsActionIn, context: Context, caller: Admin) -> JobsActionOut:
     """Cancel, pause, resume, retry or delete several jobs. If the action is refused for one job, it is still done for
-    the others."""
-    return JobsActionOut(tuple(_attempted(context, caller, body.action, job_id) for job_id in body.jobs))
+    the others; all but retries are done in one transaction."""
+    alone = set(body.jobs) if body.action == "retry" else set()
+    if body.action == "delete":
+        alone = context.farm.exports.having(body.jobs)
+    refused = {job_id: _attempted(context, caller, body.action, job_id) for job_id in body.jobs if job_id in alone}
+    if body.action != "retry":
+        together = [job_id for job_id in body.jobs if job_id not in alone]
+        refused |= context.farm.jobs.command_many(together, body.action)
+    return JobsActionOut(tuple(_item(job_id, refused.get(job_id)) for job_id in body.jobs))
 
 
-def _attempted(context: ServiceContext, caller: Principal, action: Action, job_id: str) -> JobActionOut:
+def _item(job_id: str, error: ImpastoError | None) -> JobActionOut:
+    return JobActionOut(job_id, None if error is None else fault_from(error))
+
+
+def _attempted(
+    context: ServiceContext, caller: Principal, action: Literal["retry", "delete"], job_id: str
+) -> ImpastoError | None:
+    """Retry a job, or delete it with its exports; the error if that is refused."""
     try:
-        _act(context, caller, action, job_id)
-    except ImpastoError as error:
-        return JobActionOut(job_id, fault_from(error))
-    return JobActionOut(job_id, None)
-
-
-def _act(context: ServiceContext, caller: Principal, action: Action, job_id: str) -> None:
-    jobs, job = context.farm.jobs, find_job(context, caller, job_id)
-    if action == "retry":
-        jobs.retry(job_id, max_reopened_jobs(context, caller, job.owner))
-    elif action == "delete":
-        if job.state.final:
+        job = find_job(context, caller, job_id)
+        if action == "retry":
+            context.farm.jobs.retry(job_id, max_reopened_jobs(context, caller, job.owner))
+        else:
             context.farm.exports.delete(job_id)
-        jobs.delete(job_id)
-    else:
-        simple: dict[str, Callable[[str], object]] = {
-            "cancel": jobs.cancel, "pause": jobs.pause, "resume": jobs.resume,
-        }  # fmt: skip
-        simple[action](job_id)
+            context.farm.jobs.delete(job_id)
+    except ImpastoError as error:
+        return error
+    return None

@@ -8,6 +8,7 @@ from http import HTTPStatus
 from fastapi import Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
+from service.access.admission import Cost, costs
 from service.access.depends import Admin, Context, Reader
 from service.routing import Router
 from service.schemas import Cursor
@@ -31,12 +32,13 @@ class Ready:
 
 
 @router.get("/healthz")
-def healthz() -> Health:
+async def healthz() -> Health:
     """Liveness: the process answers."""
     return Health("ok")
 
 
 @router.get("/readyz", responses={503: {"model": Ready, "description": "A part does not work"}})
+@costs(Cost.HEALTH)
 def readyz(response: Response, context: Context) -> Ready:
     """Readiness: database, blob store and pool work."""
     found = context.farm.ready()
@@ -47,6 +49,7 @@ def readyz(response: Response, context: Context) -> Ready:
 
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+@costs(Cost.HEALTH)
 def metrics(context: Context, _caller: Reader) -> Response:
     """Prometheus metrics: totals over all owners, without user data."""
     return Response(generate_latest(context.registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
@@ -60,6 +63,7 @@ class CheckOut:
 
 
 @router.get("/v1/ops/check")
+@costs(Cost.HEAVY)
 def check(context: Context, _caller: Admin) -> CheckOut:
     """Check the database's invariants: read-only and bounded."""
     return CheckOut(tuple(context.farm.validate_state()))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fastapi import Response
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, Submitter
-from service.errors import Busy, retry_after
 from service.jobs.lookup import check_inputs, find_job
 from service.jobs.schemas import PreviewIn
 from service.routing import Router
@@ -17,18 +17,14 @@ PNG: Responses = {200: binary("image/png", "The frame")[200]}
 
 
 @router.post("", response_class=Response, responses=PNG)
+@costs(Cost.PREVIEWS)
 def preview(body: PreviewIn, context: Context, caller: Submitter) -> Response:
     """Stylise one frame. 503 with Retry-After while the maximum number of previews are being made."""
     check_inputs(context, caller, body)
     earlier = body.artefacts_of
     if earlier is not None:
         find_job(context, caller, earlier)
-    if not context.previews.acquire(blocking=False):
-        raise Busy("Previews are busy.", headers=retry_after(1), remedy="Ask again in a second.")
-    try:
-        png = context.farm.jobs.preview(
-            body.request(), caller.reach, body.frame, body.max_side_px, body.design, earlier
-        )
-    finally:
-        context.previews.release()
+    png = context.farm.jobs.preview(
+        body.request(), caller.reach, body.frame, body.max_side_px, body.design, earlier, caller.owner
+    )
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

@@ -5,12 +5,12 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from anyio.to_thread import run_sync
 from fastapi import Request, Response
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse
 
+from service.access.admission import Cost
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults, upload_folder
@@ -33,7 +33,8 @@ _MOST_TIMES = 4
 @router.get("/{project_id}/export", response_class=Response, responses={200: binary(ZIP, "The project")[200]})
 async def export_project(project_id: ProjectId, context: Context, caller: Reader) -> Response:
     """The newest version and its assets in one zip file."""
-    return await run_sync(_export, context, caller, project_id, limiter=context.reading_threads)
+    async with context.admission.one(Cost.READING, caller):
+        return await run_in_threadpool(_export, context, caller, project_id)
 
 
 def _export(context: ServiceContext, caller: Principal, project_id: str) -> Response:
@@ -61,7 +62,8 @@ async def import_project(request: Request, response: Response, context: Context,
     with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         path = Path(folder) / "project.zip"
         await _receive(request, context, path)
-        found = await run_sync(_load, context, caller, path, limiter=context.reading_threads)
+        async with context.admission.one(Cost.READING, caller):
+            found = await run_in_threadpool(_load, context, caller, path)
     response.headers["Location"] = f"/v1/projects/{found.id}"
     response.headers["ETag"] = etag(found.version)
     return found

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, ServiceContext
 from service.access.keys import Principal
 from service.jobs.lookup import check_inputs
@@ -14,7 +15,7 @@ from service.projects.lookup import find_project
 from service.routing import Router
 from workers.model import AnyOwner, JobRequest
 from workers.projects.document import FrameRange, Id
-from workers.projects.estimates import SAMPLES, Estimate, estimate, parts, summed
+from workers.projects.estimates import Estimate
 from workers.projects.faults import refuse_if_any
 from workers.projects.materials import Uploaded
 from workers.projects.parsing import parse_document
@@ -50,12 +51,13 @@ class EstimatesOut:
 
 
 @router.post("")
+@costs(Cost.HEAVY)
 def estimate_jobs(body: EstimateIn, context: Context, caller: Reader) -> EstimatesOut:
     """Wall time, CPU time, memory and disk of jobs once they begin: from finished jobs of the same method on this farm,
     else (`samples` 0) from the method's own figures."""
     items = tuple(_estimate(context, *each) for each in _requests(context, caller, body))
-    jobs = context.farm.snapshot()["jobs"]
-    return EstimatesOut(items, int(jobs["queued"]) + int(jobs["running"]))
+    jobs = context.farm.jobs.by_state()
+    return EstimatesOut(items, jobs["queued"] + jobs["running"])
 
 
 def _requests(
@@ -80,9 +82,4 @@ def _requests(
 
 
 def _estimate(context: ServiceContext, shot: str, request: JobRequest, owner: str | AnyOwner) -> ShotEstimate:
-    def one(part: JobRequest) -> Estimate:
-        finished = context.farm.jobs.page(state="succeeded", method=part.method, limit=SAMPLES).items
-        return estimate(part, owner, finished, context.farm.assets.get)
-
-    found = summed([one(part) for part in parts(request)])
-    return ShotEstimate(**vars(found), shot=shot)
+    return ShotEstimate(**vars(context.farm.jobs.estimate(request, owner)), shot=shot)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import max_active_jobs
 from service.jobs.routes import IdempotencyKey
@@ -15,6 +16,7 @@ router = Router(prefix="/v1/projects/{project_id}/jobs", tags=["projects"])
 
 
 @router.post("", status_code=201)
+@costs(Cost.HEAVY)
 def submit_project(
     project_id: ProjectId,
     body: ProjectJobsIn,

@@ -18,6 +18,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from pipeline.errors import BadParameter, Cancelled, ImpastoError
+from service.access.admission import Cost
 from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.errors import internal_error, problem
@@ -238,8 +239,9 @@ def _film(context: ServiceContext, caller: Principal, job_id: str) -> Json:
 async def _answer(
     context: ServiceContext, caller: Principal, project_id: str, what: str, body: QueryIn, options: Json
 ) -> StreamingResponse:
-    query = await run_in_threadpool(_query, context, caller, project_id, what, body, options)
-    run = context.farm.previews.start(query)
+    async with context.admission.one(Cost.HEAVY, caller):
+        query = await run_in_threadpool(_query, context, caller, project_id, what, body, options)
+    run = context.farm.previews.start(query, caller.owner)
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     pieces = _pieces(run, f"/v1/projects/{project_id}/previews/{what}", context.preview_threads)
     return StreamedResponse(pieces, 200, headers, MEDIA_TYPE, run.cancel)

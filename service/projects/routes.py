@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from fastapi import Body, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, Submitter
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import IfMatch, document_quota, etag, expected_version, find_project
@@ -99,6 +100,7 @@ def put_project(
 
 
 @router.patch("/{project_id}", openapi_extra=_PATCHES)
+@costs(Cost.HEAVY)
 async def patch_project(
     project_id: ProjectId,
     request: Request,
@@ -149,6 +151,7 @@ def restore_project(project_id: ProjectId, response: Response, context: Context,
 
 
 @router.get("/{project_id}/check")
+@costs(Cost.HEAVY)
 def check_project(project_id: ProjectId, context: Context, caller: Reader) -> ProblemsOut:
     """Problems that keep the project from being rendered, with their places in the document."""
     project = find_project(context, caller, project_id)

@@ -7,7 +7,8 @@ from typing import Annotated
 
 from fastapi import Path, Query, Response
 
-from service.access.depends import NEEDS_FRAME_SLOT, Context, Reader, Submitter
+from service.access.admission import Cost, costs
+from service.access.depends import Context, Reader, Submitter
 from service.assets.adopt import check_quota
 from service.routing import Router
 from service.schemas import Listing, Responses
@@ -36,7 +37,8 @@ def list_styles(context: Context, _caller: Reader) -> Listing[StyleOut]:
     return Listing(context.styles.listing(), None)
 
 
-@router.get("/{style_id}/picture", response_class=Response, responses=JPEG, dependencies=[NEEDS_FRAME_SLOT])
+@router.get("/{style_id}/picture", response_class=Response, responses=JPEG)
+@costs(Cost.FRAMES)
 def get_style_picture(
     style_id: StyleId,
     context: Context,
@@ -49,6 +51,7 @@ def get_style_picture(
 
 
 @router.post("/{style_id}/assets")
+@costs(Cost.HEAVY)
 def use_style(style_id: StyleId, context: Context, caller: Submitter) -> StyleAssets:
     """Copy the painting to your assets, for use in jobs and projects."""
     library = context.styles

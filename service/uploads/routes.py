@@ -10,10 +10,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Annotated
 
-from anyio.to_thread import run_sync
 from fastapi import Path, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from service.access.admission import Cost
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults
@@ -162,7 +162,8 @@ async def _finish_if_whole(
 ) -> Upload:
     if offset != upload.length:
         return upload
-    return await run_sync(finish, context, store, caller, upload, limiter=context.reading_threads)
+    async with context.admission.one(Cost.READING, caller):
+        return await run_in_threadpool(finish, context, store, caller, upload)
 
 
 def _state(store: UploadStore, upload: Upload, offset: int) -> dict[str, str]:

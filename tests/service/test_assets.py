@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from service.access.depends import READINGS
+from service.access.admission import READINGS
 from service.assets.adopt import adopt
 from service.settings import Settings
 from tests.service.conftest import CLIP
@@ -89,7 +89,7 @@ class SlowFrames:
 def test_a_frame_waits_for_others_and_is_refused_after_some_seconds(
     settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.access.depends.FRAME_WAIT_S", 0.05)
+    monkeypatch.setattr("service.access.admission.FRAME_WAIT_S", 0.05)
     slow = SlowFrames()
     monkeypatch.setattr(farm.assets, "frame", slow.frame)
     with running(settings.model_copy(update={"frame_slots": 1}), farm) as url, ThreadPoolExecutor(1) as threads:
@@ -106,7 +106,7 @@ def test_a_frame_waits_for_others_and_is_refused_after_some_seconds(
 def test_frames_that_wait_block_no_other_request(
     settings: Settings, farm: DrivenFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.access.depends.FRAME_WAIT_S", 60)
+    monkeypatch.setattr("service.access.admission.FRAME_WAIT_S", 60)
     slow = SlowFrames()
     monkeypatch.setattr(farm.assets, "frame", slow.frame)
     with running(settings, farm) as url, ThreadPoolExecutor(50) as threads:

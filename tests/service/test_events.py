@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 import threading
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 from fastapi.testclient import TestClient
 
+from service.access.depends import Streams
+from service.access.keys import Principal
 from service.settings import Settings
 from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm
+from tests.service.live import running
 from tests.waiting import SLOWER
 from workers.model import RunState
 
@@ -62,21 +67,12 @@ def test_a_stream_without_further_events_is_204(client: TestClient, farm: Driven
     assert (answer.status_code, answer.content) == (204, b"")
 
 
-def test_new_events_are_sent_and_idle_streams_get_comments(
-    client: TestClient, farm: DrivenFarm, job: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    waits: list[int] = []
-    wait_for_event = farm.jobs.wait_for_event
+def test_new_events_are_sent_and_idle_streams_get_comments(client: TestClient, farm: DrivenFarm, job: str) -> None:
+    def work() -> None:
+        farm.move(job, RunState.RUNNING)
+        farm.finish(job)
 
-    def wait_and_work(job_id: str, after: int, timeout_s: float) -> bool:
-        """Run the job at the stream's third wait for an event, after two waits without one."""
-        waits.append(after)
-        if len(waits) == 3:
-            farm.move(job, RunState.RUNNING)
-            farm.finish(job)
-        return wait_for_event(job_id, after, timeout_s)
-
-    monkeypatch.setattr(farm.jobs, "wait_for_event", wait_and_work)
+    threading.Timer(0.7, work).start()  # heartbeats are sent every 0.2 s
     events = listen(client, job)
     assert [event["data"]["data"]["state"] for event in events if event["event"] == "job.state"] == [
         "queued",
@@ -84,6 +80,30 @@ def test_new_events_are_sent_and_idle_streams_get_comments(
         "succeeded",
     ]
     assert {"event": ":"} in events
+
+
+def test_streams_that_wait_take_no_threads(settings: Settings, farm: DrivenFarm) -> None:
+    """Sixty streams of a job that waits, and then ends."""
+    with running(settings, farm) as url, httpx.Client(base_url=url, timeout=60) as http, ExitStack() as opened:
+        clip = http.post("/v1/assets", files={"file": ("a.mp4", b"CLIP")}).json()["id"]
+        job = http.post("/v1/jobs", json={"method": "toy", "inputs": {"video": clip}}).json()["id"]
+        before = threading.active_count()
+        asked = [opened.enter_context(http.stream("GET", f"/v1/jobs/{job}/events")) for _ in range(60)]
+        lines = [answer.iter_lines() for answer in asked]
+        assert all(next(each).startswith("retry") for each in lines)
+        time.sleep(0.5)
+        assert threading.active_count() - before < 25, "a few read histories"
+        farm.finish(job)
+        assert all(any('"succeeded"' in line for line in each) for each in lines)
+
+
+def test_streams_of_one_owner_leave_some_to_others() -> None:
+    streams, anna, ben = Streams(4), Principal("anna", frozenset()), Principal("ben", frozenset())
+    with streams.one(anna), streams.one(anna):
+        assert streams.full(anna) and not streams.full(ben)
+        with streams.one(ben):
+            assert streams.full(ben) and not streams.full(Principal("cleo", frozenset()))
+    assert streams.count() == 0 and not streams.full(anna)
 
 
 def test_lost_history_is_reported(settings: Settings, only_toy: None, home: Path) -> None:

@@ -14,6 +14,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy import update
 
 from pipeline.errors import ImpastoError, StorageError
+from service.access.admission import Cost
 from service.errors import TABLE
 from tests.service.driven_farm import DrivenFarm
 from workers.store import schema
@@ -112,8 +113,8 @@ def test_surplus_previews_are_refused_with_retry_after(
     work = [threading.Thread(target=ask) for _ in range(2)]
     for thread in work:
         thread.start()
-    semaphore = client.app.state.service.previews  # type: ignore[attr-defined]
-    while semaphore._value:
+    admission = client.app.state.service.admission  # type: ignore[attr-defined]
+    while admission.held(Cost.PREVIEWS) < 2:
         threading.Event().wait(0.01)
     busy = client.post("/v1/previews", json=body)
     farm.preview_gate.set()
@@ -158,16 +159,20 @@ def test_every_error_code_has_a_status() -> None:
     assert codes(ImpastoError) - client_side <= set(TABLE)
 
 
-def test_an_operator_moves_a_job_to_the_front(client: TestClient, farm: DrivenFarm, body: dict[str, Any]) -> None:
-    first, urgent, last = (
+def _ahead(client: TestClient, job_id: str) -> int:
+    return int(client.get(f"/v1/jobs/{job_id}/queue").json()["jobs_ahead"])
+
+
+def test_an_operator_moves_a_job_to_the_front(client: TestClient, body: dict[str, Any]) -> None:
+    _, _, last = (
         client.post("/v1/jobs", json=body | {"seed": seed, "priority": p}).json()["id"]
         for seed, p in ((1, 0), (2, 7), (3, 0))
     )
-    assert [job.id for job in farm.jobs.ahead(last)] == [first, urgent]
+    assert _ahead(client, last) == 2
     moved = client.post(f"/v1/ops/jobs/{last}/priority", json={"priority": None}).json()
-    assert moved["request"]["priority"] == 8 and farm.jobs.ahead(last) == []
+    assert moved["request"]["priority"] == 8 and _ahead(client, last) == 0
     assert client.post(f"/v1/ops/jobs/{last}/priority", json={"priority": -3}).json()["request"]["priority"] == -3
-    assert [job.id for job in farm.jobs.ahead(last)] == [first, urgent]
+    assert _ahead(client, last) == 2
     assert client.post(f"/v1/ops/jobs/{last}/priority", json={"priority": 101}).status_code == 422
     client.post(f"/v1/jobs/{last}/cancel")
     assert client.post(f"/v1/ops/jobs/{last}/priority", json={}).status_code == 409

@@ -315,8 +315,8 @@ def test_a_later_preview_request_cancels_the_earlier_one(
         assert second_arrived.wait(60)
         return paint(self, number, side_px)
 
-    def start_and_tell(self: PreviewService, query: PreviewQuery) -> PreviewRun:
-        run = start(self, query)
+    def start_and_tell(self: PreviewService, query: PreviewQuery, owner: str = "") -> PreviewRun:
+        run = start(self, query, owner)
         if query.seq == 2:
             second_arrived.set()
         return run

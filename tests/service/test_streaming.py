@@ -77,9 +77,9 @@ class CountedPreviews(PreviewService):
 
     begun = 0
 
-    def start(self, query: PreviewQuery) -> PreviewRun:
+    def start(self, query: PreviewQuery, owner: str = "") -> PreviewRun:
         self.begun += 1
-        return super().start(query)
+        return super().start(query, owner)
 
 
 def test_a_preview_that_its_client_leaves_frees_its_slot(

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from workers.store.progress import StepMeter, job_eta_s, job_progress
+from workers.store.progress import StepMeter, job_eta_s, job_progress, recent_pace_s
 
 TIMELINES = sorted((Path(__file__).parent / "timelines").glob("*.json"))
 Timeline = list[tuple[float, list[StepMeter]]]
@@ -88,3 +88,20 @@ def test_a_slow_first_frame_does_not_set_the_rate() -> None:
     eta = job_eta_s(cold)
     assert eta is not None
     assert eta < 0.15 * 104 * 2 + 3, "200 s, if that frame were believed"
+
+
+@pytest.mark.parametrize("later_s", [8.0, 2.0])
+def test_the_time_left_of_a_long_job_follows_the_load(later_s: float) -> None:
+    """1,000 tasks of 4 s; after half of them, other work begins or ends, and each takes twice or half as long."""
+    step, at = StepMeter(1000, 1000, 0.0, 0.0, True, False, 1), 0.0
+    seconds = [4.0] * 500 + [later_s] * 500
+    wrong = []
+    for number, each in enumerate(seconds):
+        at += each
+        pace = recent_pace_s(step.pace_s, each, 1.0)
+        step = replace(step, weight_done=step.weight_done + 1, busy_s=step.busy_s + each, pace_s=pace)
+        eta = job_eta_s([step])
+        if 650 <= number < 990:
+            assert eta is not None
+            wrong.append(abs(eta - (sum(seconds) - at)) / (sum(seconds) - at))
+    assert max(wrong) < 0.15, "the mean over the whole step is 20 to 70 % wrong"

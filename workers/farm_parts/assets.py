@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 
 from pipeline.video.media import Limits, MediaInfo
@@ -111,6 +111,10 @@ class FarmAssets:
     def page(self, owner: str | AnyOwner, cursor: str | None = None, limit: int = 50) -> Page:
         """`Asset` items, newest first."""
         return self._store.assets.page(owner, cursor, limit)
+
+    def owners(self, owners: Collection[str]) -> set[str]:
+        """Those of the owners who have an asset."""
+        return self._store.assets.owners(owners)
 
     def delete(self, asset_id: str, owner: str | AnyOwner) -> None:
         """Delete that owner's entry, and the bytes with the last entry.

@@ -6,6 +6,8 @@ listing, and is deleted with the job.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
@@ -61,6 +63,10 @@ class FarmExports:
         """Exports of a job, newest first; not those that another owner labels so. Raises NotFound."""
         owner = self._jobs.get(job_id).owner
         return list(self._jobs.page(method=CONVERT, owner=owner, label=(EXPORT_LABEL, job_id), limit=_MOST).items)
+
+    def having(self, job_ids: Collection[str]) -> set[str]:
+        """Those of the jobs that have exports, or the asset of a film that was exported."""
+        return self._jobs.labelled(EXPORT_LABEL, job_ids) | self._assets.owners(job_ids)
 
     def delete(self, job_id: str) -> None:
         """Delete a job's exports and the asset of its film. Raises Conflict: one of them is not finished."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import time
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager, suppress
+from typing import Literal
 
 from pipeline.errors import StorageError
 from pipeline.methods import method
@@ -17,11 +19,22 @@ from workers.jobs import state_machine as machine
 from workers.model import EXPORT_LABEL, AnyOwner, Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.previews.service import PreviewService
 from workers.process.log_context import log_extra
+from workers.projects import estimates
+from workers.projects.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from, measured, summed
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
 from workers.store import Store
+from workers.store.bulk import Refused
+from workers.store.queue_position import MethodAhead
 
 log = logging.getLogger(__name__)
+
+Command = Literal["cancel", "pause", "resume", "delete"]
+"""Commands that may be given to several jobs at once."""
+
+SAMPLES_S = 30.0
+"""Time for which the finished jobs on which estimates are based are kept in memory, seconds."""
+_SAMPLED_METHODS = 64
 
 
 class FarmJobs:
@@ -46,6 +59,7 @@ class FarmJobs:
         self._collector, self._wake = collector, wake
         self._images = images
         self._previews = previews
+        self._samples: LruCache[list[MeasuredJob]] = LruCache(_SAMPLED_METHODS)
 
     def submit(
         self,
@@ -101,9 +115,38 @@ class FarmJobs:
         """Raises NotFound."""
         return self._store.jobs.get(job_id)
 
-    def ahead(self, job_id: str) -> list[Job]:
-        """Jobs that are served before this one, see `workers.store.jobs.Jobs.ahead`. Raises NotFound."""
+    def ahead(self, job_id: str) -> list[MethodAhead]:
+        """Jobs that are served before this one, by method, see `workers.store.queue_position`. Raises NotFound."""
         return self._store.jobs.ahead(job_id)
+
+    def labelled(self, name: str, values: Collection[str]) -> set[str]:
+        """Those of the values that jobs have as a label of this name."""
+        return self._store.jobs.labelled(name, values)
+
+    def by_state(self) -> dict[str, int]:
+        """Number of jobs of all owners by state."""
+        return self._store.statistics.jobs_by_state()
+
+    def estimate(self, request: JobRequest, owner: str | AnyOwner) -> Estimate:
+        """The cost of a job with assets of `owner`, from the newest finished jobs of its methods: read at most every
+        `SAMPLES_S` seconds."""
+        parts = estimates.parts(request)
+        return summed([estimate_from(part, self._info(part, owner), self._measured(part.method)) for part in parts])
+
+    def _info(self, request: JobRequest, owner: str | AnyOwner) -> Json | None:
+        try:
+            return self._store.assets.get(request.inputs["video"], owner).info
+        except (KeyError, NotFound):
+            return None
+
+    def _measured(self, method: str) -> list[MeasuredJob]:
+        def read() -> list[MeasuredJob]:
+            finished = self._store.jobs.page(state="succeeded", method=method, limit=SAMPLES).items
+            find = self._store.assets.get
+            found = (measured(job, find) for job in finished)
+            return [each for each in found if each is not None]
+
+        return self._samples.get((method, time.monotonic() // SAMPLES_S), read)
 
     def page(
         self,
@@ -167,6 +210,20 @@ class FarmJobs:
         except StorageError:  # the job is deleted; its blobs are deleted when the blob store answers again
             self._collector.later(job_id)
 
+    def command_many(self, job_ids: Collection[str], command: Command) -> Refused:
+        """Cancel, pause, resume or delete several jobs in one transaction; returns those for which it was refused. The
+        blobs of deleted jobs are deleted in the background."""
+        if command == "delete":
+            refused = self._store.bulk.remove(job_ids)
+            for job_id in job_ids:
+                if job_id not in refused:
+                    self._collector.later(job_id)
+            return refused
+        events = {"cancel": machine.Cancel(), "pause": machine.Pause(), "resume": machine.Resume()}
+        refused = self._store.bulk.command(job_ids, events[command])
+        self._wake()
+        return refused
+
     def events(self, job_id: str, after: int = 0, limit: int = 500) -> tuple[Sequence[Event], bool]:
         """Events with seq > `after`, and whether some of these have been pruned (history is bounded)."""
         return self._store.events.list(job_id, after, limit)
@@ -175,9 +232,13 @@ class FarmJobs:
         """Block until the job has an event with seq > `after`; False on time-out."""
         return self._store.events.wait(job_id, after, timeout_s)
 
+    def listening(self, job_id: str, on_news: Callable[[], None]) -> AbstractContextManager[None]:
+        """Call `on_news`, in any thread, after each new event of the job, and its deletion, while the block runs."""
+        return self._store.events.listening(job_id, on_news)
+
     def preview(
         self, request: JobRequest, owner: str | AnyOwner, frame: int, max_side_px: int = 640,
-        design: Json | None = None, artefacts_of: str | None = None,
+        design: Json | None = None, artefacts_of: str | None = None, waiting: str = "",
     ) -> bytes:  # fmt: skip
         """One frame (scaled to fit) stylised with the request's parameters; PNG bytes.
 
@@ -185,6 +246,7 @@ class FarmJobs:
             owner: the owner of the inputs.
             design: a design document in place of the request's input of that name.
             artefacts_of: id of a finished job of the same method, whose artefacts the preview uses.
+            waiting: the owner who waits for it; see `PreviewService`.
         """
         assets = self._inputs(request, owner)
         params = check_request(request, assets).params
@@ -195,7 +257,7 @@ class FarmJobs:
         )
         documents = {} if design is None else {"design": design}
         options = {"request": request, "assets": assets, "ask": PreviewAsk(frame, max_side_px, documents, artefacts)}
-        return self._images.get(wanted, lambda: self._previews.frame(assets["video"].id, max_side_px, options))
+        return self._images.get(wanted, lambda: self._previews.frame(assets["video"].id, max_side_px, options, waiting))
 
     def _artefact_keys(self, job_id: str, chosen: str) -> dict[str, str]:
         """Blob keys of the artefacts that a job has made, by name."""

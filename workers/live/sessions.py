@@ -3,6 +3,7 @@ read in any thread; everything else is for one event loop."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ from workers.live.model import FilterOrder, LiveOrder, Size, WireFormat
 from workers.live.stream import Stream
 from workers.live.worker import LiveWorkers, NoLiveWorker
 from workers.model import Asset, Json, asset_key
+from workers.process.fair_slots import fair_share
 from workers.settings import FarmSettings
 
 RETRY_AFTER_S = 5.0
@@ -39,13 +41,14 @@ class LiveLimits:
 class SessionSlot:
     """A reserved slot for one session."""
 
-    def __init__(self, live: LiveSessions) -> None:
+    def __init__(self, live: LiveSessions, owner: str | None) -> None:
         self._live: LiveSessions | None = live
+        self._owner = owner
 
     def release(self) -> None:
         """A second call has no effect."""
         if self._live is not None:
-            self._live.sessions -= 1
+            self._live.leave(self._owner)
             self._live = None
 
 
@@ -66,6 +69,7 @@ class LiveSessions:
         self.limits = LiveLimits(settings.live_max_side_px, settings.live_max_fps, settings.live_frame_bytes)
         self.sessions = 0
         """Number of reserved slots."""
+        self._by_owner: Counter[str] = Counter()
 
     def start(self) -> None:
         """Start the workers. Call on the main thread."""
@@ -87,16 +91,35 @@ class LiveSessions:
         """Names of the methods that can filter the frames that a live method paints."""
         return tuple(name for name, found in methods().items() if _filters(found))
 
-    def place(self) -> SessionSlot:
-        """Reserve a slot for a session. Raises NoLiveWorker if all are reserved."""
-        if not self.free:
+    def place(self, owner: str | None = None, most: int | None = None) -> SessionSlot:
+        """Reserve a slot for a session.
+
+        Args:
+            owner: who uses it, for a share of the slots (`fair_share`); None: the only user, who may use all.
+            most: the owner's own limit, instead of a share.
+
+        Raises:
+            NoLiveWorker: all slots are reserved, or the owner has its share.
+        """
+        own = 0 if owner is None else self._by_owner[owner]
+        allowed = own < most if most is not None else owner is None or fair_share(self.free, own)
+        if not self.free or not allowed:
+            held = f"You have {own} of {self.capacity} live sessions, and the rest is reserved for others."
             raise NoLiveWorker(
-                f"All {self.capacity} live sessions are taken.",
+                held if self.free else f"All {self.capacity} live sessions are taken.",
                 retry_after_s=RETRY_AFTER_S,
-                remedy=f"Try again in {RETRY_AFTER_S:g} s.",
+                remedy=f"End one, or try again in {RETRY_AFTER_S:g} s.",
             )
         self.sessions += 1
-        return SessionSlot(self)
+        if owner is not None:
+            self._by_owner[owner] += 1
+        return SessionSlot(self, owner)
+
+    def leave(self, owner: str | None) -> None:
+        """A slot of this owner is free again."""
+        self.sessions -= 1
+        if owner is not None:
+            self._by_owner -= Counter([owner])
 
     def order(
         self,

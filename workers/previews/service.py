@@ -13,6 +13,7 @@ from pipeline.errors import Cancelled
 from workers.model import Json
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
+from workers.process.fair_slots import FairSlots, FairTicket
 
 _FORGET = 10_000
 """Maximum number of clients and channels that are tracked; beyond it, those with the oldest query are dropped."""
@@ -43,11 +44,13 @@ class _Ticket:
     """A query in progress."""
 
     query: PreviewQuery
+    owner: str
     by: int | None = None
     """`seq` of the later query that has cancelled it; None: none has."""
     left: threading.Event = field(default_factory=threading.Event)
     """Set when the client has disconnected."""
-    has_slot: bool = False
+    slot: FairTicket | None = None
+    """Its place in the queue, from the first request for a slot to the end."""
 
     def check(self) -> None:
         if self.by is not None:
@@ -84,12 +87,13 @@ class PreviewService:
 
     Args:
         runner: makes the previews.
-        slots: number of previews that are made at once. Others wait, and end if a later query cancels them meanwhile.
+        slots: number of previews that are made at once. Others wait, owners in turn, and end if a later query cancels
+            them meanwhile.
     """
 
     def __init__(self, runner: PreviewRunner, slots: int) -> None:
         self._runner = runner
-        self._slots = threading.BoundedSemaphore(slots)
+        self._slots = FairSlots(slots)
         self._lock = threading.Lock()
         self._latest: dict[tuple[str, str, str], _Ticket] = {}
         self._singles = itertools.count(1)
@@ -98,9 +102,13 @@ class PreviewService:
         """Get ready for the first query. With Ray: once it is connected."""
         self._runner.start()
 
-    def start(self, query: PreviewQuery) -> PreviewRun:
-        """Start a query. It cancels earlier ones, or is cancelled at once if a later one has already arrived."""
-        ticket, name = _Ticket(query), (query.project, query.client, query.channel)
+    def start(self, query: PreviewQuery, owner: str = "") -> PreviewRun:
+        """Start a query. It cancels earlier ones, or is cancelled at once if a later one has already arrived.
+
+        Args:
+            owner: who waits for it.
+        """
+        ticket, name = _Ticket(query, owner), (query.project, query.client, query.channel)
         with self._lock:
             before = self._latest.pop(name, None)
             if before is not None and before.query.seq > query.seq:
@@ -114,7 +122,7 @@ class PreviewService:
                 self._latest.pop(next(iter(self._latest)))
         return PreviewRun(self, ticket)
 
-    def frame(self, subject: str, side_px: int, options: Json) -> bytes:
+    def frame(self, subject: str, side_px: int, options: Json, owner: str = "") -> bytes:
         """One frame of a job that is not submitted, PNG. No other query cancels it.
 
         Args:
@@ -122,7 +130,7 @@ class PreviewService:
             options: arguments of `workers.execution.preview.Previews.png`.
         """
         query = PreviewQuery(SINGLE, subject, f"{SINGLE}-{next(self._singles)}", SINGLE, 0, (), side_px, options)
-        (found,) = [record.payload for record in self.start(query) if record.header["type"] == "frame"]
+        (found,) = [record.payload for record in self.start(query, owner) if record.header["type"] == "frame"]
         return found
 
     def answer(self, ticket: _Ticket) -> Iterator[Record]:
@@ -143,17 +151,18 @@ class PreviewService:
         """Take a slot if one is free. Returns whether the ticket need not wait: it has a slot, or its answer is no
         longer needed."""
         with self._lock:
-            if not ticket.has_slot and ticket.by is None and not ticket.left.is_set():
-                ticket.has_slot = self._slots.acquire(blocking=False)
-                return ticket.has_slot
-        return True
+            if ticket.by is not None or ticket.left.is_set():
+                return True
+            if ticket.slot is None:
+                ticket.slot = self._slots.enter(ticket.owner)
+            return ticket.slot.granted
 
     def leave_slot(self, ticket: _Ticket) -> None:
-        """Return the ticket's slot, if it has one."""
+        """Return the ticket's slot, or its place in the queue."""
         with self._lock:
-            if ticket.has_slot:
-                self._slots.release()
-            ticket.has_slot = False
+            if ticket.slot is not None:
+                self._slots.leave(ticket.slot)
+            ticket.slot = None
 
     def state(self) -> Json:
         return self._runner.state()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log
 
@@ -11,7 +11,7 @@ from pipeline.methods.base import PROCESS_BYTES, PlanContext
 from pipeline.methods.layers import LAYERS
 from workers.errors import NotFound
 from workers.jobs.frame_window import window_info
-from workers.model import AnyOwner, Asset, Job, JobRequest, Json
+from workers.model import Asset, Job, JobRequest, Json
 from workers.projects.cost_fit import Work, fitted
 from workers.scheduling.planning import video_info
 
@@ -91,34 +91,18 @@ def _total(values: Sequence[float | None]) -> float | None:
     return sum(known) if len(known) == len(values) else None
 
 
-def estimate(
-    request: JobRequest, owner: str | AnyOwner, finished: Iterable[Job], find: Callable[[str, str | AnyOwner], Asset]
-) -> Estimate:
-    """The estimate of a job from finished jobs.
-
-    Args:
-        finished: jobs of the same method that succeeded, the newest first.
-        owner: the owner of the job's assets.
-        find: returns the asset of an id and an owner. Raises NotFound.
-    """
-    try:
-        info = find(request.inputs["video"], owner).info
-    except (KeyError, NotFound):
-        return Estimate(None, None, 0)
-    found = (_measured(job, find) for job in finished)
-    return estimate_from(request, info, [each for each in found if each is not None])
-
-
-def estimate_from(request: JobRequest, info: Json, history: Sequence[MeasuredJob]) -> Estimate:
+def estimate_from(request: JobRequest, info: Json | None, history: Sequence[MeasuredJob]) -> Estimate:
     """Times by the model of `cost_fit`, fitted to the most similar jobs.
 
     Jobs with the same parameters are preferred, then those of similar length and frame size. Without any, the figures
     are the method's own (`Method.cpu_s_per_megapixel`, `Method.resources`).
 
     Args:
-        info: facts of the job's video.
-        history: measured jobs of the same method.
+        info: facts of the job's video; None: unknown.
+        history: measured jobs of the same method, the newest first.
     """
+    if info is None:
+        return Estimate(None, None, 0)
     info = window_info(info, request.frames)
     frames, pixels = _size(info)
     if frames is None or not pixels:
@@ -155,7 +139,12 @@ def _nearest(request: JobRequest, frames: int, pixels: int, history: Sequence[Me
     return sorted(same or alike, key=distance)[:NEAREST]
 
 
-def _measured(job: Job, find: Callable[[str, str | AnyOwner], Asset]) -> MeasuredJob | None:
+def measured(job: Job, find: Callable[[str, str], Asset]) -> MeasuredJob | None:
+    """The cost of a job that succeeded; None if its size is unknown, or if it reused results.
+
+    Args:
+        find: returns the asset of an id and an owner. Raises NotFound.
+    """
     try:
         frames, pixels = _size(window_info(find(job.request.inputs["video"], job.owner).info, job.request.frames))
     except (KeyError, NotFound):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from workers.store.accepted import Accepted
 from workers.store.assets import Assets
 from workers.store.base import Clock
+from workers.store.bulk import Bulk
 from workers.store.claims import Claim, ClaimFailed
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
@@ -47,6 +48,7 @@ class Store:
         counters = AttemptCounters()
         self.assets = Assets(*shared)
         self.jobs = Jobs(*shared)
+        self.bulk = Bulk(*shared)
         self.tasks = Tasks(*shared)
         self.events = Events(*shared)
         self.plans = Plans(*shared)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -69,6 +69,13 @@ class Assets(StorePart):
         given = literal(json.dumps(texts), String)
         unpacked = func.json_each(given) if self._db.is_sqlite else func.json_array_elements_text(cast(given, JSON))
         return select(unpacked.table_valued("value").c.value)
+
+    def owners(self, owners: Collection[str]) -> set[str]:
+        """Those of the owners who have an asset."""
+        table = schema.asset_owners
+        query = select(table.c.owner).where(table.c.owner.in_(list(owners))).distinct()
+        with self._db.read() as connection:
+            return set(connection.execute(query).scalars())
 
     def page(self, owner: str | AnyOwner, cursor: str | None = None, limit: int = 50) -> Page:
         """Newest first."""

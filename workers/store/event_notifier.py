@@ -1,4 +1,4 @@
-"""Wakes the threads that wait for a job's events, of this process or of another.
+"""Tells those who wait for a job's events, of this process or of another. Waiting takes no thread.
 
 Events of this process notify at once. For those of others, a thread queries the database for all awaited jobs, every
 quarter of a second; less often, down to once a second, while it finds nothing new. (PostgreSQL's NOTIFY would be a
@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 
@@ -34,48 +34,54 @@ class EventNotifier:
     """Knows the number of each job's newest event, and waits for the next one."""
 
     def __init__(self) -> None:
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         self._newest: OrderedDict[str, int] = OrderedDict()
-        self._waited: Counter[str] = Counter()
+        self._listeners: dict[str, list[Callable[[], None]]] = {}
         self._polling = False
 
     def notify(self, job_id: str, seq: int) -> None:
         """Record that the job has an event of this number."""
-        with self._changed:
+        with self._lock:
             self._newest[job_id] = max(seq, self._newest.get(job_id, 0))
             self._newest.move_to_end(job_id)
             while len(self._newest) > _REMEMBERED:
                 self._newest.popitem(last=False)
-            self._changed.notify_all()
+            listeners = tuple(self._listeners.get(job_id, ()))
+        for listener in listeners:
+            listener()
 
     def newest(self, job_id: str) -> int:
         """The number of the job's newest event that is known here, 0 if none is."""
-        with self._changed:
+        with self._lock:
             return self._newest.get(job_id, 0)
 
     def wait(self, job_id: str, after: int, timeout_s: float, newest: Newest) -> bool:
         """Wait until the job is known to have an event with seq > `after`; False on time-out.
 
         Args:
-            newest: queries the database for all jobs that threads wait for.
+            newest: queries the database for all jobs that are listened to.
         """
-        with self._waiting(job_id, newest), self._changed:
-            return self._changed.wait_for(lambda: self._newest.get(job_id, 0) > after, timeout_s)
+        news, end = threading.Event(), time.monotonic() + timeout_s
+        with self.listening(job_id, news.set, newest):
+            while self.newest(job_id) <= after and news.wait(max(0.0, end - time.monotonic())):
+                news.clear()
+        return self.newest(job_id) > after
 
     @contextmanager
-    def _waiting(self, job_id: str, newest: Newest) -> Iterator[None]:
-        with self._changed:
-            self._waited[job_id] += 1
+    def listening(self, job_id: str, on_news: Callable[[], None], newest: Newest) -> Iterator[None]:
+        """Call `on_news`, in any thread, after each event of the job that becomes known while the block runs."""
+        with self._lock:
+            self._listeners.setdefault(job_id, []).append(on_news)
             if not self._polling:
                 self._polling = True
                 threading.Thread(target=self._poll, args=(newest,), name="impasto-events", daemon=True).start()
         try:
             yield
         finally:
-            with self._changed:
-                self._waited[job_id] -= 1
-                if not self._waited[job_id]:
-                    del self._waited[job_id]
+            with self._lock:
+                self._listeners[job_id].remove(on_news)
+                if not self._listeners[job_id]:
+                    del self._listeners[job_id]
 
     def _poll(self, newest: Newest) -> None:
         """Query while there are listeners, and a little longer."""
@@ -83,8 +89,8 @@ class EventNotifier:
         pause_s = soon_s
         while True:
             time.sleep(pause_s)
-            with self._changed:
-                waited = list(self._waited)
+            with self._lock:
+                waited = list(self._listeners)
                 needed = time.monotonic() if waited else needed
                 if time.monotonic() - needed > _IDLE_TIMEOUT_S:
                     self._polling = False

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager
 
 from sqlalchemy import Connection, func, select
 
@@ -32,6 +33,10 @@ class Events(StorePart):
             with self._db.read() as connection:
                 self._notifier.notify(job_id, _newest_seq(connection, job_id))
         return self._notifier.wait(job_id, after, timeout_s, self._newest)
+
+    def listening(self, job_id: str, on_news: Callable[[], None]) -> AbstractContextManager[None]:
+        """Call `on_news`, in any thread, after each new event of the job, and its deletion, while the block runs."""
+        return self._notifier.listening(job_id, on_news, self._newest)
 
     def _newest(self, job_ids: Collection[str]) -> dict[str, int]:
         jobs = schema.jobs

@@ -5,6 +5,7 @@ Every change of a job uses this class, so that states, counts, history and webho
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -34,6 +35,9 @@ _LOCKED = select(schema.jobs).where(schema.jobs.c.id == bindparam("id")).with_fo
 _TASK = select(schema.tasks).where(schema.tasks.c.id == bindparam("id"), schema.tasks.c.job_id == bindparam("job_id"))
 _STEP = select(schema.steps).where(
     schema.steps.c.job_id == bindparam("job_id"), schema.steps.c.step == bindparam("step")
+)
+_STARTED = select(schema.attempts.c.started_at).where(
+    schema.attempts.c.job_id == bindparam("job_id"), schema.attempts.c.outcome == RUNNING
 )
 _STEPS = select(schema.steps).where(schema.steps.c.job_id == bindparam("job_id"))
 ACTIVE = (RunState.QUEUED.value, RunState.RUNNING.value)
@@ -162,13 +166,25 @@ class JobTransaction:
 
     def close(self) -> None:
         """Write the job's row and history, and the sums over all jobs."""
-        if self.changed:
-            self._write()
-        if self._floor_s is not None:
-            shares.take_turn(self.connection, self.row["owner"], self._floor_s)
-        if self._used_s:
-            shares.charge(self.connection, self.row["owner"], self._used_s)
-        self._tallies.write(self.connection, self.job_id)
+        self.close_all([self])
+
+    @staticmethod
+    def close_all(jobs: Sequence[JobTransaction]) -> None:
+        """Close several jobs of one transaction. Rows that others need, too, are locked last, in a fixed order."""
+        used: dict[str, float] = defaultdict(float)
+        counts = Changes()
+        for job in jobs:
+            if job.changed:
+                job._write()
+            if job._floor_s is not None:
+                shares.take_turn(job.connection, job.row["owner"], job._floor_s)
+            used[job.row["owner"]] += job._used_s
+            counts.add(job._tallies)
+        for owner in sorted(used):
+            if used[owner]:
+                shares.charge(jobs[0].connection, owner, used[owner])
+        if jobs:
+            counts.write(jobs[0].connection, jobs[0].job_id)
 
     def _write(self) -> None:
         seq = self.seq
@@ -271,7 +287,10 @@ class JobTransaction:
         attempts = schema.attempts
         running = (attempts.c.job_id == self.job_id, attempts.c.outcome == RUNNING)
         ended = {"outcome": "cancelled", "finished_at": self.now}
-        for started_at in self.connection.execute(select(attempts.c.started_at).where(*running)).scalars():
+        started = self.connection.execute(_STARTED, {"job_id": self.job_id}).scalars().all()
+        if not started:
+            return
+        for started_at in started:
             self.charge(self.now - started_at)
         self.connection.execute(update(attempts).where(*running).values(ended))
         self._cancel_tasks(TaskState.RUNNING)

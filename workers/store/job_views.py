@@ -138,4 +138,5 @@ def _meter(job: Row, step: Row, running: Sequence[Row], ended: int, now: float) 
         running=len(running) + min(ended, step["ready"]),
         running_weight_done=sum(task["weight"] * task["progress"] for task in running),
         running_s=sum(max(0.0, now - task["started_at"]) for task in running),
+        pace_s=step["pace_s"],
     )

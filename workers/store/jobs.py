@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Collection
 from dataclasses import fields
 
 from sqlalchemy import ColumnElement, Connection, Table, bindparam, func, insert, or_, select, text
@@ -14,22 +15,26 @@ from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceede
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
 from workers.model import MAX_PRIORITY, Job, JobRequest, Page, RunState, Submitted, TaskState
-from workers.store import schema, task_states
+from workers.store import bulk, schema, task_states
 from workers.store.accepted import Accepted, step_rows
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
 from workers.store.job_transaction import JobTransaction
 from workers.store.job_views import job_views
+from workers.store.queue_position import MethodAhead, ahead
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
 from workers.store.tallies import Changes
 from workers.version import version
 
-ACTIVE_JOBS = (
-    select(func.count())
-    .select_from(schema.jobs)
+ACTIVE_JOBS = select(func.count()).select_from(
+    select(schema.jobs.c.id)
     .where(schema.jobs.c.owner == bindparam("owner"), text(schema.UNFINISHED_TEXT))
+    .limit(bindparam("most"))
+    .subquery()
 )
-"""Unfinished jobs of an owner."""
+"""Number of unfinished jobs of an owner, counted up to `most`."""
+MOST_COUNTED = 10_000
+"""Maximum number of unfinished jobs that are counted to show them."""
 _JOB = select(schema.jobs).where(schema.jobs.c.id == bindparam("id"))
 
 
@@ -83,7 +88,7 @@ class Jobs(StorePart):
         if max_active is None:
             return
         self._db.lock(connection, f"jobs of {owner}")
-        active = int(connection.execute(ACTIVE_JOBS, {"owner": owner}).scalar_one())
+        active = int(connection.execute(ACTIVE_JOBS, {"owner": owner, "most": max_active}).scalar_one())
         if active >= max_active:
             raise QuotaExceeded(
                 f"You may have at most {max_active} unfinished jobs.",
@@ -104,23 +109,13 @@ class Jobs(StorePart):
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
             return job_views(connection, found)[0]
 
-    def ahead(self, job_id: str, most: int = 1000) -> list[Job]:
-        """Queued and running jobs of higher priority, or of the same and submitted earlier, oldest first; at most
-        `most`. Jobs of several owners take turns, so that some of them may begin later. Raises NotFound."""
-        table = schema.jobs
+    def ahead(self, job_id: str) -> list[MethodAhead]:
+        """Jobs that are served before this one, by method, see `queue_position`. Raises NotFound."""
         with self._db.read() as connection:
             own = connection.execute(_JOB, {"id": job_id}).mappings().first()
             if own is None:
                 raise NotFound(f"There is no job {job_id}.", field="job", value=job_id)
-            earlier = (table.c.priority == own["priority"]) & (table.c.id < job_id)
-            query = (
-                select(table)
-                .where(text(schema.UNFINISHED_TEXT), table.c.state != RunState.PAUSED.value)
-                .where(earlier | (table.c.priority > own["priority"]))
-                .order_by(table.c.id)
-                .limit(most)
-            )
-            return job_views(connection, connection.execute(query).mappings().all())
+            return ahead(connection, own)
 
     def page(
         self,
@@ -205,12 +200,15 @@ class Jobs(StorePart):
     def remove(self, job_id: str) -> None:
         """Delete a final job. Raises Conflict if it is not final."""
         with self._transaction(job_id) as job:
-            if not RunState(job.row["state"]).final:
-                raise Conflict(
-                    "The job has not ended.", field="state", value=job.row["state"], remedy="Cancel it first."
-                )
-            job.remove()
+            bulk.remove(job)
         self._notifier.notify(job_id, GONE)
+
+    def labelled(self, name: str, values: Collection[str]) -> set[str]:
+        """Those of the values that jobs have as a label of this name."""
+        labels = schema.job_labels
+        query = select(labels.c.value).where(labels.c.name == name, labels.c.value.in_(list(values))).distinct()
+        with self._db.read() as connection:
+            return set(connection.execute(query).scalars())
 
     def exists(self, job_id: str) -> bool:
         return self._state(job_id) is not None

@@ -16,7 +16,7 @@ from workers.ids import new_id
 from workers.model import SCOPES, ApiKey
 from workers.store import schema
 from workers.store.base import StorePart
-from workers.store.jobs import ACTIVE_JOBS
+from workers.store.jobs import ACTIVE_JOBS, MOST_COUNTED
 from workers.store.records import key_of
 
 _PREFIX = "impasto_"
@@ -129,9 +129,10 @@ class Keys(StorePart):
             .join(owners, owners.c.asset_id == assets.c.id)
             .where(owners.c.owner == owner)
         )
+        counted = {"owner": owner, "most": MOST_COUNTED}
         with self._db.read() as connection:
             return {
-                "active_jobs": int(connection.execute(ACTIVE_JOBS, {"owner": owner}).scalar_one()),
+                "active_jobs": int(connection.execute(ACTIVE_JOBS, counted).scalar_one()),
                 "asset_bytes": int(connection.execute(stored).scalar_one()),
             }
 

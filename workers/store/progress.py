@@ -4,17 +4,21 @@ Weights of all steps of a method have one unit (`pipeline.methods.base.Task`), s
 without tasks counts with the weight that was expected when the job was accepted. If the plan differs, only the
 unfinished part of the bar is divided again, so that progress decreases only if work was lost.
 
-The remaining time is measured: worker seconds per unit of weight so far, times the remaining weight, divided by the
-number of running attempts. Pauses and restarts do not distort it.
+The remaining time is measured: worker seconds per unit of weight, times the remaining weight, divided by the number of
+running attempts. Pauses and restarts do not distort it. In a step whose tasks finish one after another, the seconds of
+the last minutes count, because the load of the machine changes in the course of a long job.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import exp
 
 ENOUGH = 0.01
 """Share of a job's weight that must be finished before its speed is used."""
+RECENT_S = 120.0
+"""Worker seconds over which the recent pace is averaged: older tasks count by exp(-seconds since / RECENT_S)."""
 SETTLED, SETTLED_S = 0.2, 60.0
 """Finished share of a step, or worker seconds in it, after which its own speed is used. Before, start-up distorts
 it."""
@@ -40,6 +44,8 @@ class StepMeter:
     """Sum over running tasks of weight times progress."""
     running_s: float = 0.0
     """Wall seconds of running attempts up to that moment, summed."""
+    pace_s: float | None = None
+    """Worker seconds per unit of weight of the tasks that have finished lately; see `recent_pace_s`."""
 
     @property
     def whole(self) -> float:
@@ -62,6 +68,14 @@ class StepMeter:
         return self.busy_s + self.running_s
 
 
+def recent_pace_s(before: float | None, seconds: float, weight: float) -> float | None:
+    """Recent worker seconds per unit of weight, after a task of this weight took `seconds`; `before`: until then."""
+    if weight <= 0:
+        return before
+    latest = seconds / weight
+    return latest if before is None else before + (latest - before) * (1 - exp(-seconds / RECENT_S))
+
+
 def job_progress(steps: Sequence[StepMeter]) -> float:
     """0..1 over all steps."""
     return sum(share * step.progress for share, step in zip(_shares(steps), steps, strict=True))
@@ -82,7 +96,7 @@ def job_eta_s(steps: Sequence[StepMeter]) -> float | None:
 def _pace(steps: Sequence[StepMeter], current: StepMeter) -> float | None:
     """Worker seconds per unit of weight in the current step; at its beginning, in earlier steps."""
     past = [step for step in steps if step.done]
-    own, before = _ratio([current]), _ratio(past)
+    own, before = current.pace_s or _ratio([current]), _ratio(past)
     if own is None or before is None:
         return before if own is None else own
     trust = min(1.0, max(current.progress / SETTLED, current.seconds / SETTLED_S))

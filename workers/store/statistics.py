@@ -25,6 +25,11 @@ class Statistics(StorePart):
         super().__init__(db, notifier, policy, now)
         self._counters = counters
 
+    def jobs_by_state(self) -> dict[str, int]:
+        """Number of jobs by state."""
+        with self._db.read() as connection:
+            return tallies.jobs_by_state(tallies.read(connection))
+
     def snapshot(self) -> Json:
         """Jobs and tasks by state, queue depth and age (s), attempts that run, failures by code (15 min), frames
         finished a second by method (5 min), webhook messages that wait; totals since this process began; and the

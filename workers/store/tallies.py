@@ -37,6 +37,10 @@ class Changes:
         """Add `number` ready tasks of jobs that may start tasks; negative: fewer."""
         self._counts["startable"] += number
 
+    def add(self, other: Changes) -> None:
+        """Add the changes of another job of the same transaction."""
+        self._counts.update(other._counts)
+
     def write(self, connection: Connection, job_id: str) -> None:
         """Add the changes to the row of this job's shard; no effect if there are none."""
         if any(self._counts.values()):

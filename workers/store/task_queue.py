@@ -24,7 +24,7 @@ from workers.store.event_notifier import EventNotifier
 from workers.store.fair_scheduler import Lane
 from workers.store.job_transaction import RUNNING, JobTransaction, StorePolicy
 from workers.store.job_views import meters_of
-from workers.store.progress import job_eta_s, job_progress
+from workers.store.progress import job_eta_s, job_progress, recent_pace_s
 from workers.store.records import Row, TaskRow, emitted_run, fault_to_json
 from workers.store.workers import is_drained
 
@@ -342,7 +342,8 @@ def _add_measures(job: JobTransaction, task: TaskRow, outcome: TaskOutcome, seco
     if PEAK_MEMORY in summed:
         summed[PEAK_MEMORY] = max(before.get(PEAK_MEMORY, 0.0), stages.get(PEAK_MEMORY, 0.0))
     values = {"stages": summed, "busy_s": step["busy_s"] + seconds, "weight_done": step["weight_done"] + task["weight"],
-              "reused": step["reused"] + outcome.reused}  # fmt: skip
+              "reused": step["reused"] + outcome.reused,
+              "pace_s": recent_pace_s(step["pace_s"], seconds, task["weight"])}  # fmt: skip
     where = (steps.c.job_id == job.job_id, steps.c.step == task["step"])
     job.connection.execute(update(steps).where(*where).values(values))
 

@@ -39,7 +39,8 @@ class Validation(StorePart):
         """
         with self._db.snapshot() as connection:
             jobs = _jobs(connection)
-            small = [job["id"] for job in jobs if _total(connection, job["id"]) <= MAX_TASKS]
+            totals = _totals(connection, [job["id"] for job in jobs])
+            small = [job["id"] for job in jobs if totals.get(job["id"], 0) <= MAX_TASKS]
             found: list[Violation] = []
             for kind, remedy, check in _checks(connection, jobs, small, self._now()):
                 for number, (name, message) in enumerate(check()):
@@ -56,11 +57,12 @@ def _jobs(connection: Connection) -> list[Any]:
     return [*connection.execute(unfinished).mappings(), *connection.execute(newest).mappings()]
 
 
-def _total(connection: Connection, job_id: str) -> int:
+def _totals(connection: Connection, job_ids: Sequence[str]) -> dict[str, int]:
+    """Number of tasks of each job."""
     steps = schema.steps
-    counted = sum(steps.c[state.value] for state in TaskState)
-    query = select(func.coalesce(func.sum(counted), 0)).where(steps.c.job_id == job_id)
-    return int(connection.execute(query).scalar_one())
+    counted = func.sum(sum(steps.c[state.value] for state in TaskState))
+    query = select(steps.c.job_id, counted).where(steps.c.job_id.in_(_IDS)).group_by(steps.c.job_id)
+    return {job_id: int(count) for job_id, count in connection.execute(query, {"ids": job_ids})}
 
 
 def _checks(

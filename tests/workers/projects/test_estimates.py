@@ -11,7 +11,7 @@ from pipeline.methods import method
 from pipeline.methods.base import PROCESS_BYTES
 from tests.workers.projects.documents import asset
 from workers.model import AnyOwner, Asset, Job, JobRequest, RunState, StepView
-from workers.projects.estimates import Estimate, MeasuredJob, estimate, estimate_from
+from workers.projects.estimates import Estimate, MeasuredJob, estimate_from, measured
 
 ASSETS = {found.id: found for found in (
     asset("a", "video", frames=100, width=640, height=360), asset("b", "video", frames=50, width=1280, height=720),
@@ -34,9 +34,15 @@ def _job(letter: str, seconds: float) -> Job:
     return Job(**given, **times, progress=1.0, eta_s=None, counts={}, steps=(), error=None, results=(), warnings=())
 
 
+def _estimate(request: JobRequest, finished: list[Job]) -> Estimate:
+    found = (measured(job, _find) for job in finished)
+    video = ASSETS.get(request.inputs.get("video", ""))
+    return estimate_from(request, video.info if video else None, [each for each in found if each is not None])
+
+
 def test_the_estimate_scales_with_frames_and_pixels() -> None:
     finished = [_job("a", 20.0), _job("a", 60.0), _job("a", 40.0)]
-    found = estimate(_request("b"), "", finished, _find)
+    found = _estimate(_request("b"), finished)
     assert (found.frames, found.samples) == (50, 3)
     assert found.seconds == pytest.approx(2 * 36.3, abs=0.2), "twice the frames times pixels, geometric mean"
 
@@ -46,13 +52,13 @@ def test_cpu_time_and_memory_are_those_of_the_steps_of_finished_jobs() -> None:
         StepView(name, name, "succeeded", {}, 1.0, 1.0, {}, cpu_s=cpu_s, peak_bytes=peak)
         for name, cpu_s, peak in (("scan", 3.0, 700), ("paint", 17.0, 500))
     )
-    found = estimate(_request("b"), "", [replace(_job("a", 9.0), steps=steps)], _find)
+    found = _estimate(_request("b"), [replace(_job("a", 9.0), steps=steps)])
     assert found.cpu_s == pytest.approx(40.0) and found.memory_bytes == 700, "twice the frames times pixels"
 
 
 def test_without_similar_jobs_the_estimate_is_the_methods_own() -> None:
     begun = replace(_job("a", 1.0), finished_at=None)
-    found = estimate(_request("b"), "", [_job("c", 1.0), begun], _find)
+    found = _estimate(_request("b"), [_job("c", 1.0), begun])
     rate = method("toy").cpu_s_per_megapixel
     assert (found.frames, found.samples) == (50, 0)
     assert found.cpu_s == found.seconds == pytest.approx(1 + rate * 50 * 1280 * 720 / 1e6, abs=0.1)
@@ -64,8 +70,8 @@ def test_jobs_with_the_same_parameters_are_preferred() -> None:
     dear = replace(_request("a"), params={"tasks": 9})
     finished = [_job("a", 10.0), replace(_job("a", 90.0), request=dear), _job("a", 12.0)]
     asked = replace(_request("a"), params={"tasks": 9})
-    assert estimate(asked, "", finished, _find).seconds == 90.0
-    assert estimate(_request("a"), "", finished, _find).seconds == pytest.approx(11.0, abs=0.1)
+    assert _estimate(asked, finished).seconds == 90.0
+    assert _estimate(_request("a"), finished).seconds == pytest.approx(11.0, abs=0.1)
 
 
 def _measured(frames: int, width: int, seconds: float) -> MeasuredJob:
@@ -105,4 +111,4 @@ def test_a_tiny_job_does_not_tell_what_a_large_one_takes() -> None:
 
 
 def test_an_unknown_video_gives_no_estimate() -> None:
-    assert estimate(JobRequest("toy", {}), "", [], _find) == Estimate(None, None, 0)
+    assert _estimate(JobRequest("toy", {}), []) == Estimate(None, None, 0)

@@ -45,8 +45,8 @@ export function Progress({ job, queue }: { job: Job; queue: Queue | null }) {
 export function queueText(queue: Queue | null): string {
   if (!queue) return "Queued";
   if (!queue.jobs_ahead) return "Queued, next in line";
-  const jobs = `${queue.jobs_ahead} ${queue.jobs_ahead === 1 ? "job" : "jobs"} ahead`;
-  if (queue.seconds === null) return `Queued, ${jobs}`;
+  const jobs = `${queue.more ? "more than " : ""}${queue.jobs_ahead} ${queue.jobs_ahead === 1 ? "job" : "jobs"} ahead`;
+  if (queue.seconds === null || queue.more) return `Queued, ${jobs}`;
   const minutes = Math.round(queue.seconds / 60);
   return `Queued, ${jobs}, ${minutes < 1 ? "less than a minute" : `about ${duration(60 * minutes)}`}`;
 }
