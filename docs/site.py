@@ -23,7 +23,19 @@ PAGES = ("README.md", "DESIGN.md", "CONTRIBUTING.md", "CHANGELOG.md")
 FOLDERS = ("docs", "examples", "deploy")
 LINKED = ("LICENSE", "impasto/live/client.py", "tests/regression/README.md")
 """Single files that pages link to."""
-MEASURED = ("abstraction", "multistyle", "patches", "analogy", "steady", "faces", "flow", "live", "studio", "farm")
+MEASURED = (
+    "abstraction",
+    "multistyle",
+    "patches",
+    "analogy",
+    "steady",
+    "faces",
+    "flow",
+    "live",
+    "studio",
+    "farm",
+    "abuse",
+)
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "README",
