@@ -151,7 +151,7 @@ WRITES = (
         who="root",
         body={"action": "delete", "jobs": "{several}"},
     ),
-    Ask("POST /v1/projects", "POST /v1/projects", 2, body={"schema": 1, "name": "x"}),
+    Ask("POST /v1/projects", "POST /v1/projects", 6, body={"name": "x"}),
     Ask("POST /v1/projects/{project_id}/share", "POST /v1/projects/{project}/share", 6, body={}),
     Ask("POST /v1/keys", "POST /v1/keys", 4, who="root", body={"name": "new", "scopes": ["read"]}),
 )

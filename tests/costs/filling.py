@@ -49,6 +49,7 @@ def fill(store: Store, blobs: Blobs, owners: Owners, size: Size) -> None:
     with store.database.write() as connection:
         _insert(connection, schema.assets, map(_asset, range(max(1, size.assets))))
         _insert(connection, schema.asset_owners, (_asset_owner(owners, i) for i in range(max(1, size.assets))))
+        _insert(connection, schema.asset_owners, [_asset_owner(owners, 0) | {"owner": owners.cleo}])
         for table, rows in _tables(owners, size.jobs).items():
             _insert(connection, schema.metadata.tables[table], rows)
         _insert(connection, schema.projects, (_project(owners, i) for i in range(size.projects)))

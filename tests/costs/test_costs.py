@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from sqlalchemy import update
 
 from pipeline.methods.base import Task
 from service.app import ROUTERS
@@ -12,7 +13,7 @@ from tests.costs.budgets import READS, UNMEASURED, WRITES, Ask
 from tests.costs.filling import ASSET, Size
 from tests.costs.measuring import Measured, measured
 from workers.model import JobRequest, TaskOutcome
-from workers.store import Accepted
+from workers.store import Accepted, schema
 
 SMALL, LARGE = Size(5000, 250, 2500), Size(20_000, 1000, 10_000)
 GROWTH, FREE_STEPS = 1.3, 3000
@@ -43,8 +44,10 @@ def test_every_route_has_a_budget() -> None:
 
 
 def test_a_second_owners_job_begins_within_three_tasks(stores: tuple[Measured, Measured]) -> None:
-    """One slot, and 8,000 waiting jobs of others among 20,000: the plan and the first task come at once."""
+    """One slot, and 8,000 waiting jobs of another owner among 20,000: the plan and the first task come at once."""
     store = stores[1].farm.store
+    with store.database.write() as connection:
+        connection.execute(update(schema.jobs).values(owner="anna"))
     store.queue.interrupt(["dsp_1"])
 
     def work() -> str:

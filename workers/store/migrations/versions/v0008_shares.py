@@ -60,7 +60,8 @@ def downgrade() -> None:
 def _count(names: list[str]) -> None:
     """One row with the present counts; further rows are added with the first changes."""
     connection = op.get_bind()
-    found = dict(connection.execute(sa.text("SELECT 'jobs_' || state, count(*) FROM jobs GROUP BY state")).all())
+    by_state = connection.execute(sa.text("SELECT 'jobs_' || state, count(*) FROM jobs GROUP BY state"))
+    found: dict[str, int] = {name: int(count) for name, count in by_state}
     steps = sa.table("steps", *(sa.column(state) for state in TASK_STATES))
     tasks = connection.execute(sa.select(*(sa.func.coalesce(sa.func.sum(column), 0) for column in steps.c))).one()
     found |= {f"tasks_{state}": int(count) for state, count in zip(TASK_STATES, tasks, strict=True)}
