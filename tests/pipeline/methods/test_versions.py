@@ -23,8 +23,8 @@ from pipeline.methods.local import LocalContext, iterate_plan, required_inputs
 RECORDED = Path(__file__).with_name("formats.json")
 WIDTH, HEIGHT, FRAMES = 64, 48, 8
 REMEDY = (
-    "The formats of the step {step!r} of {method!r} have changed: {change}. Raise the step's `version` in its `Step`; if "
-    "this program still reads the old formats, name the old version in `reads`. Then record the new ones: "
+    "The formats of the step {step!r} of {method!r} have changed: {change}. Raise the step's `version` in its `Step`; "
+    "if this program still reads the old formats, name the old version in `reads`. Then record the new ones: "
     "python -m tests.pipeline.methods.test_versions"
 )
 
@@ -73,9 +73,9 @@ def formats_of(chosen: Method) -> dict[str, dict[str, Any]]:
     context = _Recorder(params, video, required_inputs(chosen, video), artefacts=frozenset(chosen.artefacts))
     context.saved = {}
     tasks: dict[str, list[Task]] = {}
-    for step, task in iterate_plan(chosen, context):
-        tasks.setdefault(step, []).append(task)
-    found = {}
+    for name, task in iterate_plan(chosen, context):
+        tasks.setdefault(name, []).append(task)
+    found: dict[str, dict[str, Any]] = {}
     for step in chosen.steps_of(params):
         args = set().union(*(_shape(task.args) for task in tasks.get(step.name, [])))
         results = set().union(*(_shape(result) for result in context.results[step.name].values()))
