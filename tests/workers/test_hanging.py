@@ -23,7 +23,7 @@ from workers.pools.child_runner import ChildRunner
 from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 
-STALL_S = 1.5
+STALL_S = 4.0
 
 
 class HangingRunner(ToyRunner):
@@ -58,11 +58,11 @@ def test_a_hanging_attempt_is_ended_with_its_process(
 ) -> None:
     caplog.set_level(logging.WARNING)
     job = farm.jobs.submit(request_on(farm, data, params={"tasks": 2}))
-    until((tmp_path / "mark").exists, 20)
+    until((tmp_path / "mark").exists, 60)
     began = time.monotonic()
     before = set(psutil.Process().children())
-    assert finished(farm, job.id, 30).state == "succeeded", "the attempt is not charged: a failure would be final"
-    assert time.monotonic() - began < STALL_S + 15
+    assert finished(farm, job.id, 60).state == "succeeded", "the attempt is not charged: a failure would be final"
+    assert time.monotonic() - began < 60, "the slot returns"
     hung = [task.attempts for task in farm.tasks.page(job.id).items if len(task.attempts) > 1]
     assert [[attempt["outcome"] for attempt in attempts] for attempts in hung] == [["interrupted", "succeeded"]]
     assert "and its process was ended" in caplog.text

@@ -73,9 +73,9 @@ def formats_of(chosen: Method) -> dict[str, dict[str, Any]]:
     context = _Recorder(params, video, required_inputs(chosen, video), artefacts=frozenset(chosen.artefacts))
     context.saved = {}
     tasks: dict[str, list[Task]] = {}
-    for step, task in iterate_plan(chosen, context):
-        tasks.setdefault(step, []).append(task)
-    found = {}
+    for name, task in iterate_plan(chosen, context):
+        tasks.setdefault(name, []).append(task)
+    found: dict[str, dict[str, Any]] = {}
     for step in chosen.steps_of(params):
         args = set().union(*(_shape(task.args) for task in tasks.get(step.name, [])))
         results = set().union(*(_shape(result) for result in context.results[step.name].values()))
