@@ -100,8 +100,8 @@ def _boxes(file: BinaryIO, within: tuple[int, int]) -> Iterator[_Box]:
 
 
 def _pixel_crop(file: BinaryIO, number: int) -> Crop | None:
-    _, segment, end = next(element for element in _elements(file, 0, _size(file)) if element[0] == _SEGMENT)
-    for name, start, stop in _elements(file, segment, end):
+    top = ((start, stop) for name, start, stop in _elements(file, 0, _size(file)) if name == _SEGMENT)
+    for name, start, stop in _elements(file, *next(top, (0, 0))):
         if name == _CLUSTER:
             return None
         if name == _TRACKS:

@@ -81,6 +81,8 @@ def is_cut_off(path: Path, stream: VideoStream, index: Index, read: Reading) -> 
 
 def _ends_early(stream: VideoStream, index: Index, read: Reading) -> bool:
     """Whether an FLV file, whose demuxer does not report a cut, ends long before its header says."""
+    if not len(index.pts):
+        return False
     pause_s = float(np.diff(index.pts).max(initial=0) * index.time_base)
     return _announced_end_s(stream) - read.end_s > max(2.5 / index.fps, 1.5 * pause_s)
 

@@ -5,17 +5,23 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from pipeline.errors import BadInput
 from pipeline.video.exr import read_exr
+from pipeline.video.guard.files import guarded_join
 from pipeline.video.guard.pictures import guarded_exr, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.media import Limits, MediaInfo
 from pipeline.video.probe import probe, probe_guarded
 from pipeline.video.reader import VideoReader
 from pipeline.video.stills import decode_raw
+from pipeline.video.writer import SegmentSpec, segment_writer
 from tests.fuzz.mutate import mutated
 from tests.fuzz.samples import samples
 
@@ -60,6 +66,15 @@ def cases(seed: int, number: int) -> list[Case]:
     return [Case(kind, seed, number) for kind in samples()]
 
 
+def _joined(path: Path) -> None:
+    with TemporaryDirectory(prefix="impasto-fuzz-") as folder:
+        segment = Path(folder) / "segment"
+        with segment_writer(segment, SegmentSpec("mp4", (16, 16), Fraction(1, 25), 25.0, 40)) as writer:
+            for at in range(3):
+                writer.write(at, np.zeros((16, 16, 3), np.uint8), at, at + 1)
+        guarded_join([(Fraction(0), segment)], Path(folder) / "whole.mp4", "mp4", path)
+
+
 @dataclass(frozen=True)
 class Decoders:
     """The decoders of uploads."""
@@ -68,6 +83,8 @@ class Decoders:
     reader: Callable[[Path, Limits], GuardedReader | VideoReader]
     raw: Callable[[bytes, Path], object]
     exr: Callable[[bytes, Path], object]
+    join: Callable[[Path], object] = _joined
+    """Makes a film with the sound of a file, and with what else it carries."""
 
 
 GUARDED = Decoders(
@@ -77,7 +94,7 @@ GUARDED = Decoders(
 """Decodes each file in a separate decoder process, as the service does."""
 DIRECT = Decoders(
     probe, VideoReader, lambda data, path: decode_raw(data, Limits(), "image"),
-    lambda data, path: read_exr(path, Limits(), "image"),
+    lambda data, path: read_exr(path, Limits(), "image"), lambda path: None,
 )  # fmt: skip
 """Decodes in this process."""
 
@@ -121,6 +138,8 @@ def decode(kind: str, path: Path, data: bytes, decoders: Decoders = GUARDED) -> 
         with decoders.reader(path, LIMITS) as reader:
             for frame in reader.read(0, MOST_FRAMES):
                 assert frame.shape == (info.height, info.width, 3), "a frame of another size than announced"
+        if info.kind == "video" and kind not in ("gif", "zip", "shot"):
+            decoders.join(path)
     if info.kind == "image":
         decoders.raw(data, path)
     return "decoded"

@@ -31,12 +31,26 @@ def samples() -> Mapping[str, tuple[bytes, ...]]:
             for kind, codec in _VIDEOS.items()
         }
         made["mp4"] += (make_video(folder / "sound.mp4", frames, click_s=[0.1], rotation_ccw=90),)
+        made["avi"] += (make_video(folder / "b.avi", frames, "mpeg4", options={"bf": "2"}),)
+        made["ts"] = tuple(_broadcasts(folder))
+        made["flv"] = (make_video(folder / "v.flv", frames, "flv"),)
+        made["mov"] = (make_video(folder / "deep.mov", frames, "prores_ks", "yuv422p10le", click_s=[0.1]),)
         made["gif"] = (make_video(folder / "v.gif", frames, "gif", "rgb8"),)
         made["zip"] = (make_zip(folder / "v.zip", png_frames(3, *SIZE)),)
         made["shot"] = (make_zip(folder / "shot.zip", dict(shot_files(scene("shapes", SIZE, frames=2)))),)
         made["exr"] = tuple(_exr(folder / f"{half}.exr", half) for half in (False, True))
         found = {kind: tuple(path.read_bytes() for path in paths) for kind, paths in made.items()}
     return found | {kind: (_still(f".{kind}"), _still(f".{kind}", gray=True)) for kind in ("png", "jpg", "webp")}
+
+
+def _broadcasts(folder: Path) -> list[Path]:
+    """Interlaced pictures with sound, and two transport streams joined."""
+    frames = [picture(index, *SIZE) for index in range(6)]
+    fields = {"x264-params": "interlaced=1:tff=1"}
+    one = make_video(folder / "i.ts", frames, options=fields, click_s=[0.1], audio_codec="mp2")
+    two = folder / "joined.ts"
+    two.write_bytes(2 * make_video(folder / "p.ts", frames, "mpeg2video", click_s=[0.1]).read_bytes())
+    return [one, two]
 
 
 def _exr(path: Path, half: bool) -> Path:

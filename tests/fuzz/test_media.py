@@ -9,7 +9,7 @@ import pytest
 from tests.fuzz import ledger, media
 from tests.fuzz.samples import samples
 
-MENDED = ("media:exr:1:2",)
+MENDED = ("media:exr:1:2", "media:webm:7:9", "media:flv:7:10", "media:mkv:7:197")
 """Cases that revealed faults in the past."""
 
 
