@@ -19,7 +19,6 @@ from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
 from pipeline.segmentation.backward import BackwardMaps, backward_maps
@@ -72,7 +71,7 @@ class FrameAnalyzer:
     ) -> None:
         self.params, self.sizes, self.clock, self.shot, self.background = params, sizes, clock, shot, background
         self.importance = ImportanceTracker(_importance(params), sizes.frame)
-        self.lines = _line_extractor(params, sizes)
+        self.lines = None if params.lines == "off" else LineExtractor(params, sizes)
         self.tone = ToneTracker() if tone else None
         self.gray: NDArray[np.uint8] | None = None
         self.denoised: Lab8 | None = None
@@ -253,12 +252,6 @@ class FrameAnalyzer:
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
-
-
-def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:
-    if params.lines == "off":
-        return None
-    return SharpLineExtractor(params, sizes) if sizes.curves else LineExtractor(params, sizes)
 
 
 def _short_gaussian(sigma_px: float) -> tuple[int, float]:
