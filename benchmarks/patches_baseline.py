@@ -1,4 +1,4 @@
-"""Baselines for comparison: independently painted frames, and strokes advected from frame to frame by optical flow.
+"""Baseline of the method patches: strokes that are advected from frame to frame by optical flow.
 
 An advected stroke keeps its id and thereby its jitter, bristles and painting order. It moves with the flow and follows
 the picture's colour. Strokes that are crowded, occluded or no longer needed are removed; new ones are added where paint
@@ -7,21 +7,18 @@ is missing. Only past frames are used. Sources: litwinowicz1997processing, hays2
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-import cv2
 import numpy as np
 
-from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.base import Task, TaskContext
-from pipeline.methods.patches.face_tracking import single_frame_planes
+from pipeline.methods.patches.compositing import frame_painter
 from pipeline.methods.patches.layer_picture import LayerPicture
 from pipeline.methods.patches.paint_error import error_tolerance
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid
-from pipeline.methods.patches.window_flow import WindowFlow
+from pipeline.methods.patches.window_flow import WindowFrame, flow_pair
 from pipeline.strokes.brush import Canvas, blank
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import layer_brush, spacing_px, wanted
@@ -29,47 +26,23 @@ from pipeline.strokes.seeds import place
 from pipeline.strokes.tracks import StrokeTracks, advect, start_tracks, update
 
 
-def frame_painter(params: PatchesParams, size: tuple[int, int], seed: int) -> HertzmannPainter:
-    """Painter of whole frames of (width, height) px: the brush sizes of the largest regions."""
-    return HertzmannPainter.of(params.style, size[0] * size[1], min(size), params, seed)
-
-
-@dataclass(frozen=True)
-class IndependentFrames:
-    """First baseline: Hertzmann's painter, applied to each frame independently."""
-
-    painter: HertzmannPainter
-    face_detail: float = 0.0
-
-    def __call__(self, index: int, frame: Frame) -> Frame:
-        """Paint frame `index`: uint8 (h, w, 3)."""
-        gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-        return self.painter.paint_picture(frame, single_frame_planes(gray, self.face_detail))
-
-
-class AdvectedFrames:
-    """Second baseline: frames with advected strokes. Each run continues the strokes of the previous run."""
-
-    def __init__(self, task: Task, context: TaskContext[PatchesParams]) -> None:
-        self._context = context
-        self._grid, self._begin = WorkingGrid.of(context.size), task.args["begin"]
-        self._flow = WindowFlow(context, self._begin)
-        self._strokes = AdvectedStrokes(frame_painter(context.params, context.size, context.seed))
-        if task.after:
-            self._strokes.restore(context.load("paint", task.after[0]))
-
-    def __call__(self, index: int, frame: Frame) -> Frame:
-        """Paint frame `index`, the successor of the previous call's frame: uint8 (h, w, 3)."""
-        pair = self._flow.forward(index - 1) if index > self._begin else None
-        if pair is None:
-            return self._strokes.step(frame, index)
-        flow = self._grid.enlarge(pair[0]) * np.array(self._grid.ratio, np.float32)
-        occluded = self._grid.enlarge(pair[1]) < np.float32(1 / 255)
-        return self._strokes.step(frame, index, flow.astype(np.float32), occluded)
-
-    def save(self, key: str) -> None:
-        """Save the strokes for the next run."""
-        self._context.save(key, self._strokes.state())
+def advected_strokes(frames: Sequence[Frame], params: PatchesParams, seed: int = 0) -> list[Frame]:
+    """Paint the frames of one shot, uint8 (h, w, 3) each, with the strokes, the seeds and the flow of `patches`."""
+    height, width = frames[0].shape[:2]
+    grid, strokes = WorkingGrid.of((width, height)), AdvectedStrokes(frame_painter(params, (width, height), seed))
+    made, before = list[Frame](), None
+    for index, frame in enumerate(frames):
+        now = WindowFrame.of(frame, grid)
+        if before is None:
+            made.append(strokes.step(frame, index))
+        else:
+            pair = flow_pair(before, now, 1, grid, params)
+            assert pair.forward_reliability is not None
+            flow = grid.enlarge(pair.forward) * np.array(grid.ratio, np.float32)
+            occluded = grid.enlarge(pair.forward_reliability) < np.float32(1 / 255)
+            made.append(strokes.step(frame, index, flow.astype(np.float32), occluded))
+        before = now
+    return made
 
 
 class AdvectedStrokes:
@@ -116,18 +89,3 @@ class AdvectedStrokes:
         layer = LayerPicture.of(reference, brush)
         painter.paint_layer(canvas, tracks.seeds, layer, brush, index, tracks.targets, tracks.presence)
         return tracks
-
-    def state(self) -> State:
-        """The strokes of all layers as arrays, by name."""
-        return {f"{index}-{name}": array for index, tracks in enumerate(self._layers)
-                for name, array in tracks.state().items()}  # fmt: skip
-
-    def restore(self, arrays: Arrays) -> None:
-        """Restore the arrays that `state` returned."""
-        self._layers = [
-            StrokeTracks.from_state({
-                key.removeprefix(f"{index}-"): array for key, array in arrays.items() if key.startswith(f"{index}-")
-            })
-            for index in range(self._painter.layers)
-            if f"{index}-xy" in arrays
-        ]  # fmt: skip
