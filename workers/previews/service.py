@@ -13,6 +13,7 @@ from pipeline.errors import Cancelled
 from workers.model import Json
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
+from workers.previews.single import PreviewJob
 
 _FORGET = 10_000
 """Maximum number of clients and channels that are tracked; beyond it, those with the oldest query are dropped."""
@@ -114,13 +115,10 @@ class PreviewService:
                 self._latest.pop(next(iter(self._latest)))
         return PreviewRun(self, ticket)
 
-    def frame(self, subject: str, side_px: int, options: Json) -> bytes:
-        """One frame of a job that is not submitted, PNG. No other query cancels it.
-
-        Args:
-            subject: key of the cached state: with Ray, previews of one subject are made in one actor.
-            options: arguments of `workers.execution.preview.Previews.png`.
-        """
+    def frame(self, job: PreviewJob) -> bytes:
+        """One frame of a job that is not submitted, PNG. No other query cancels it. With Ray, previews of one video are
+        made in one actor."""
+        subject, side_px, options = job.assets["video"].id, job.ask.max_side_px, {"job": job}
         query = PreviewQuery(SINGLE, subject, f"{SINGLE}-{next(self._singles)}", SINGLE, 0, (), side_px, options)
         (found,) = [record.payload for record in self.start(query) if record.header["type"] == "frame"]
         return found
