@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
-from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
+from pipeline.segmentation.regions import Means, Sums, colour_difference, means_of, move
 
 _BINS = 1400
 _BINS_PER_UNIT = 4.0

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.background import INLINE, Background
-from pipeline.colour.lab8 import LabPlanes
+from pipeline.colour.lab8 import Lab8, LabPlanes
 from pipeline.frames import Flow, Frame
 from pipeline.jit import kernel
 from pipeline.segmentation.backward import BackwardMaps, warp_back
-from pipeline.segmentation.regions import Lab8
 from pipeline.selection import column_medians
 
 RESIDUAL_STEPS = 4

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.jit import kernel
 from pipeline.segmentation.growing import grow
@@ -19,7 +20,7 @@ from pipeline.segmentation.propagation import (
     smooth_labels,
 )
 from pipeline.segmentation.refinement import add_regions, correct, merge_table
-from pipeline.segmentation.regions import AREA, LIMIT, Lab8, Sums, means_of, measure, merge, relabel
+from pipeline.segmentation.regions import AREA, LIMIT, Sums, means_of, measure, merge, relabel
 from pipeline.segmentation.trapped_ball import fill_small
 
 MAX_ROLLS = 4

@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Flow, Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
 from pipeline.segmentation.backward import is_still
 from pipeline.segmentation.motion import FAR, RESIDUAL_STEPS
-from pipeline.segmentation.regions import Lab8, Means, colour_difference
+from pipeline.segmentation.regions import Means, colour_difference
 
 CLOSED = np.int32(-1)
 """Mark of target pixels that stay unlabelled."""

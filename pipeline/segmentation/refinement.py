@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.background import INLINE, Background
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.jit import kernel
 from pipeline.nonzero import nonzero_positions
-from pipeline.segmentation.regions import Lab8, Means, Sums, colour_difference, means_of, move
+from pipeline.segmentation.regions import Means, Sums, colour_difference, means_of, move
 
 BATCH = 512
 """Pixels that are processed together, so that the inner loops vectorise."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.jit import kernel
 
-Lab8 = NDArray[np.uint8]
-"""OpenCV's 8-bit CIELAB, (h, w, 3): L scaled to 0..255, a and b offset by 128."""
 Means = NDArray[np.float32]
 """float32 (regions + 1, 3), mean 8-bit Lab of every region; row 0 unused."""
 Sums = NDArray[np.int64]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.background import Pending
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Flow, Labels, Plane
 from pipeline.segmentation.growing import count_open, grow, unlabelled
 from pipeline.segmentation.motion import FAR
@@ -24,7 +25,7 @@ from pipeline.segmentation.passes import (
 )
 from pipeline.segmentation.propagation import PreviousRegions, PropagationLimits
 from pipeline.segmentation.refinement import add_regions
-from pipeline.segmentation.regions import AREA, NOT_PROPAGATED, Lab8, Means, Sums, means_of, measure
+from pipeline.segmentation.regions import AREA, NOT_PROPAGATED, Means, Sums, means_of, measure
 from pipeline.segmentation.trapped_ball import SMALL_RADIUS_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.background import Background, Pending, Ready
-from pipeline.colour.lab8 import LabPlanes, rgb_to_lab8
+from pipeline.colour.lab8 import Lab8, LabPlanes, rgb_to_lab8
 from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.flow import estimate
@@ -29,7 +29,6 @@ from pipeline.segmentation.face_masks import FaceCrop
 from pipeline.segmentation.faces import Faces
 from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
 from pipeline.segmentation.motion import denoise, zero_still_flow
-from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.shading import smooth_shading
 from pipeline.segmentation.shot_contrast import contrast_after
 

@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.segmentation.growing import grow, unlabelled
-from pipeline.segmentation.regions import AREA, Lab8, Means, means_of, measure
+from pipeline.segmentation.regions import AREA, Means, means_of, measure
 
 Bytes = NDArray[np.uint8]
 NEIGHBOURS = ((-1, 0), (0, -1), (0, 1), (1, 0))

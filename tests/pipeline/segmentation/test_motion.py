@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from pipeline.colour.lab8 import LabPlanes
+from pipeline.colour.lab8 import Lab8, LabPlanes
 from pipeline.frames import Flow
 from pipeline.segmentation.backward import backward_maps, warp_back
 from pipeline.segmentation.motion import (
@@ -20,7 +20,6 @@ from pipeline.segmentation.motion import (
     past_weights,
     zero_still_flow,
 )
-from pipeline.segmentation.regions import Lab8
 
 Bytes = NDArray[np.uint8]
 SHAPE = (12, 16)

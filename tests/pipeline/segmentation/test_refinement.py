@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.segmentation.growing import unlabelled
 from pipeline.segmentation.refinement import add_regions, correct, merge_table, round_boundaries
-from pipeline.segmentation.regions import AREA, LIMIT, NOT_PROPAGATED, Lab8, Sums, means_of, measure, relabel
+from pipeline.segmentation.regions import AREA, LIMIT, NOT_PROPAGATED, Sums, means_of, measure, relabel
 
 Bytes = NDArray[np.uint8]
 MARGIN, SLACK = 7.0, 1.1

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from numpy.typing import NDArray
 
 from pipeline.background import Ready
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Flow
 from pipeline.scenes import SceneFrame, scene
 from pipeline.segmentation.backward import backward_maps
 from pipeline.segmentation.edges import edges
 from pipeline.segmentation.motion import denoise
-from pipeline.segmentation.regions import Lab8
 from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
 
 Bytes = NDArray[np.uint8]
