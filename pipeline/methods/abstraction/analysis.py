@@ -10,27 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.background import Background, Pending, Ready
 from pipeline.colour.lab8 import Lab8, LabPlanes, rgb_to_lab8
 from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
-from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.kernels.background import Background, Pending, Ready
 from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.shading import smooth_shading
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.backward import BackwardMaps, backward_maps
-from pipeline.segmentation.cuts import FADING, is_cut, light_steadiness, thumbnail
-from pipeline.segmentation.edges import edges
-from pipeline.segmentation.face_contrast import raise_contrast
-from pipeline.segmentation.face_masks import FaceCrop
-from pipeline.segmentation.faces import Faces
-from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import denoise, zero_still_flow
-from pipeline.segmentation.shading import smooth_shading
-from pipeline.segmentation.shot_contrast import contrast_after
+from pipeline.perception.backward_maps import BackwardMaps, backward_maps
+from pipeline.perception.cuts import FADING, is_cut, light_steadiness, thumbnail
+from pipeline.perception.face_contrast import raise_contrast
+from pipeline.perception.face_masks import FaceCrop
+from pipeline.perception.faces import Faces
+from pipeline.perception.flow import estimate
+from pipeline.perception.importance import ImportanceParams, ImportanceTracker
+from pipeline.perception.motion import denoise, zero_still_flow
+from pipeline.perception.shot_contrast import contrast_after
+from pipeline.regions.edges import edges
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""

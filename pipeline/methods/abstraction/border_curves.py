@@ -9,8 +9,8 @@ from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px
-from pipeline.segmentation.ramps import divide_ramps
-from pipeline.segmentation.segmenter import Segmentation
+from pipeline.regions.ramps import divide_ramps
+from pipeline.regions.segmenter import Segmentation
 from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
 from pipeline.vector.simplify import simplify_borders
 from pipeline.vector.smoothing import smooth_borders

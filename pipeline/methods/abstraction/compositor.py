@@ -8,23 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.background import Background, Pending
-from pipeline.colour.fast_borders import steepen_fast_borders
 from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Flow, Frame, Labels
+from pipeline.kernels.background import Background, Pending
 from pipeline.lines.coherent import Ink
 from pipeline.lines.colour_stripes import uncover_stripes
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.border_curves import BorderCurves
+from pipeline.methods.abstraction.fast_borders import steepen_fast_borders
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, shrink_mask
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.backward import BackwardMaps, warp_back, warp_enlarged
-from pipeline.segmentation.motion import blend_with_past, closed_residual, past_weights
-from pipeline.segmentation.refinement import round_boundaries
-from pipeline.segmentation.segmenter import Segmentation
+from pipeline.perception.backward_maps import BackwardMaps, warp_back, warp_enlarged
+from pipeline.perception.motion import blend_with_past, closed_residual, past_weights
+from pipeline.regions.refinement import round_boundaries
+from pipeline.regions.segmenter import Segmentation
 from pipeline.vector.borders import Borders
 from pipeline.vector.fill import fill_regions
 

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Plane
+from pipeline.kernels.selection import nth_smallest
 from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes
 from pipeline.lines.coverage import PastMotion, blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response, soft_threshold
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import FINEST_LINE_PX, Sizes
-from pipeline.segmentation.face_masks import FaceCrop
-from pipeline.segmentation.motion import past_weights
-from pipeline.selection import nth_smallest
+from pipeline.perception.face_masks import FaceCrop
+from pipeline.perception.flow.warp import scale_flow
+from pipeline.perception.motion import past_weights
 
 TAU = 0.99
 """Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""

@@ -18,9 +18,10 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.background import Background, DeferringBackground, LaterBackground
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
+from pipeline.kernels.background import Background, DeferringBackground, LaterBackground
+from pipeline.kernels.processors import usable_processors
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
 from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -28,7 +29,6 @@ from pipeline.methods.abstraction.region_stage import ColouredRegions, RegionSta
 from pipeline.methods.abstraction.resample_state import resample_state
 from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.methods.tasks import Clock, no_clock
-from pipeline.processors import usable_processors
 
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""

@@ -14,6 +14,7 @@ from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.artefacts import LabelPictures
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes
+from pipeline.methods.patches.mattes import LabelMattes
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
 from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted, blended
 from pipeline.methods.patches.painter import HertzmannPainter
@@ -23,7 +24,6 @@ from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, FirstPainting, ResidualLayer
 from pipeline.methods.patches.scan import RUN, WorkingGrid, painting_runs, run_key
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.mattes import LabelMattes
 from pipeline.strokes.steepen import steepened_wide
 from pipeline.warp.panorama import Placement, full_map
 
