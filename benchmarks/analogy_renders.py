@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy import Analogy, AnalogyParams
 from pipeline.methods.base import Arrays, PlanContext, TaskResult, VideoInfo
-from pipeline.segmentation.cuts import thumbnail
+from pipeline.perception.cuts import thumbnail
 
 
 class Memory:

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from pipeline.compute import device
-from pipeline.flow import estimate
 from pipeline.frames import Frame
+from pipeline.perception.flow import estimate
 from pipeline.scenes import SceneFrame, scene
 
 SIZES = ((352, 288), (1280, 720))

@@ -33,12 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.clips import MEDIA, fit, read_picture
-from pipeline.flow.dis import dis
-from pipeline.flow.gray import to_gray
-from pipeline.flow.warp import fetch
 from pipeline.frames import Frame
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams
+from pipeline.perception.flow.dis import dis
+from pipeline.perception.flow.gray import to_gray
+from pipeline.perception.flow.warp import fetch
 from pipeline.quality.coherence import detail, flicker, measure_pair
 from pipeline.video.reader import VideoReader
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from docs.parameters import rewrite
 from docs.pictures import CLIPS, DOCS, MEDIA, OURS, Clip, colours_of, frames, grid, render, save, session_for
-from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Labels, Plane
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
-from pipeline.segmentation.propagation import propagate, smooth_labels
+from pipeline.perception.flow import estimate
+from pipeline.regions.propagation import propagate, smooth_labels
 from pipeline.vector.svg import to_svg
 
 FOLDER = DOCS / "abstraction"

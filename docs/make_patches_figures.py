@@ -15,6 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.patches_baseline import advected_strokes
 from docs import parameters
 from docs.pictures import CLIPS, DOCS, MEDIA, PAPER, frames, grid, save
 from pipeline.frames import Frame, Labels
@@ -158,7 +159,8 @@ def time() -> None:
     """Draw a row of pixels over time, of the video, of patches and of both baselines."""
     start, stop, _ = SHOWN["bunny"]
     source = list(frames(CLIPS["bunny"], MEDIA, start, stop, HEIGHT))
-    made = {mode: painted("bunny", temporal=mode).frames for mode in ("on", "strokes", "off")}
+    made = {mode: painted("bunny", temporal=mode).frames for mode in ("on", "off")}
+    made["strokes"] = advected_strokes(source, PatchesParams())
     tiles, names = [], []
     for name, video in (("video", source), *made.items()):
         tiles.append(slit(video))

@@ -10,7 +10,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
-from pipeline.processors import usable_processors
+from pipeline.kernels.processors import usable_processors
 from pipeline.video.media import Limits
 
 

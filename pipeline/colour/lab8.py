@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from pipeline.colour.spaces import DELTA, RGB_TO_RELATIVE, srgb_to_linear
 from pipeline.frames import Frame
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
+Lab8: TypeAlias = NDArray[np.uint8]
+"""OpenCV's 8-bit CIELAB, (h, w, 3): L scaled to 0..255, a and b offset by 128."""
 LabPlanes: TypeAlias = NDArray[np.uint8]
 """uint8 (3, h, w): L, a, b."""
 

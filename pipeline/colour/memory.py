@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.background import INLINE, Background
 from pipeline.frames import Flow, Frame, Labels
-from pipeline.jit import kernel
-from pipeline.nonzero import nonzero_positions
+from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.jit import kernel
+from pipeline.kernels.nonzero import nonzero_positions
 
 MOVING_SHARE = 115
 """Weight of the past at moving borders relative to that elsewhere, in 1/128."""

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.background import INLINE, Background
 from pipeline.frames import Frame, Labels
-from pipeline.jit import kernel
+from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.jit import kernel
 
 SPAN = 64
 """Pixels of a row that are composited together, or left out if none of them has ink."""

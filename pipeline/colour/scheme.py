@@ -35,7 +35,7 @@ from pydantic import JsonValue
 from pipeline.arrays import Arrays, State
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 HUES = 360
 """Bins of the hue histogram: bin i holds the hues that round to i degrees."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 Colours = NDArray[np.float64]
 

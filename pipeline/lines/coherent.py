@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 Ink: TypeAlias = NDArray[np.uint8]
 """Opacity of ink, uint8 (h, w), 0..255."""

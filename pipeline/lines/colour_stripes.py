@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
+from pipeline.kernels.nonzero import nonzero_positions
 from pipeline.lines.coherent import Ink
-from pipeline.nonzero import nonzero_positions
-from pipeline.segmentation.regions import Means
+from pipeline.regions.regions import Means
 
 COVERED = (0.45, 0.6)
 """Mean ink of a region, 0..1: up to the first value its ink is kept, from the second one on all of it is removed."""

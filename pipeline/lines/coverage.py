@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 PEAK_SHARE = 0.2
 """Least response of a line pixel as a share of the strongest response nearby; it limits the width of strong lines."""

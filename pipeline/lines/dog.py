@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 GAUSSIAN_RATIO = 1.6
 """Ratio of the two standard deviations, as in the paper: Marr and Hildreth's approximation of the Laplacian."""

@@ -40,7 +40,7 @@ P_co = TypeVar("P_co", bound=Params, covariant=True)
 
 Switch = Literal["on", "off"]
 FlowName = Literal["dis-ultrafast", "dis-fast", "dis-medium", "tvl1"]
-"""Optical flow methods, from the fastest to the most accurate: see `pipeline.flow.estimate`."""
+"""Optical flow methods, from the fastest to the most accurate: see `pipeline.perception.flow.estimate`."""
 
 
 def number(

@@ -19,7 +19,7 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, Method, P, PlanContext, Task, TaskResult, VideoInfo, no_clock
 from pipeline.methods.plan_check import check_plan, dependencies
-from pipeline.segmentation.cuts import thumbnail
+from pipeline.perception.cuts import thumbnail
 
 DEFAULT_FPS = 25.0
 

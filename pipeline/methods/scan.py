@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, TaskContext
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.perception.cuts import is_cut, thumbnail
 
 _PROGRESS_FRAMES = 16
 
@@ -20,7 +20,7 @@ def scan_video(
     Cuts are found from pairs of neighbouring thumbnails, exactly as a live session finds them.
 
     Args:
-        cut_sensitivity: as for `pipeline.segmentation.cuts.is_cut`; 0 finds no cuts.
+        cut_sensitivity: as for `pipeline.perception.cuts.is_cut`; 0 finds no cuts.
         each: called with every frame, within the clock "scan".
 
     Returns:

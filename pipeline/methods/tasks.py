@@ -132,7 +132,7 @@ class TaskContext(Protocol[P_co]):
         ...
 
     def thumbnails(self, name: str = "video") -> Iterator[Plane]:
-        """Thumbnails of all frames of an input, see `pipeline.segmentation.cuts.thumbnail`."""
+        """Thumbnails of all frames of an input, see `pipeline.perception.cuts.thumbnail`."""
         ...
 
     def has(self, name: str) -> bool:

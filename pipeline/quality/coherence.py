@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.flow.dis import dis
-from pipeline.flow.gray import to_gray
-from pipeline.flow.reliability import motion_boundary, visible
-from pipeline.flow.warp import fetch
 from pipeline.frames import Frame, Mask, Plane, same_size
+from pipeline.perception.flow.dis import dis
+from pipeline.perception.flow.gray import to_gray
+from pipeline.perception.flow.reliability import motion_boundary, visible
+from pipeline.perception.flow.warp import fetch
 
 STRUCTURE_WIDTH_PX = 160
 _LEAST_ERROR = 1e-12

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 
 def adrift(anchored: NDArray[np.bool_], right: AnyArray, down: AnyArray) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.solvers.coarsen import coarse_stencil, interpolation_weights
 from pipeline.solvers.lines import factor_lines, sweep
 

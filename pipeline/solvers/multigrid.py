@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.solvers.anchors import adrift
 from pipeline.solvers.grid import (
     RIGHT_SIDE,

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.buffers import Buffers
 from pipeline.frames import Plane
-from pipeline.jit import kernel
+from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.jit import kernel
 from pipeline.solvers.multigrid import Multigrid
 
 SWEEPS = {"whole": 4, "half": 2, "quarter": 2, "eighth": 3}

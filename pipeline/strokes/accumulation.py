@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 SAME, OTHER = 39.0, 65.0
 """Change of the mean colour, gray levels, see `changes`. Up to `SAME`, two pictures show the same surface; from `OTHER`

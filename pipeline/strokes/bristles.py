@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.random import KEPT_TEXTURES, Ids, Purpose, draws
 
 ACROSS, ALONG = 64, 256

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.random import Ids, Purpose, draws
 from pipeline.strokes.seeds import Seeds, StyleField, interpolated, nearest, sample, sample_all
 

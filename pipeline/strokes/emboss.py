@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.brush import HEIGHT, Canvas
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.gaussian import wide_gaussian
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, blank, colours_at
 from pipeline.strokes.raster import StrokeProfile, paint
 from pipeline.strokes.seeds import Points, Seeds, StyleField, as_plane, place, sample

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
+from pipeline.perception.flow.warp import fetch
 from pipeline.strokes.emboss import pixel_terms
 from pipeline.strokes.random import KEPT_TEXTURES, Purpose, draws
 from pipeline.strokes.seeds import StyleField

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 Ids = NDArray[np.uint64]
 """Stroke identifiers, `uint64` (n,); equal ids draw equal numbers."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, hair, tile
 from pipeline.strokes.brush import HEIGHT, TARGET, Canvas, GuideArgs, StrokeArrays, Strokes, guide_args
 from pipeline.strokes.random import Ids, Purpose, draws

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.random import Ids, Purpose, philox
 
 Points: TypeAlias = NDArray[np.float32]

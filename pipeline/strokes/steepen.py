@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.jit import kernel
-from pipeline.nonzero import nonzero_positions
+from pipeline.kernels.jit import kernel
+from pipeline.kernels.nonzero import nonzero_positions
 
 Light = NDArray[np.uint8]
 

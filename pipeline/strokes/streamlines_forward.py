@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
 from pipeline.strokes.brush import HEIGHT, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
 from pipeline.strokes.raster import DRY, SOFT, STREAKS, TAPER_END, TAPER_START, Profiles, StrokeProfile, profiles

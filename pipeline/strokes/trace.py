@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.brush import TARGET, Brush, Canvas, Direction, Strokes, discs
 from pipeline.strokes.seeds import Points, Seeds, sample
 

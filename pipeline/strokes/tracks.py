@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.brush import Strokes, colours_at
 from pipeline.strokes.seeds import Points, Seeds, StyleField, nearest, sample
 

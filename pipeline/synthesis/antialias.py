@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.synthesis.energy import NO_DIRECTION, cosines
 from pipeline.synthesis.images import Bytes, Offsets, StyleImage
 from pipeline.synthesis.reference_energy import StyleDirections, extrapolated_offset

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.compute import Device
 from pipeline.frames import Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 _SOURCE = Path(__file__).with_suffix(".cl")
 _MAX_DISTANCE_PX = 46340

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.synthesis.images import Bytes, halved
 
 _CELL_BITS = 5

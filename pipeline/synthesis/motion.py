@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.flow.gray import Gray
-from pipeline.flow.reliability import chi_minus, chi_plus, looks_alike
 from pipeline.frames import Flow, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
+from pipeline.perception.flow.gray import Gray
+from pipeline.perception.flow.reliability import chi_minus, chi_plus, looks_alike
 from pipeline.synthesis.images import Bytes, halved
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.random import philox
 from pipeline.synthesis.antialias import antialiased
 from pipeline.synthesis.energy import NO_DIRECTION, cosines, tables, taps

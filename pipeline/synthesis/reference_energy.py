@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.random import philox
 from pipeline.synthesis.energy import NO_DIRECTION, SCALE_SHIFT
 

@@ -13,7 +13,7 @@ from typing import Generic, Protocol
 
 import numpy as np
 
-from pipeline.flow.warp import fetch
+from pipeline.perception.flow.warp import fetch
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
 from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, T

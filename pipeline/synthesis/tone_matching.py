@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.synthesis.images import Bytes
 
 _STEP = 2

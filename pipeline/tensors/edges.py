@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
-from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Plane
+from pipeline.perception.flow.warp import fetch
 from pipeline.tensors.field import OrientationField
 from pipeline.tensors.structure import Tensors
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
 from pipeline.gaussian import enlarge_cells, sigma_in_cells
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 Tensors: TypeAlias = NDArray[np.float32]
 """A symmetric 2 x 2 tensor per pixel, `float32` (3, height, width): the planes xx, xy, yy."""

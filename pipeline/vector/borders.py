@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Labels
-from pipeline.jit import kernel
-from pipeline.nonzero import nonzero_positions
+from pipeline.kernels.jit import kernel
+from pipeline.kernels.nonzero import nonzero_positions
 
 Positions = NDArray[np.float32]
 """float32 (nodes, 2): x, y in px of the label map."""

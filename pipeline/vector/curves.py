@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.vector.outlines import Outlines, Points
 
 _REFINEMENTS = 4

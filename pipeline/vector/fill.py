@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.background import INLINE, Background
 from pipeline.frames import Frame
-from pipeline.jit import kernel
+from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.jit import kernel
 from pipeline.vector.borders import Borders
 
 _UNITS = 256

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.vector.borders import Borders
 
 Points = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.vector.borders import Borders, Positions
 from pipeline.vector.smoothing import diffusion_steps, neighbours_of
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.vector.borders import Borders, Positions
 
 _CYCLES = 2

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 Homography: TypeAlias = NDArray[np.float64]
 """float64 (3, 3), acts on homogeneous coordinates (x, y, 1), px."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
-from pipeline.halves import to_single
-from pipeline.jit import kernel
+from pipeline.kernels.float16 import to_single
+from pipeline.kernels.jit import kernel
 from pipeline.warp.homography import Homography
 
 Rect = tuple[int, int, int, int]

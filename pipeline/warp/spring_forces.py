@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 
 Planes = NDArray[np.float32]
 """float32 (2, h, w): planes of x and y, px."""

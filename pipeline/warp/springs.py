@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.warp.spring_forces import Planes, strain
 
 MOST_ITERATIONS = 10

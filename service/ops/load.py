@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import psutil
 
-from pipeline.processors import usable_processors
+from pipeline.kernels.processors import usable_processors
 from service.access.depends import Admin, Context
 from service.ops.load_history import LoadSample
 from service.ops.machine import existing, work_places

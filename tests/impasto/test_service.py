@@ -18,7 +18,7 @@ from impasto.cli.app import run
 from impasto.ops import Ops
 from impasto.problems import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
-from pipeline.processors import usable_processors
+from pipeline.kernels.processors import usable_processors
 from tests.conftest import TINY_FRAMES
 from tests.ports import free_port
 from workers.errors import IdempotencyMismatch, NotFound

@@ -14,7 +14,7 @@ from pipeline.strokes.random import KEPT_TEXTURES
 ROOT = Path(__file__).resolve().parents[2]
 FEW_ARGUMENTS = {
     "pipeline/compute/signature.py": {"signature", "_compiled"},  # kernels of the program
-    "pipeline/kernel_cache.py": {"_use", "stamp_of", "_imported", "_text"},  # files of the program
+    "pipeline/kernels/kernel_cache.py": {"_use", "stamp_of", "_imported", "_text"},  # files of the program
     "pipeline/methods/__init__.py": {"_loaded"},  # methods of the program
     "pipeline/strokes/emboss.py": {"weave"},  # called with one seed
     "pipeline/synthesis/energy.py": {"taps"},  # radii of patches

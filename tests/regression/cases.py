@@ -67,7 +67,6 @@ def _patches() -> Iterator[Case]:
     yield case("styles", inputs=lambda: {"styles": {"background": "circles", "2": "wash"}})
     yield case("masks", inputs=lambda: {"masks": {0: clips.middle_mask()}})
     yield case("labels", inputs=lambda: {"labels": {0: clips.object_labels(0), 5: clips.object_labels(5)}})
-    yield case("strokes", params={"temporal": "strokes"})
     yield case("frames-alone", params={"temporal": "off", "frames_per_painting": 3})
     yield case("rigidity", params={"rigidity": 0, "colour_edges": 0, "interframe": 0.5})
 

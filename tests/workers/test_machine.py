@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import processors
+from pipeline.kernels import processors
 from pipeline.methods.abstraction import Abstraction
 from pipeline.methods.base import Resources
 from tests.conftest import ROOT

@@ -15,15 +15,18 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
+from pipeline.methods import method
 from pipeline.methods.analogy import Analogy
 from pipeline.methods.base import InputSpec, Method, Params
-from pipeline.methods.multistyle import Multistyle
 from pipeline.methods.patches import Patches
 from pipeline.video.stills import encode_png
 from tests.conftest import tiny_frame
 from workers.blobs.disk import DiskBlobs
-from workers.execution.preview import PreviewAsk, Previews
 from workers.model import Asset, JobRequest, asset_key
+from workers.previews import painting, single
+from workers.previews.byte_cache import ByteCache
+from workers.previews.single import PreviewAsk, PreviewJob, frame_png
+from workers.previews.warm import WarmFrames
 
 
 class Last(Method):
@@ -54,12 +57,25 @@ def asset(name: str) -> Asset:
     return Asset(f"ast_{name}", name, 1, name, "video/mp4", "video", {}, 0.0)
 
 
+class Previews:
+    """Previews of jobs with blobs of a folder."""
+
+    def __init__(self, blobs: DiskBlobs) -> None:
+        self._blobs, self._frames = blobs, WarmFrames(blobs, ByteCache(1 << 24))
+        self.close = self._frames.close
+
+    def png(self, request: JobRequest, assets: Mapping[str, Asset], ask: PreviewAsk) -> bytes:
+        return frame_png(PreviewJob(request, assets, ask), self._frames, self._blobs, lambda: None)
+
+
 @pytest.fixture
-def previews(home: Path, tiny_clip: Path) -> Iterator[Previews]:
+def previews(home: Path, tiny_clip: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Previews]:
     blobs = DiskBlobs(home)
     blobs.put(asset_key("ast_video"), tiny_clip)
     blobs.put(asset_key("ast_style"), encode_png(np.full((32, 32, 3), (0, 77, 0), np.uint8)))
-    made = Previews(blobs, lambda name: Last())  # type: ignore[arg-type, return-value]
+    for module in (single, painting):
+        monkeypatch.setattr(module, "method", lambda name: Last() if name == "last" else method(name))
+    made = Previews(blobs)
     yield made
     made.close()
 
@@ -89,7 +105,7 @@ def test_preview_references_reach_the_method(previews: Previews) -> None:
 
 @pytest.mark.parametrize("chosen", [Patches(), Analogy()])
 def test_a_whole_film_method_previews_a_single_frame(home: Path, previews: Previews, chosen: Method) -> None:
-    whole = Previews(DiskBlobs(home), lambda name: chosen)
+    whole = Previews(DiskBlobs(home))
     request = JobRequest(chosen.name, {"video": "ast_video"})
     shots = [whole.png(request, {"video": asset("video")}, PreviewAsk(at, 48)) for at in (3, 3, 20)]
     whole.close()
@@ -100,10 +116,14 @@ def test_a_whole_film_method_previews_a_single_frame(home: Path, previews: Previ
 
 def test_reference_images_are_scaled_with_the_frame(previews: Previews, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: dict[str, Any] = {}
-    monkeypatch.setattr(
-        "workers.execution.preview._alone_in_memory",
-        lambda chosen, params, seed, frame, pictures: calls.update(pictures, video=frame) or frame,
-    )
+
+    def painted(
+        chosen: Any, params: Any, seed: int, video: Any, inputs: Any, check: Any
+    ) -> Iterator[tuple[int, Frame]]:
+        calls.update({name: pictures[0] for name, pictures in inputs.items()}, video=video[0])
+        yield 0, video[0]
+
+    monkeypatch.setattr(painting, "painted", painted)
     shown(previews, 3, side=48, seed=1, names=("video", "style"))
     assert {name: picture.shape for name, picture in calls.items()} == {"video": (32, 48, 3), "style": (16, 16, 3)}
 
@@ -132,7 +152,7 @@ def painter(home: Path, tiny_clip: Path) -> Iterator[Previews]:
     masks[:, :48] = 1
     blobs.put(asset_key("ast_masks"), encode_png(np.dstack([masks] * 3)))
     blobs.put("found", found_regions())
-    made = Previews(blobs, lambda name: Multistyle())
+    made = Previews(blobs)
     yield made
     made.close()
 

@@ -18,12 +18,14 @@ from pipeline.errors import BadParameter
 from tests.waiting import until
 from tests.workers.watched_engine import Watched
 from workers.blobs.disk import DiskBlobs
-from workers.execution.preview import PreviewAsk, Previews
 from workers.farm import open_farm
 from workers.model import Asset, JobRequest, asset_key
+from workers.previews.byte_cache import ByteCache
 from workers.previews.local_runner import LocalRunner
 from workers.previews.model import LayerSources, PreviewQuery, Record
 from workers.previews.service import PreviewService
+from workers.previews.single import PreviewAsk, PreviewJob, frame_png
+from workers.previews.warm import WarmFrames
 from workers.settings import FarmSettings
 
 pytestmark = pytest.mark.real("ray")
@@ -192,12 +194,11 @@ def test_a_frame_of_a_job_is_the_same_in_an_actor(runner: Any, blobs: DiskBlobs,
     blobs.put(asset_key("clip"), blobs.get(VIDEO))
     request = JobRequest("abstraction", {"video": "clip"})
     assets = {"video": Asset("clip", "0" * 64, 1, "clip.mp4", "video/mp4", "video", {}, 0.0)}
-    options = {"request": request, "assets": assets, "ask": PreviewAsk(3, 64)}
-    made_here = Previews(blobs)
-    wanted = made_here.png(**options)
-    made_here.close()
+    job, frames = PreviewJob(request, assets, PreviewAsk(3, 64)), WarmFrames(blobs, ByteCache(1 << 24))
+    wanted = frame_png(job, frames, blobs, never)
+    frames.close()
     previews = PreviewService(runner, slots=1)
-    assert [previews.frame("clip", 64, options) for _ in range(2)] == [wanted, wanted]
+    assert [previews.frame(job) for _ in range(2)] == [wanted, wanted]
     assert (notes / "clip").read_text() != str(os.getpid())
 
 

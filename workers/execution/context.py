@@ -16,7 +16,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, Arrays
-from pipeline.segmentation.cuts import thumbnail
+from pipeline.perception.cuts import thumbnail
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff

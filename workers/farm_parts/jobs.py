@@ -14,10 +14,10 @@ from pipeline.methods import method
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
-from workers.execution.preview import PreviewAsk
 from workers.jobs import state_machine as machine
 from workers.model import EXPORT_LABEL, AnyOwner, Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.previews.service import PreviewService
+from workers.previews.single import PreviewAsk, PreviewJob
 from workers.process.log_context import log_extra
 from workers.projects import estimates
 from workers.projects.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from, measured, summed
@@ -256,8 +256,8 @@ class FarmJobs:
             sort_keys=True,
         )
         documents = {} if design is None else {"design": design}
-        options = {"request": request, "assets": assets, "ask": PreviewAsk(frame, max_side_px, documents, artefacts)}
-        return self._images.get(wanted, lambda: self._previews.frame(assets["video"].id, max_side_px, options, waiting))
+        job = PreviewJob(request, assets, PreviewAsk(frame, max_side_px, documents, artefacts))
+        return self._images.get(wanted, lambda: self._previews.frame(job, waiting))
 
     def _artefact_keys(self, job_id: str, chosen: str) -> dict[str, str]:
         """Blob keys of the artefacts that a job has made, by name."""

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import psutil
 
+from pipeline.kernels.processors import container_limit, usable_processors
 from pipeline.methods.base import PROCESS_BYTES, Resources
-from pipeline.processors import container_limit, usable_processors
 
 LIVE_CPUS = 2.0
 """Processors that a live session keeps busy: it analyses a frame while it paints the previous one."""

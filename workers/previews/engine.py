@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Generator, Iterator
 
 from workers.blobs.base import Blobs
-from workers.execution.preview import Previews
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import warm_up_process
 from workers.previews.byte_cache import ByteCache
@@ -14,6 +13,7 @@ from workers.previews.context import PreviewContext
 from workers.previews.kinds import clusters, cuts, directions, flicker, paint, propagate, regions, suggest
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
+from workers.previews.single import frame_png
 from workers.previews.warm import WarmFrames
 
 Kind = Callable[[PreviewContext], Iterator[Record]]
@@ -38,8 +38,7 @@ class PreviewEngine:
     def __init__(self, blobs: Blobs, limit_bytes: int) -> None:
         prepare_process()
         self.cache = ByteCache(limit_bytes)
-        self._frames = WarmFrames(blobs, self.cache)
-        self._single = Previews(blobs)
+        self._blobs, self._frames = blobs, WarmFrames(blobs, self.cache)
 
     def warm_up(self) -> None:
         """Load the kernels of every method, compiling new ones. Never raises."""
@@ -47,7 +46,6 @@ class PreviewEngine:
 
     def close(self) -> None:
         self._frames.close()
-        self._single.close()
 
     def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
         """Yield the records of the answer: "begin", those of the kind of preview, then "end" (or "overtaken").
@@ -59,7 +57,7 @@ class PreviewEngine:
         yield Record({"type": "begin", "seq": query.seq})
         try:
             check()
-            for record in self._frame(query) if query.what == SINGLE else kinds()[query.what](context):
+            for record in self._frame(query, check) if query.what == SINGLE else kinds()[query.what](context):
                 yield record
                 check()
         except Overtaken as error:
@@ -67,6 +65,7 @@ class PreviewEngine:
             return
         yield Record({"type": "end", "ms": context.ms})
 
-    def _frame(self, query: PreviewQuery) -> Iterator[Record]:
-        """One frame of a job that is not submitted; the options are the arguments of `Previews.png`."""
-        yield Record({"type": "frame", "media_type": "image/png"}, self._single.png(**query.options))
+    def _frame(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
+        """One frame of a job that is not submitted."""
+        picture = frame_png(query.options["job"], self._frames, self._blobs, check)
+        yield Record({"type": "frame", "media_type": "image/png"}, picture)

@@ -34,12 +34,15 @@ class LayerPainter:
 
     Args:
         artefacts: earlier results for the video: artefact -> path -> file.
+        archives: open archives of images: input -> frame -> image, decoded on access.
     """
 
     def __init__(
-        self, layer: LayerSources, frames: WarmFrames, check: Check, artefacts: Artefacts | None = None
-    ) -> None:
+        self, layer: LayerSources, frames: WarmFrames, check: Check, artefacts: Artefacts | None = None,
+        archives: Mapping[str, Mapping[int, AnyArray]] | None = None,
+    ) -> None:  # fmt: skip
         self._layer, self._frames, self._check, self._artefacts = layer, frames, check, artefacts or {}
+        self._archives = archives or {}
         self._method: Method = method(layer.method)
         self._params = parse_params(self._method, layer.params)
         self._kinds = {spec.name: spec.kind for spec in self._method.inputs}
@@ -50,6 +53,7 @@ class LayerPainter:
         total = self._frames.info(self._layer.video).frames
         number = min(number, total - 1)
         lead = self._frames.frames(self._layer.video, number - LEAD_FRAMES, number + 1, side_px)
+        lead = lead or [self._frames.frame(self._layer.video, number, side_px)]
         self._check()
         if (own := self._by_method(lead, number, total)) is not None:
             return own
@@ -113,7 +117,8 @@ class LayerPainter:
         return self._method.preview(self._request(lead, number, total))
 
     def _request(self, lead: Sequence[Frame], number: int, total: int) -> PreviewRequest[AnyParams]:
-        images = {name: self._images(name, 0, total) for name in self._layer.images}
+        drawn = {name: self._images(name, 0, total) for name in self._layer.images}
+        images: Mapping[str, Mapping[int, AnyArray]] = {**drawn, **self._archives}
         return PreviewRequest(
             self._params, self._layer.seed, lead, number, total, self._documents(), images, self._artefacts
         )

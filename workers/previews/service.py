@@ -13,6 +13,7 @@ from pipeline.errors import Cancelled
 from workers.model import Json
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
+from workers.previews.single import PreviewJob
 from workers.process.fair_slots import FairSlots, FairTicket
 
 _FORGET = 10_000
@@ -122,13 +123,10 @@ class PreviewService:
                 self._latest.pop(next(iter(self._latest)))
         return PreviewRun(self, ticket)
 
-    def frame(self, subject: str, side_px: int, options: Json, owner: str = "") -> bytes:
-        """One frame of a job that is not submitted, PNG. No other query cancels it.
-
-        Args:
-            subject: key of the cached state: with Ray, previews of one subject are made in one actor.
-            options: arguments of `workers.execution.preview.Previews.png`.
-        """
+    def frame(self, job: PreviewJob, owner: str = "") -> bytes:
+        """One frame of a job that is not submitted, PNG. No other query cancels it. With Ray, previews of one video are
+        made in one actor. `owner` waits for it, in turns with others."""
+        subject, side_px, options = job.assets["video"].id, job.ask.max_side_px, {"job": job}
         query = PreviewQuery(SINGLE, subject, f"{SINGLE}-{next(self._singles)}", SINGLE, 0, (), side_px, options)
         (found,) = [record.payload for record in self.start(query, owner) if record.header["type"] == "frame"]
         return found

@@ -14,7 +14,7 @@ from pipeline.methods.base import VideoInfo
 from pipeline.video.contact import fit
 from pipeline.video.guard.pictures import guarded_raw
 from workers.blobs.base import Blobs
-from workers.execution.decoders import Decoders
+from workers.execution.decoders import Decoders, frame_at
 from workers.previews.byte_cache import ByteCache
 
 _AHEAD = 4
@@ -57,9 +57,12 @@ class WarmFrames:
         return [found[index].copy() for index in wanted if found[index] is not None]
 
     def frame(self, key: str, index: int, side_px: int) -> Frame:
-        """Frame `index`, or the last one of a shorter video."""
+        """Frame `index`, or the last one of a shorter video. Raises UnreadableMedia: it cannot be decoded."""
         index = min(max(index, 0), self.info(key).frames - 1)
-        return self.frames(key, index, index + 1, side_px)[0]
+        for frame in self.frames(key, index, index + 1, side_px):
+            return frame
+        with self._decoders.reader(key, index) as reader:
+            return fit(frame_at(reader, index), side_px)
 
     def full(self, key: str, index: int) -> Frame:
         """A frame at full resolution, which is not cached."""

@@ -13,7 +13,7 @@ import os
 import threading
 from functools import cache
 
-from pipeline.allocator import keep_freed_memory, limit_arenas
+from pipeline.kernels.allocator import keep_freed_memory, limit_arenas
 
 EVERY_S = 60.0
 _MOST_KEPT_BYTES = 256 << 20

@@ -10,29 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.background import Background, Pending, Ready
-from pipeline.colour.lab8 import LabPlanes, rgb_to_lab8
+from pipeline.colour.lab8 import Lab8, LabPlanes, rgb_to_lab8
 from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
-from pipeline.flow import estimate
 from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.kernels.background import Background, Pending, Ready
 from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
+from pipeline.methods.abstraction.shading import smooth_shading
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.backward import BackwardMaps, backward_maps
-from pipeline.segmentation.cuts import FADING, is_cut, light_steadiness, thumbnail
-from pipeline.segmentation.edges import edges
-from pipeline.segmentation.face_contrast import raise_contrast
-from pipeline.segmentation.face_masks import FaceCrop
-from pipeline.segmentation.faces import Faces
-from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker
-from pipeline.segmentation.motion import denoise, zero_still_flow
-from pipeline.segmentation.regions import Lab8
-from pipeline.segmentation.shading import smooth_shading
-from pipeline.segmentation.shot_contrast import contrast_after
+from pipeline.perception.backward_maps import BackwardMaps, backward_maps
+from pipeline.perception.cuts import FADING, is_cut, light_steadiness, thumbnail
+from pipeline.perception.face_contrast import raise_contrast
+from pipeline.perception.face_masks import FaceCrop
+from pipeline.perception.faces import Faces
+from pipeline.perception.flow import estimate
+from pipeline.perception.importance import ImportanceParams, ImportanceTracker
+from pipeline.perception.motion import denoise, zero_still_flow
+from pipeline.perception.shot_contrast import contrast_after
+from pipeline.regions.edges import edges
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
@@ -72,7 +70,7 @@ class FrameAnalyzer:
     ) -> None:
         self.params, self.sizes, self.clock, self.shot, self.background = params, sizes, clock, shot, background
         self.importance = ImportanceTracker(_importance(params), sizes.frame)
-        self.lines = _line_extractor(params, sizes)
+        self.lines = None if params.lines == "off" else LineExtractor(params, sizes)
         self.tone = ToneTracker() if tone else None
         self.gray: NDArray[np.uint8] | None = None
         self.denoised: Lab8 | None = None
@@ -253,12 +251,6 @@ class FrameAnalyzer:
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
-
-
-def _line_extractor(params: AbstractionParams, sizes: Sizes) -> LineExtractor | None:
-    if params.lines == "off":
-        return None
-    return SharpLineExtractor(params, sizes) if sizes.curves else LineExtractor(params, sizes)
 
 
 def _short_gaussian(sigma_px: float) -> tuple[int, float]:

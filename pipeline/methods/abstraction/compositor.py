@@ -8,20 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.background import Background, Pending
+from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import flat, overlay
-from pipeline.frames import Frame
+from pipeline.frames import Flow, Frame, Labels
+from pipeline.kernels.background import Background, Pending
 from pipeline.lines.coherent import Ink
 from pipeline.lines.colour_stripes import uncover_stripes
 from pipeline.methods.abstraction.analysis import FrameAnalysis
+from pipeline.methods.abstraction.border_curves import BorderCurves
+from pipeline.methods.abstraction.fast_borders import steepen_fast_borders
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
+from pipeline.methods.abstraction.sizes import Sizes, shrink_mask
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.backward import BackwardMaps, warp_back
-from pipeline.segmentation.motion import blend_with_past
-from pipeline.segmentation.refinement import round_boundaries
-from pipeline.segmentation.segmenter import Segmentation
+from pipeline.perception.backward_maps import BackwardMaps, warp_back, warp_enlarged
+from pipeline.perception.motion import blend_with_past, closed_residual, past_weights
+from pipeline.regions.refinement import round_boundaries
+from pipeline.regions.segmenter import Segmentation
 from pipeline.vector.borders import Borders
+from pipeline.vector.fill import fill_regions
 
 INK = (14, 11, 16)
 """RGB of full ink: a warm black."""
@@ -34,7 +39,7 @@ class CompositedFrame:
     frame: Frame
     regions: Segmentation
     labels: NDArray[np.int32]
-    """int32 (h, w): the labels as drawn, boundaries smoothed."""
+    """int32 (h, w): the labels as drawn; with `borders`, before these are smoothed."""
     colours: NDArray[np.uint8]
     """(n + 1, 3) RGB."""
     ink: Ink | None
@@ -44,50 +49,92 @@ class CompositedFrame:
 
 
 class Compositor:
-    """Smooths boundaries, fills regions, draws lines over them; keeps the previous output."""
+    """Smooths boundaries, fills regions, draws lines over them; keeps the previous output.
 
-    def __init__(self, params: AbstractionParams, size: tuple[int, int], clock: Clock, background: Background) -> None:
-        self.params, self.clock, self.background = params, clock, background
-        self.round_px = params.boundary_smoothing / 1000 * min(size)
+    With `sizes.curves`, borders are smooth curves (`BorderCurves`), and the picture that it keeps has the blended
+    colours of regions without lines, so that a line that has moved leaves no trace. Otherwise the label map is
+    filtered, and the picture is the whole frame.
+    """
+
+    def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: Background) -> None:
+        self.params, self.sizes, self.clock, self.background = params, sizes, clock, background
+        self.round_px = params.boundary_smoothing / 1000 * min(sizes.work)
+        self.curves = BorderCurves(params, sizes) if sizes.curves else None
         self.picture: Frame | None = None
         self._past: Pending[Frame] | None = None
 
     def prepare(self, analysis: FrameAnalysis) -> None:
         """Start the work that needs no regions: warp the previous output to the current frame."""
-        self._past, picture, back = None, self.picture, analysis.back
-        if back is not None and picture is not None and self.params.paint_memory:
+        self._past, picture, back, flow = None, self.picture, analysis.back, analysis.flow
+        if picture is None or not self.params.paint_memory:
+            return
+        if self.sizes.work != self.sizes.output:
+            if flow is not None:
+                self._past = self.background.offer(lambda: self._warp_enlarged(picture, flow))
+        elif back is not None:
             self._past = self.background.offer(lambda: self._warp_back(picture, back))
 
     def _warp_back(self, picture: Frame, back: BackwardMaps) -> Frame:
         with self.clock("paint"):
             return warp_back(picture, back)
 
+    def _warp_enlarged(self, picture: Frame, flow: Flow) -> Frame:
+        with self.clock("paint"):
+            return warp_enlarged(picture, flow)
+
     def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
-        analysis, regions, background = coloured.analysis, coloured.regions, self.background
         with self.clock("paint"):
-            labels = (
-                round_boundaries(regions.labels, self.round_px, background) if self.round_px >= 1 else regions.labels
-            )
-            picture = flat(labels, coloured.colours, background=background)
-            ink = None if analysis.ink is None else analysis.ink.result()
-            if ink is not None:
-                ink, _ = uncover_stripes(ink, ink, regions.labels, regions.areas, regions.means)
-                overlay(picture, ink, INK, self.params.line_opacity, background)
-            self.picture = self._fade(picture, analysis)
-        return CompositedFrame(self.picture, regions, labels, coloured.colours, ink)
+            return self._filtered(coloured) if self.curves is None else self._curved(coloured, self.curves)
+
+    def _filtered(self, coloured: ColouredRegions) -> CompositedFrame:
+        """The frame with a low-pass filtered label map."""
+        analysis, labels = coloured.analysis, coloured.regions.labels
+        if self.round_px >= 1:
+            labels = round_boundaries(labels, self.round_px, self.background)
+        picture = flat(labels, coloured.colours, background=self.background)
+        ink, _ = self._ink(coloured)
+        if ink is not None:
+            overlay(picture, ink, INK, self.params.line_opacity, self.background)
+        self.picture = self._fade(picture, analysis)
+        return CompositedFrame(self.picture, coloured.regions, labels, coloured.colours, ink)
+
+    def _curved(self, coloured: ColouredRegions, curves: BorderCurves) -> CompositedFrame:
+        """The frame with curves as borders."""
+        analysis, regions, colours = coloured.analysis, coloured.regions, coloured.colours
+        labels = curves.labels(regions)
+        ink, drawn = self._ink(coloured)
+        borders = curves.borders(labels, analysis, drawn)
+        self.picture = self._blend(fill_regions(borders, colours, self.sizes.output, self.background), labels, analysis)
+        frame = self.picture.copy()
+        if ink is not None:
+            overlay(frame, ink, INK, self.params.line_opacity, self.background)
+        return CompositedFrame(frame, regions, labels, colours, ink, borders)
+
+    def _ink(self, coloured: ColouredRegions) -> tuple[Ink, Ink] | tuple[None, None]:
+        """The ink without that on thin coloured regions, and the same at the size of the labels."""
+        if coloured.analysis.ink is None:
+            return None, None
+        ink, regions = coloured.analysis.ink.result(), coloured.regions
+        return uncover_stripes(ink, shrink_mask(ink, self.sizes), regions.labels, regions.areas, regions.means)
 
     def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
         """Cross-fade from the previous output where the source agrees with its past, so that regions do not pop."""
         if self._past is None or analysis.residual is None:
             return picture
-        return blend_with_past(
-            picture,
-            self._past.result(),
-            analysis.residual,
-            self.params.paint_memory * analysis.light_steadiness,
-            self.background,
-        )
+        memory = self.params.paint_memory * analysis.light_steadiness
+        return blend_with_past(picture, self._past.result(), analysis.residual, memory, self.background)
+
+    def _blend(self, picture: Frame, labels: Labels, analysis: FrameAnalysis) -> Frame:
+        """`_fade` of region colours, which keeps the borders of moving regions steep."""
+        if self._past is None or analysis.residual is None or analysis.flow is None:
+            return picture
+        weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
+        past = self._past.result()
+        moving = moving_borders(labels, analysis.flow)
+        blend_colours(picture, past, closed_residual(analysis.residual), weights, moving, self.background)
+        steepen_fast_borders(past, moving)
+        return past
 
     def state(self) -> State:
         return {} if self.picture is None else {"picture": self.picture}

@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Plane
+from pipeline.kernels.selection import nth_smallest
 from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes
+from pipeline.lines.coverage import PastMotion, blend_opacity, blend_response, draw_lines, line_field
 from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response, soft_threshold
 from pipeline.methods.abstraction.flow_lines import FlowLines
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import FINEST_LINE_PX, Sizes
-from pipeline.segmentation.face_masks import FaceCrop
-from pipeline.selection import nth_smallest
+from pipeline.perception.face_masks import FaceCrop
+from pipeline.perception.flow.warp import scale_flow
+from pipeline.perception.motion import past_weights
 
 TAU = 0.99
 """Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
@@ -35,7 +37,12 @@ FEATURE_RESPONSE, FEATURE_SHARE, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN = 1.3, 0.
 levels; the factor is kept within the two limits. Faint features are thus drawn as strongly as dark ones."""
 FACE_LENGTH = 0.2
 """Importance that is added in small faces when strokes are selected by their length: an eye is 4 px long."""
-RIM = np.ones((3, 3), np.uint8)
+NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
+"""The opacity of an outlined line is that of its strongest pixel within this neighbourhood, so that only its outline
+fades. In a frame larger than the analysed one, interpolation would otherwise let the opacity fall within the outline;
+lines are drawn wider there, for the same reason. Of a line of ink, the smaller neighbourhood keeps the soft rim."""
+LARGEST_MARGIN = 1.0
+"""Gray levels: bounds how much thinner outlined lines become when `line_sharpness` is low."""
 
 
 class Past(NamedTuple):
@@ -51,24 +58,35 @@ class Past(NamedTuple):
 
 
 class LineExtractor:
-    """Draws lines for frame after frame, at a resolution where the narrow Gaussian is about a pixel wide."""
+    """Draws lines for frame after frame, at a resolution where the narrow Gaussian is about a pixel wide.
+
+    The ink is enlarged to the output. With `sizes.curves`, the smooth response is enlarged instead, and its contour is
+    drawn, anti-aliased at full size. The contour lies where the ink has half of its full opacity, so that lines have
+    the same width; in a frame larger than the analysed one, where the ink begins. The response and the opacity of the
+    previous frame are then remembered, too.
+    """
 
     def __init__(self, params: AbstractionParams, sizes: Sizes) -> None:
         self.params = params
-        self.size = sizes.work
+        self.size, self.output_size, self.curves = sizes.work, sizes.output, sizes.curves
         sigma_px = max(FINEST_LINE_PX, params.line_width / 1000 * min(sizes.frame))
         shrink = max(math.ceil(sizes.frame[1] / sizes.work[1]), round(sigma_px))
         self.small = (max(1, sizes.frame[0] // shrink), max(1, sizes.frame[1] // shrink))
         self.sigma_px = sigma_px / shrink
         self.limits = StrokeLimits(WEAK, STRONG, params.line_length / 1000 * min(self.small))
+        enlarged = sizes.frame != sizes.output
+        self.neighbourhood = ENLARGED_NEIGHBOURHOOD if enlarged else NEIGHBOURHOOD
+        self.margin = 0.0 if enlarged else min(LARGEST_MARGIN, math.atanh(0.5) / params.line_sharpness)
         self.last: Ink | None = None
+        self.opacity: Ink | None = None
+        self.response: Plane | None = None
         flows = params.lines == "flow"
         self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness) if flows else None
 
     def step(
         self, gray: NDArray[np.uint8], importance: Plane, past: Past | None, faces: Sequence[FaceCrop] = ()
     ) -> Ink:  # fmt: skip
-        """Ink of the next frame, uint8 (h, w), 0..255, before opacity.
+        """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
 
         Args:
             gray: uint8 (h, w), denoised.
@@ -80,14 +98,35 @@ class LineExtractor:
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
         past = self._shrunk(past)
         response = self._finer(self._respond(small, weight, past), small, faces)
+        motion = self._motion(past) if self.curves else None
+        if motion is not None and self.response is not None:
+            response = blend_response(response, self.response, motion)
         ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
         keep = keep_strokes(ink, self._previous_ink(past), self._for_strokes(weight, faces), self.limits)
-        # One pixel more on each side keeps the soft rim of a stroke.
-        drawn = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, RIM)), np.uint8)
-        self.last = drawn
+        if self.curves:
+            self.last, self.response = np.asarray(cv2.bitwise_and(ink, keep), np.uint8), response
+            return self._outlined(self.last, response, weight, motion)
+        self.last = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, NEIGHBOURHOOD)), np.uint8)
         if self.small == self.size:
-            return drawn
-        return np.asarray(cv2.resize(drawn, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
+            return self.last
+        return np.asarray(cv2.resize(self.last, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
+
+    def _outlined(self, ink: Ink, response: Plane, importance: Plane, motion: PastMotion | None) -> Ink:
+        """The lines as contours of the response, with an opacity that rises and falls gradually."""
+        opacity = np.asarray(cv2.dilate(ink, self.neighbourhood), np.uint8)
+        if motion is not None and self.opacity is not None:
+            opacity = blend_opacity(opacity, self.opacity, motion)
+        self.opacity = opacity
+        blur = max(1, round(2 * self.sigma_px))
+        field = line_field(response, importance, self.params.line_threshold, self.margin, blur)
+        return draw_lines(field, opacity, self.output_size)
+
+    def _motion(self, past: Past | None) -> PastMotion | None:
+        """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
+        if past is None or not self.params.paint_memory:
+            return None
+        weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
+        return PastMotion(past.flow, past.residual, weights)
 
     def _shrunk(self, past: Past | None) -> Past | None:
         """The relation to the previous frame at the size of the line planes, px of these."""
@@ -134,11 +173,15 @@ class LineExtractor:
         return out
 
     def state(self) -> State:
-        own = {} if self.last is None else {"ink": self.last}
-        return own | (self.flow_lines.state() if self.flow_lines else {})
+        """Arrays by name: the previous frame's ink, and with `curves` its opacity and response."""
+        own = {"ink": self.last, "opacity": self.opacity, "response": self.response}
+        known = {name: array for name, array in own.items() if array is not None}
+        return known | (self.flow_lines.state() if self.flow_lines else {})
 
     def restore(self, state: Arrays) -> None:
         self.last = state.get("ink")
+        if self.curves:
+            self.opacity, self.response = state.get("opacity"), state.get("response")
         if self.flow_lines:
             self.flow_lines.restore(state)
 

@@ -9,7 +9,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.colour import scheme
 from pipeline.colour.spaces import hsv_to_srgb, lab_to_srgb, srgb_to_hsv, srgb_to_lab, to_8bit
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.segmentation.segmenter import Segmentation
+from pipeline.regions.segmenter import Segmentation
 
 Lab = NDArray[np.float64]
 LARGEST_LAG = 6.0

@@ -13,8 +13,8 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.cuts import FADING
-from pipeline.segmentation.segmenter import Segmentation, Segmenter, SegmenterParams
+from pipeline.perception.cuts import FADING
+from pipeline.regions.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
 """Region ids are shot * IDS_A_SHOT + n, which makes them unique although shots are processed independently."""

@@ -18,18 +18,17 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.background import Background, DeferringBackground, LaterBackground
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
+from pipeline.kernels.background import Background, DeferringBackground, LaterBackground
+from pipeline.kernels.processors import usable_processors
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
 from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions, RegionStage
 from pipeline.methods.abstraction.resample_state import resample_state
-from pipeline.methods.abstraction.sharp_compositor import SharpCompositor
 from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.methods.tasks import Clock, no_clock
-from pipeline.processors import usable_processors
 
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""
@@ -61,11 +60,7 @@ class AbstractionSession:
         self.sizes = sizes = sizes_of(params, size, output_size)
         self.analyzer = FrameAnalyzer(params, sizes, reference is not None, shot, clock, self.background)
         self.regions = RegionStage(params, sizes.work, reference, clock)
-        self.compositor: Compositor
-        if sizes.curves:
-            self.compositor = SharpCompositor(params, sizes, clock, self.background)
-        else:
-            self.compositor = Compositor(params, size, clock, self.background)
+        self.compositor = Compositor(params, sizes, clock, self.background)
 
     def step(self, frame: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the stream, stylised. `mask`: the user's importance from this frame on, 0..1, or None."""

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.perception.flow.warp import scale_flow
 
 SHARP_FROM_ROWS = 480
 """Height from which `edges=auto` is `sharp`, px: below, soft edges are at most 2 px wide, and cost less."""

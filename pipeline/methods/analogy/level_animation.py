@@ -11,14 +11,14 @@ import cv2
 import numpy as np
 
 from pipeline.compute import device
-from pipeline.flow import estimate
-from pipeline.flow.gray import Gray, to_gray
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.analogy.boil import Boil
 from pipeline.methods.analogy.inputs import InputFrame, StylePair, SynthesisInputs
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import Clock
 from pipeline.methods.fields import FlowName
+from pipeline.perception.flow import estimate
+from pipeline.perception.flow.gray import Gray, to_gray
 from pipeline.synthesis.atlas import downscaled_offsets
 from pipeline.synthesis.distance import extrapolated, nearest
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked

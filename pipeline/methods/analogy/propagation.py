@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.compute import device
-from pipeline.flow import estimate
-from pipeline.flow.gray import to_gray
 from pipeline.frames import Frame
 from pipeline.methods.analogy.inputs import OPAQUE
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.style_images import energy_of, patch_colours
+from pipeline.perception.flow import estimate
+from pipeline.perception.flow.gray import to_gray
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, StyleImage, Target, packed
 from pipeline.synthesis.motion import Motion, motions_between, suppress_small_motion
 from pipeline.synthesis.opencl import OpenCLOperations

@@ -15,7 +15,7 @@ from pipeline.methods import parse_params
 from pipeline.methods.base import AnyParams, TaskContext, VideoInfo
 from pipeline.methods.layers.names import VIDEO, input_name, prefix, stage
 from pipeline.methods.layers.params import LayerParams, LayersParams
-from pipeline.segmentation.cuts import thumbnail
+from pipeline.perception.cuts import thumbnail
 from pipeline.video.stills import encode_png
 
 PIECE_FRAMES = 8

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, part
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.halves import to_single
+from pipeline.kernels.float16 import to_single
 from pipeline.methods.multistyle.styles import PIXEL_FIELDS
 from pipeline.strokes.brush import Direction, Strokes
 from pipeline.strokes.random import Ids

@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.flow import estimate
-from pipeline.flow.invert import invert_flow
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
-from pipeline.halves import to_half
+from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
 from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
 from pipeline.methods.multistyle.design import Design
@@ -34,10 +32,12 @@ from pipeline.methods.multistyle.styles import (
     uniform,
 )
 from pipeline.methods.tasks import Clock
-from pipeline.segmentation.cuts import is_cut, thumbnail
-from pipeline.segmentation.face_contrast import raise_contrast
-from pipeline.segmentation.faces import Faces
-from pipeline.segmentation.importance import ImportanceParams, ImportanceTracker, moved
+from pipeline.perception.cuts import is_cut, thumbnail
+from pipeline.perception.face_contrast import raise_contrast
+from pipeline.perception.faces import Faces
+from pipeline.perception.flow import estimate
+from pipeline.perception.flow.invert import invert_flow
+from pipeline.perception.importance import ImportanceParams, ImportanceTracker, moved
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.field import OrientationField, field_of

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Mask, Plane
-from pipeline.jit import kernel
-from pipeline.segmentation.motion import zero_still_flow
-from pipeline.selection import upper_median
+from pipeline.kernels.jit import kernel
+from pipeline.kernels.selection import upper_median
+from pipeline.perception.flow.warp import fetch
+from pipeline.perception.motion import zero_still_flow
 from pipeline.strokes.accumulation import TORN, changes
 
 MOVING_SHARE = 0.25

@@ -11,12 +11,12 @@ import numpy as np
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.halves import to_half
+from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import StrokeLayer
 from pipeline.methods.multistyle.stroke_layers import coloured_strokes
 from pipeline.methods.multistyle.styles import SMALLEST_PX, LayerStyle, profile_columns, profile_fields
-from pipeline.segmentation.face_masks import face_crops, largeness, small_faces
-from pipeline.segmentation.faces import Faces
+from pipeline.perception.face_masks import face_crops, largeness, small_faces
+from pipeline.perception.faces import Faces
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField, place, sample, sample_all
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update

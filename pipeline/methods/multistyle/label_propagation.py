@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.flow import estimate
-from pipeline.flow.reliability import visible
-from pipeline.flow.warp import positions
 from pipeline.frames import Frame, Mask
+from pipeline.perception.flow import estimate
+from pipeline.perception.flow.reliability import visible
+from pipeline.perception.flow.warp import positions
 
 RegionMap = NDArray[np.uint8]
 """Region number of each pixel, `uint8` (height, width)."""

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
-from pipeline.buffers import Buffers
 from pipeline.frames import Frame, Plane
-from pipeline.halves import to_single
+from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.float16 import to_single
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, StrokeLayer, unpack
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.shared_paintings import SHARED

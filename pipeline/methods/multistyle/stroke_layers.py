@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
-from pipeline.flow.reliability import inside
-from pipeline.flow.warp import fetch
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.halves import to_half
-from pipeline.jit import kernel
+from pipeline.kernels.float16 import to_half
+from pipeline.kernels.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import (
@@ -26,6 +24,8 @@ from pipeline.methods.multistyle.styles import (
     profile_columns,
     profile_fields,
 )
+from pipeline.perception.flow.reliability import inside
+from pipeline.perception.flow.warp import fetch
 from pipeline.strokes.brush import Brush, shifted
 from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, spacing_px, threshold_of
 from pipeline.strokes.random import Purpose, draws

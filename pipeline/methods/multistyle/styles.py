@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.frames import Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.multistyle.params import MultistyleParams, StyleName
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.seeds import StyleField

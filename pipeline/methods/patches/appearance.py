@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.halves import to_half, to_single
-from pipeline.jit import kernel
+from pipeline.kernels.float16 import to_half, to_single
+from pipeline.kernels.jit import kernel
 from pipeline.methods.base import TaskContext
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.paint_error import error_tolerance, fine_sigma_px

@@ -37,8 +37,8 @@ def plan_cluster(context: PlanContext[PatchesParams]) -> list[Task]:
         args = {"start": start, "stop": stop, "begin": begin, "end": end}
         tasks.append(Task(flow_key(start), args, weight=0.3 * (stop - start)))
         tasks += chain
-        chain = [_label_task(args)] if params.temporal == "on" else []
-        if chain and params.face_detail > 0:
+        chain = [_label_task(args)]
+        if params.face_detail > 0:
             chain.append(_faces_task(args))
     return tasks + chain
 

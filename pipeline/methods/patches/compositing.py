@@ -12,18 +12,18 @@ import numpy as np
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.artefacts import LabelPictures
-from pipeline.methods.patches.baselines import AdvectedFrames, IndependentFrames, frame_painter
 from pipeline.methods.patches.clustering import LabelMaps
-from pipeline.methods.patches.face_tracking import ShotFaces
+from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes
+from pipeline.methods.patches.mattes import LabelMattes
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
 from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted, blended
+from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import load_placements, period_artefact
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, FirstPainting, ResidualLayer
 from pipeline.methods.patches.scan import RUN, WorkingGrid, painting_runs, run_key
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.mattes import LabelMattes
 from pipeline.strokes.steepen import steepened_wide
 from pipeline.warp.panorama import Placement, full_map
 
@@ -39,18 +39,16 @@ PERIOD_FADE_FRAMES = 3.0
 
 
 def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
-    """Tasks of a run of frames; with advected strokes each depends on the run before.
+    """Tasks of a run of frames.
 
     run-<run>     paints the run's frames
     first-<run>   paints its first frame before, since the run before it is cross-faded to that painting
     """
     every = patch_tracks(context) if context.params.temporal == "on" else []
-    fades, chained = cross_fades(context.params), context.params.temporal == "strokes"
+    fades = cross_fades(context.params)
     tasks: list[Task] = []
     for start, stop, begin, end in painting_runs(context):
         after = list[str]()
-        if chained and start > begin:
-            after.append(tasks[-1].key)
         if fades and start > begin:
             after.append(first_key(start))
         if fades and stop < end:
@@ -100,8 +98,6 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
                 _prepare_cross_fade(paint, stop, context)
         context.emit(index, painting)
         context.progress((index + 1 - start) / (stop - start))
-    if isinstance(paint, AdvectedFrames):
-        paint.save(task.key)
     pictures = LabelPictures(context)
     if context.params.temporal == "on" and pictures.requested:
         maps = LabelMaps(context, begin)
@@ -155,7 +151,25 @@ def _prepare_cross_fade(paint: FramePainter, stop: int, context: TaskContext[Pat
 def _frame_painter(task: Task, context: TaskContext[PatchesParams]) -> FramePainter:
     if context.params.temporal == "off":
         return IndependentFrames(frame_painter(context.params, context.size, context.seed), context.params.face_detail)
-    return AdvectedFrames(task, context) if context.params.temporal == "strokes" else PatchCompositor(task, context)
+    return PatchCompositor(task, context)
+
+
+def frame_painter(params: PatchesParams, size: tuple[int, int], seed: int) -> HertzmannPainter:
+    """Painter of whole frames of (width, height) px: the brush sizes of the largest regions."""
+    return HertzmannPainter.of(params.style, size[0] * size[1], min(size), params, seed)
+
+
+@dataclass(frozen=True)
+class IndependentFrames:
+    """Hertzmann's painter, applied to each frame independently (`temporal=off`)."""
+
+    painter: HertzmannPainter
+    face_detail: float = 0.0
+
+    def __call__(self, index: int, frame: Frame) -> Frame:
+        """Paint frame `index`: uint8 (h, w, 3)."""
+        gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
+        return self.painter.paint_picture(frame, single_frame_planes(gray, self.face_detail))
 
 
 @dataclass(frozen=True)
@@ -317,4 +331,4 @@ class PatchCompositor:
         covered[box] += weight
 
 
-FramePainter: TypeAlias = PatchCompositor | AdvectedFrames | IndependentFrames
+FramePainter: TypeAlias = PatchCompositor | IndependentFrames

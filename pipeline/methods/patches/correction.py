@@ -39,8 +39,8 @@ from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import LabelRow, add_label_statistics
 from pipeline.methods.patches.scan import RUN, WorkingGrid, label_map, run_key, run_start, runs
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.components import absorb_specks
-from pipeline.segmentation.random_walk import vote
+from pipeline.regions.components import absorb_specks
+from pipeline.regions.random_walk import vote
 
 SEED_WEIGHT = 5.0
 """Weight of the seeds, where forward and backward labels agree."""

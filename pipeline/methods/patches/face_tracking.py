@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import State
-from pipeline.flow.gray import Gray
 from pipeline.frames import Plane
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.segmentation.face_masks import head_mask
-from pipeline.segmentation.faces import NO_FACES, Faces, FaceTracker, faces_of_state
+from pipeline.perception.face_masks import head_mask
+from pipeline.perception.faces import NO_FACES, Faces, FaceTracker, faces_of_state
+from pipeline.perception.flow.gray import Gray
 
 HALF_LIFE_FRAMES = 6.0
 """Half-life with which boxes and strengths of faces follow the detections."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.strokes.brush import Brush, Direction
 from pipeline.strokes.raster import slopes_of
 from pipeline.tensors.structure import doubled_tangents

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels, Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.window_flow import WindowFlow, textured
-from pipeline.segmentation.components import absorb_specks
-from pipeline.segmentation.foreground import USER_WEIGHT, propagate_foreground
-from pipeline.segmentation.motion_groups import motion_groups
-from pipeline.segmentation.random_walk import Edges, motion_edges, vote
+from pipeline.regions.components import absorb_specks
+from pipeline.regions.foreground import USER_WEIGHT, propagate_foreground
+from pipeline.regions.motion_groups import motion_groups
+from pipeline.regions.random_walk import Edges, motion_edges, vote
 from pipeline.warp.homography import deviation, dominant, fit
 
 BACKGROUND = 1

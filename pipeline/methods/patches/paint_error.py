@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Mask, Plane
 from pipeline.gaussian import enlarge_cells, sigma_in_cells, wide_gaussian
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import vector_norm
 

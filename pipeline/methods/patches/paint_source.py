@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flow.warp import scale_flow
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.paint_error import Rendering
 from pipeline.methods.patches.scan import WorkingGrid
+from pipeline.perception.flow.warp import scale_flow
 
 MIN_RELIABILITY = 0.02
 """Reliability, 0..1, from which a flow vector is valid. It is low because changes of colour are left to the misfit."""

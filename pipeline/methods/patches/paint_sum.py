@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.paint_error import Rendering
 
 WeightedSum: TypeAlias = NDArray[np.float32]

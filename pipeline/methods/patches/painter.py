@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.face_strokes import (
     FACE_BLUR,
     FACE_LENGTH,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import FlowName, choice, number
+from pipeline.methods.fields import FlowName, RemovedValues, choice, number
 
-Temporal = Literal["on", "off", "strokes"]
+Temporal = Literal["on", "off"]
 StyleName = Literal["hertzmann", "circles", "impressionist", "expressionist", "wash"]
 BackgroundStyle = Literal["same", "hertzmann", "circles", "impressionist", "expressionist", "wash"]
 
@@ -54,6 +54,9 @@ class PatchesParams(Params):
     """Parameters of painterly video with painting patches (zhang2011patches)."""
 
     deprecated_names: ClassVar[Mapping[str, str]] = {"hold": "frames_per_painting"}
+    removed_values: ClassVar[RemovedValues] = {
+        "temporal": {"strokes": "Use temporal=on, or temporal=off for independent frames."}
+    }
 
     # -- painting
     style: StyleName = choice(
@@ -103,8 +106,7 @@ class PatchesParams(Params):
     # -- time
     temporal: Temporal = choice(
         "on", "Temporal coherence",
-        "on = painting patches; strokes = strokes advected from frame to frame by optical flow, without patches; "
-        "off = every frame is painted independently (Hertzmann 1998).", "Time",
+        "on = painting patches; off = every frame is painted independently (Hertzmann 1998).", "Time",
     )  # fmt: skip
     window: int = number(
         5, 2, 9, "Temporal window",

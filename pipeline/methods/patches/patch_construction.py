@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.frames import Frame, Mask
-from pipeline.halves import to_half, to_single
+from pipeline.kernels.float16 import to_half, to_single
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.appearance import (
     AppearancePeriods,

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Flow, Labels, Mask, Plane
-from pipeline.halves import to_half
-from pipeline.jit import kernel
+from pipeline.kernels.float16 import to_half
+from pipeline.kernels.jit import kernel
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.motion_clustering import warp_labels

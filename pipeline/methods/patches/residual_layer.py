@@ -30,7 +30,7 @@ import numpy as np
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.gaussian import enlarge_cells
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.paint_error import Rendering, cell_px, fine_sigma_px, misfit
 from pipeline.methods.patches.paint_source import NO_SOURCE, Paintings, PaintSource, valid_flow

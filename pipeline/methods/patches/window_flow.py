@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, State
-from pipeline.flow import estimate
-from pipeline.flow.dis import Preset, dis
-from pipeline.flow.gray import Gray, to_gray
-from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.halves import to_half, to_single
-from pipeline.jit import kernel
+from pipeline.kernels.float16 import to_half, to_single
+from pipeline.kernels.jit import kernel
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
+from pipeline.perception.flow import estimate
+from pipeline.perception.flow.dis import Preset, dis
+from pipeline.perception.flow.gray import Gray, to_gray
+from pipeline.perception.flow.warp import positions
 
 MIN_GRADIENT = 1.0
 """Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.buffers import Buffers
-from pipeline.flow.dis import dis
-from pipeline.flow.gray import to_gray
-from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.jit import kernel
+from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.jit import kernel
+from pipeline.perception.flow.dis import dis
+from pipeline.perception.flow.gray import to_gray
+from pipeline.perception.flow.warp import positions
 
 BOUNDARY = 0.3
 """Exponent by which the confidence falls where the gradient of the flow reaches the limit of a motion boundary. It is

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.buffers import Buffers
 from pipeline.frames import Plane
-from pipeline.jit import kernel
+from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.jit import kernel
 from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
 CELL_PX = 4

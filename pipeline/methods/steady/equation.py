@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
-from pipeline.jit import kernel
+from pipeline.kernels.jit import kernel
 from pipeline.methods.steady.confidence import Picture
 
 DISTRUST = np.float32(1)

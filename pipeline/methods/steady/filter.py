@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State
-from pipeline.buffers import Buffers
-from pipeline.flow.warp import positions
 from pipeline.frames import Flow, Frame, Plane, same_size
+from pipeline.kernels.buffers import Buffers
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
 from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
 from pipeline.methods.steady.equation import LARGEST_AGE, add_clipped, age_weights, equation_terms, remember, show
 from pipeline.methods.steady.params import SteadyParams
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.perception.cuts import is_cut, thumbnail
+from pipeline.perception.flow.warp import positions
 from pipeline.solvers.screened import solve_screened
 
 

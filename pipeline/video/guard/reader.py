@@ -94,7 +94,7 @@ class GuardedReader:
         return self._frames(start, stop if stop is not None else FOREVER)
 
     def read_thumbnails(self, start: int = 0, stop: int | None = None) -> Iterator[Plane]:
-        """Thumbnails (`pipeline.segmentation.cuts.thumbnail`) of the frames [start, stop), computed by the decoder's
+        """Thumbnails (`pipeline.perception.cuts.thumbnail`) of the frames [start, stop), computed by the decoder's
         process, so that no frame is copied to this one. Otherwise as `read`."""
         end, more = stop if stop is not None else FOREVER, {"thumbnails": _THUMBNAILS}
         question: Message = {"start": start, "stop": end}

@@ -19,11 +19,11 @@ import cv2
 import numpy as np
 import psutil
 
-from pipeline.allocator import keep_freed_memory, limit_arenas
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
 from pipeline.frames import Frame
-from pipeline.segmentation.cuts import thumbnail
+from pipeline.kernels.allocator import keep_freed_memory, limit_arenas
+from pipeline.perception.cuts import thumbnail
 from pipeline.video import memory_file
 from pipeline.video.exr import read_exr
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send

@@ -15,9 +15,8 @@ from pipeline.lines.coverage import (
     draw_lines,
     line_field,
 )
-from pipeline.methods.abstraction.line_extractor import Past
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.sharp_lines import SharpLineExtractor
 from pipeline.methods.abstraction.sizes import sizes_of
 
 FULL = 255
@@ -116,7 +115,7 @@ def motion(flow_px: tuple[float, float], shape: tuple[int, ...], weight: float) 
 def test_a_line_fades_in_unless_its_place_has_changed(residual: int, least: int, most: int) -> None:
     """The outline of a fast hand is new in every frame; if it faded in, it would not be drawn at all."""
     params = AbstractionParams(line_width=10, edges="sharp")
-    lines = SharpLineExtractor(params, sizes_of(params, (96, 96)))
+    lines = LineExtractor(params, sizes_of(params, (96, 96)))
     empty, importance = np.full((96, 96), 170, np.uint8), np.full((96, 96), 0.5, np.float32)
     lines.step(empty, importance, None)
     stripe = empty.copy()

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import sizes_of
-from pipeline.segmentation.face_masks import FaceCrop, small_faces
-from pipeline.segmentation.faces import FACE
+from pipeline.perception.face_masks import FaceCrop, small_faces
+from pipeline.perception.faces import FACE
 
 SIZE = (320, 240)
 EYES = ((148, 113), (172, 113))

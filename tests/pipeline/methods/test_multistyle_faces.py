@@ -10,7 +10,7 @@ from pipeline.frames import Frame
 from pipeline.methods.multistyle.face_layer import FaceLayer
 from pipeline.methods.multistyle.params import StyleName
 from pipeline.methods.multistyle.styles import STYLES, LayerStyle, face_weight, layer_style, uniform
-from pipeline.segmentation.faces import FACE, Faces
+from pipeline.perception.faces import FACE, Faces
 from pipeline.strokes.seeds import as_plane
 from pipeline.strokes.tracks import LifecycleParams
 

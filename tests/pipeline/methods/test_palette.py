@@ -9,7 +9,7 @@ from pipeline.colour.scheme import Tone, learn
 from pipeline.colour.spaces import lab_to_srgb, srgb_to_lab, to_8bit
 from pipeline.methods.abstraction.palette import LARGEST_LAG, Palette
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.segmentation.segmenter import Segmentation
+from pipeline.regions.segmenter import Segmentation
 
 GRAY, DARKER, DARK, RED = (150, 128, 128), (138, 128, 128), (60, 128, 128), (140, 190, 170)
 """8-bit Lab."""

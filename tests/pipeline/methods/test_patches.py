@@ -11,8 +11,10 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.patches_baseline import advected_strokes
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
+from pipeline.methods import parse_params
 from pipeline.methods.base import PlanContext, VideoInfo
 from pipeline.methods.local import LocalContext, iterate_plan
 from pipeline.methods.patches import Patches, patch_construction
@@ -153,8 +155,14 @@ def test_patches_change_less_than_advected_strokes_and_those_less_than_independe
     def change(video: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> float:
         return float(np.abs(video[1:, :, :-PAN_PX].astype(float) - video[:-1, :, PAN_PX:]).mean())
 
-    advected, independent = painted(paint(frames, temporal="strokes")), painted(independent_frames())[:6]
+    advected, independent = np.stack(advected_strokes(frames, PatchesParams())), painted(independent_frames())[:6]
     assert change(output()[:6]) < 0.7 * change(advected) < 0.7 * change(independent)
+
+
+def test_the_baseline_is_no_value_of_temporal_any_more() -> None:
+    with pytest.raises(BadParameter, match="'strokes' no longer exists") as caught:
+        parse_params(Patches(), {"temporal": "strokes"})
+    assert caught.value.field == "params.temporal" and "temporal=off" in caught.value.remedy
 
 
 def test_on_threes_each_painting_is_shown_for_three_frames() -> None:

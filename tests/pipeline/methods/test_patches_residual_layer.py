@@ -24,7 +24,7 @@ from pipeline.methods.patches.residual_layer import (
 )
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import flow_artefact
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.perception.cuts import is_cut, thumbnail
 from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.patch_scenes import paint, truth
 

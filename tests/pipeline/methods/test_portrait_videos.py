@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.background import Background
+from pipeline.methods.abstraction.border_curves import BorderCurves
 from pipeline.methods.abstraction.line_extractor import LineExtractor
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.sharp_compositor import SharpCompositor
 from pipeline.methods.abstraction.sizes import analysis_blur_px, sizes_of
 from pipeline.methods.multistyle import MultistyleParams
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
@@ -23,7 +22,7 @@ def test_lines_and_borders_of_abstraction_have_the_same_width(wide: tuple[int, i
     found = []
     for size in (wide, wide[::-1]):
         sizes, params = sizes_of(AbstractionParams(), size), AbstractionParams()
-        lines, borders = LineExtractor(params, sizes), SharpCompositor(params, sizes, no_clock, Background())
+        lines, borders = LineExtractor(params, sizes), BorderCurves(params, sizes)
         found.append(
             (sizes.curves, sizes.work == size, analysis_blur_px(sizes), lines.sigma_px, lines.limits, borders.sigma_px,
              borders.limit_px, borders.reach_px)

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.buffers import Buffers
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
+from pipeline.kernels.buffers import Buffers
 from pipeline.methods.base import Task
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams, plan

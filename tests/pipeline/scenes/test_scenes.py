@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import BadParameter
-from pipeline.flow.reliability import chi_minus, chi_plus
-from pipeline.flow.warp import fetch
+from pipeline.perception.flow.reliability import chi_minus, chi_plus
+from pipeline.perception.flow.warp import fetch
 from pipeline.scenes import Scene, SceneFrame, scene, scenes
 
 SIZE = (128, 72)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.background import Background
 from pipeline.frames import Labels
+from pipeline.kernels.background import Background
 from pipeline.vector.borders import align_borders, find_borders, tuck_borders
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import diffusion_steps, smooth_borders

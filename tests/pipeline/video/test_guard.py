@@ -21,7 +21,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
-from pipeline.segmentation.cuts import thumbnail
+from pipeline.perception.cuts import thumbnail
 from pipeline.video.exr import read_exr, write_exr
 from pipeline.video.guard import decoder_process, roles
 from pipeline.video.guard.decoder_process import DecoderProcess

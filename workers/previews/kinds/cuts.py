@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from pipeline.frames import Plane
 from pipeline.methods import method, parse_params
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.perception.cuts import is_cut, thumbnail
 from workers.previews.context import PreviewContext
 from workers.previews.model import LayerSources, Record
 

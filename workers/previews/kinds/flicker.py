@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from pipeline.frames import Frame
+from pipeline.perception.cuts import is_cut, thumbnail
 from pipeline.quality.coherence import PairMeasure, flicker_map, measure_pair
 from pipeline.quality.sampling import sampled_pairs
-from pipeline.segmentation.cuts import is_cut, thumbnail
 from pipeline.video.stills import encode_gray_png
 from workers.previews.context import PreviewContext
 from workers.previews.kinds.paint import film

@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.flow import estimate
-from pipeline.flow.gray import to_gray
-from pipeline.flow.reliability import visible
-from pipeline.flow.warp import fetch
 from pipeline.frames import Frame
-from pipeline.segmentation.cuts import is_cut, thumbnail
+from pipeline.perception.cuts import is_cut, thumbnail
+from pipeline.perception.flow import estimate
+from pipeline.perception.flow.gray import to_gray
+from pipeline.perception.flow.reliability import visible
+from pipeline.perception.flow.warp import fetch
 from workers.previews.context import PreviewContext
 from workers.previews.model import Record
 
