@@ -87,9 +87,7 @@ def _item(job_id: str, error: ImpastoError | None) -> JobActionOut:
     return JobActionOut(job_id, None if error is None else fault_from(error))
 
 
-def _attempted(
-    context: ServiceContext, caller: Principal, action: Literal["retry", "delete"], job_id: str
-) -> ImpastoError | None:
+def _attempted(context: ServiceContext, caller: Principal, action: Action, job_id: str) -> ImpastoError | None:
     """Retry a job, or delete it with its exports; the error if that is refused."""
     try:
         job = find_job(context, caller, job_id)

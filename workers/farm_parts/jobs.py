@@ -219,7 +219,9 @@ class FarmJobs:
                 if job_id not in refused:
                     self._collector.later(job_id)
             return refused
-        events = {"cancel": machine.Cancel(), "pause": machine.Pause(), "resume": machine.Resume()}
+        events: dict[str, machine.Cancel | machine.Pause | machine.Resume] = {
+            "cancel": machine.Cancel(), "pause": machine.Pause(), "resume": machine.Resume(),
+        }  # fmt: skip
         refused = self._store.bulk.command(job_ids, events[command])
         self._wake()
         return refused
