@@ -100,8 +100,8 @@ def _boxes(file: BinaryIO, within: tuple[int, int]) -> Iterator[_Box]:
 
 
 def _pixel_crop(file: BinaryIO, number: int) -> Crop | None:
-    top = ((start, stop) for name, start, stop in _elements(file, 0, _size(file)) if name == _SEGMENT)
-    for name, start, stop in _elements(file, *next(top, (0, 0))):
+    segments = ((start, stop) for name, start, stop in _elements(file, 0, _size(file)) if name == _SEGMENT)
+    for name, start, stop in _elements(file, *next(segments, (0, 0))):
         if name == _CLUSTER:
             return None
         if name == _TRACKS:

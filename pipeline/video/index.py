@@ -38,6 +38,8 @@ _SEEKABLE = (MOV, MATROSKA, AVI)
 """Demuxers that give the same times after a seek as in a read from the start."""
 _DEPENDENT = frozenset({"gif", "apng"})
 """Codecs whose pictures are drawn over the previous one, even if the packets are marked as keyframes."""
+_HIDING = ("vp8", "vp9", "av1", "libvpx", "libvpx-vp9", "libdav1d")
+"""Decoders of codecs with pictures that only serve as references."""
 _DECODED_PIXELS = 8_000_000_000
 """A video of at most this size, pixels of all pictures, is decoded for its times: about 20 s on one core."""
 _FINEST = 1000
@@ -120,8 +122,9 @@ def build_index(path: Path, limits: Limits, options: SourceOptions | None = None
         with reported_errors(container) as errors:
             packets = _shown(container, stream, timeline)
         index = _index(packets, container, stream)
-        if index is None:
-            index = _decoded(path, limits, options) if _is_quick(packets, stream) else _estimated(len(packets), stream)
+        if (index is None or _may_hide(packets, stream)) and _is_quick(packets, stream):
+            index = _decoded(path, limits, options)
+        index = index or _estimated(len(packets), stream)
         read = Reading(len(packets), bool(packets) and packets[-1].incomplete, timeline.end_s, errors)
         cut = is_cut_off(path, stream, index, read)
         index = replace(
@@ -234,6 +237,12 @@ def _decoded(path: Path, limits: Limits, options: SourceOptions) -> Index:
             return _estimated(len(times), stream, exact=True)
         known = np.maximum.accumulate(np.array(times, np.int64))
         return _timed([int(time) for time in known], 0, stream, None, np.zeros(1, np.int64))
+
+
+def _may_hide(packets: Sequence[_Packet], stream: VideoStream) -> bool:
+    """Whether some packets may hold pictures that are never shown: these have the time of the next one."""
+    times = {packet.time for packet in packets}
+    return stream.codec_context.name in _HIDING and len(times) < len(packets)
 
 
 def _is_quick(packets: Sequence[_Packet], stream: VideoStream) -> bool:

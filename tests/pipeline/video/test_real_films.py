@@ -82,6 +82,35 @@ def test_repeated_times_do_not_change_the_others(which: str, tmp_path: Path) -> 
         assert [note.code for note in reader.notes] == ["corrected-times"]
 
 
+def test_packets_of_pictures_that_are_never_shown_are_not_counted(tmp_path: Path) -> None:
+    """Old encoders of VP9 wrote alternate references in packets of their own, with the time of the next picture."""
+    options = {"auto-alt-ref": "1", "lag-in-frames": "12", "g": "40", "deadline": "good", "cpu-used": "4"}
+    whole = film(tmp_path / "a.webm", "libvpx-vp9", None, options=options)
+    with av.open(str(whole)) as source, av.open(str(tmp_path / "b.webm"), "w") as out:
+        stream = out.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            for data in superframe(bytes(packet)) if packet.size else []:
+                part = av.Packet(data)
+                part.pts, part.dts, part.time_base, part.stream = packet.pts, packet.dts, packet.time_base, stream
+                part.is_keyframe = packet.is_keyframe
+                out.mux(part)
+    frames, times, _damaged = read(tmp_path / "b.webm")
+    assert (len(frames), flashes(frames)) == (FRAMES, list(FLASHES))
+    assert times == pytest.approx([at / 25 for at in range(FRAMES)], abs=0.002)
+
+
+def superframe(data: bytes) -> list[bytes]:
+    """The frames of a VP9 packet (VP9 bitstream specification, annex B)."""
+    marker = data[-1]
+    if marker & 0xE0 != 0xC0:
+        return [data]
+    count, width = (marker & 7) + 1, (marker >> 3 & 3) + 1
+    table = data[-1 - count * width : -1]
+    sizes = [int.from_bytes(table[at * width : (at + 1) * width], "little") for at in range(count)]
+    starts = [sum(sizes[:at]) for at in range(count)]
+    return [data[start : start + size] for start, size in zip(starts, sizes, strict=True)]
+
+
 PAUSES = {
     "one": [*range(0, 1000, 40), *range(1560, 2560, 40)],
     "several": [*range(0, 400, 40), *range(1000, 1400, 40), *range(2500, 2900, 40), *range(9000, 9400, 40)],
