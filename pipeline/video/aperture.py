@@ -110,8 +110,8 @@ def _pixel_crop(file: BinaryIO, number: int) -> Crop | None:
             if number >= len(videos):
                 return None
             values = {name: (at, last) for name, at, last in _elements(file, *videos[number][1:])}
-            left, top, right, bottom = (_integer(file, values.get(name)) for name in _CROPS)
-            return left, top, right, bottom
+            sides = [_integer(file, values.get(side)) for side in _CROPS]
+            return sides[0], sides[1], sides[2], sides[3]
     return None
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from typing import Any
 
 from pipeline.errors import BadParameter, ImpastoError
 from pipeline.methods import method, parse_params
@@ -16,12 +14,13 @@ from workers.model import JobWarning, Json
 from workers.process.log_context import log_extra
 from workers.scheduling.planning import expected_weights, step_versions, steps_of, versions_of
 from workers.store import Accepted, StepToPlan, Store
+from workers.store.records import Row
 from workers.version import version
 
 log = logging.getLogger(__name__)
 
 
-def is_readable(job: Mapping[str, Any]) -> bool:
+def is_readable(job: Row) -> bool:
     """Whether this program has the versions with which the job was planned.
 
     Args:
