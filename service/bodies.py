@@ -5,9 +5,8 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack
 from typing import NoReturn
-from weakref import WeakValueDictionary
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
@@ -15,17 +14,16 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pipeline.errors import ImpastoError
-from service.errors import BodyTooLarge, Busy, RequestTimeout, UnsupportedMediaType, respond
+from service.access.admission import Admission, Cost
+from service.errors import BodyTooLarge, RequestTimeout, UnsupportedMediaType, respond
 from workers.strict_json import MAX_VALUES, BadJson, strict_json
 
 MIN_BYTES_PER_S = 1024
 """Minimum rate of a body; slower ones are aborted, because each occupies a connection."""
 LARGE_BYTES = 64 * 1024
-"""A larger body needs a slot until the answer begins: parsed, it may take fifty times its size."""
-LARGE_AT_ONCE = 4
+"""A larger body needs a slot (`Cost.BODY`) until the answer begins: parsed, it may take fifty times its size."""
 MOST_MEMBERS = 1000
 """Members of a body, not of objects in it. Each unknown one is a fault, which costs a thousand times its bytes."""
-LARGE_WAIT_S = 10.0
 STREAMED = ("/v1/assets", "/v1/uploads", "/v1/projects/import", "/v1/live/whip", "/v1/live/whep")
 """Paths whose routes read the body themselves."""
 
@@ -45,7 +43,6 @@ class JsonBodies:
     def __init__(self, app: ASGIApp, max_bytes: int, max_project_bytes: int, idle_s: float) -> None:
         self._app, self._max_bytes, self._idle_s = app, max_bytes, idle_s
         self._max_project_bytes = max_project_bytes
-        self._large, self._documents, self._exports = OwnerSlots(), OwnerSlots(), OwnerSlots()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or scope["path"].startswith(STREAMED):
@@ -53,8 +50,6 @@ class JsonBodies:
             return
         async with AsyncExitStack() as until_answered:
             try:
-                if (slots := self._slots(scope["path"])) is not None:
-                    await until_answered.enter_async_context(slots.one(_owner(scope)))
                 body = await self._read(scope, receive, until_answered)
             except ImpastoError as error:
                 await respond(error, scope["path"])(scope, receive, send)
@@ -68,13 +63,6 @@ class JsonBodies:
 
             await self._app(scope, _replay(body, receive), answer)
 
-    def _slots(self, path: str) -> OwnerSlots | None:
-        """The slots of a request about one project, or None. Exports are written for long, and have slots of their
-        own."""
-        if not path.startswith(f"{PROJECTS}/") or path.startswith(STREAMED):
-            return None
-        return self._exports if path.endswith("/export") else self._documents
-
     async def _read(self, scope: Scope, receive: Receive, until_answered: AsyncExitStack) -> bytes:
         project = scope["path"].startswith(PROJECTS)
         limit = self._max_project_bytes if project else self._max_bytes
@@ -84,7 +72,7 @@ class JsonBodies:
             parts.append(chunk)
             total += len(chunk)
             if total > LARGE_BYTES >= total - len(chunk):
-                await until_answered.enter_async_context(self._large.one(_owner(scope)))
+                await until_answered.enter_async_context(_slot(scope))
         body = b"".join(parts)
         if body:
             patches = PATCHES if project and scope["method"] == "PATCH" else ("application/json",)
@@ -102,33 +90,11 @@ class JsonBodies:
             )  # fmt: skip
 
 
-class OwnerSlots:
-    """Slots of requests that take much memory and time: with bodies above `LARGE_BYTES`, or about a document. The body
-    of one that waits for a slot is not read on, and it has no thread."""
-
-    def __init__(self) -> None:
-        self._slots = asyncio.Semaphore(LARGE_AT_ONCE)
-        self._owners: WeakValueDictionary[str, asyncio.Semaphore] = WeakValueDictionary()
-
-    @asynccontextmanager
-    async def one(self, owner: str) -> AsyncIterator[None]:
-        """Hold a slot while the block runs; an owner holds half of them at most. Raises Busy."""
-        own = self._owners.setdefault(owner, asyncio.Semaphore(LARGE_AT_ONCE // 2))
-        async with AsyncExitStack() as held:
-            try:
-                async with asyncio.timeout(LARGE_WAIT_S):
-                    await held.enter_async_context(own)
-                    await held.enter_async_context(self._slots)
-            except TimeoutError:
-                raise Busy(
-                    "Too many large requests are being answered.", field="body", remedy="Send fewer at once."
-                ) from None
-            yield
-
-
-def _owner(scope: Scope) -> str:
-    principal = scope.get("state", {}).get("principal")
-    return principal.owner if principal is not None else "@"
+def _slot(scope: Scope) -> AbstractAsyncContextManager[None]:
+    """A slot for the large body of a request, which is not read on while it waits."""
+    admission: Admission = scope["app"].state.service.admission
+    address = f"@{scope['client'][0]}" if scope.get("client") else "@"
+    return admission.one(Cost.BODY, scope.get("state", {}).get("principal"), address)
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:

@@ -32,6 +32,7 @@ FRAME_WAIT_S = 3.0
 """Maximum wait of a request for a frame slot, seconds; then it is answered with 503."""
 PREVIEW_WAIT_S = 1.0
 READINGS, READING_WAIT_S = 8, 600.0
+BODY_WAIT_S = 10.0
 WAIT_S = 20.0
 """Maximum wait of any other request, seconds."""
 _LOOK_S = 0.25
@@ -50,6 +51,8 @@ class Cost(StrEnum):
 
     HEALTH = "health"
     """State of the service, for probes and monitors."""
+    BODY = "body"
+    """A large body, which is held from its reading until the answer begins. Not a class of routes."""
     QUERY = "query"
     """A bounded number of bounded queries: milliseconds."""
     HEAVY = "heavy"
@@ -77,6 +80,7 @@ def classes(settings: Settings) -> dict[Cost, Class]:
     frames, previews = settings.frame_slots, settings.preview_slots
     return {
         Cost.HEALTH: Class(4, 2, WAIT_S),
+        Cost.BODY: Class(4, 2, BODY_WAIT_S, "Too many large requests are being answered."),
         Cost.QUERY: Class(16, 4, WAIT_S),
         Cost.HEAVY: Class(4, 2, WAIT_S),
         Cost.FRAMES: Class(frames, max(1, frames - 1), FRAME_WAIT_S, "Too many frames are being decoded."),

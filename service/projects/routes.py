@@ -53,6 +53,7 @@ def list_projects(
 
 
 @router.post("", status_code=201)
+@costs(Cost.HEAVY)
 def create_project(body: ProjectIn, response: Response, context: Context, caller: Submitter) -> ProjectOut:
     """Begin a project."""
     document = empty(body.name) if body.document is None else body.document
@@ -71,6 +72,7 @@ def get_schema(_caller: Reader) -> Json:
 
 
 @router.get("/{project_id}", response_model=ProjectOut, responses=_UNCHANGED)
+@costs(Cost.HEAVY)
 def get_project(project_id: ProjectId, request: Request, context: Context, caller: Reader) -> Any:
     """A project with its document. 304 if If-None-Match names its version; 410 if it was deleted."""
     project = find_project(context, caller, project_id)
@@ -83,6 +85,7 @@ def get_project(project_id: ProjectId, request: Request, context: Context, calle
 
 
 @router.put("/{project_id}")
+@costs(Cost.HEAVY)
 def put_project(
     project_id: ProjectId,
     document: Annotated[Json, Body(description="The whole document.")],

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from fastapi import Path, Request, Response
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, ServiceContext, Sharer, Submitter
 from service.access.keys import OPERATOR, Principal
 from service.errors import Gone
@@ -51,6 +52,7 @@ def end_shares(project_id: ProjectId, context: Context, caller: Submitter) -> No
 
 
 @router.get("/v1/shared/{token}")
+@costs(Cost.HEAVY)
 def get_shared(token: Token, context: Context) -> ProjectOut:
     """The project of a link, with its document."""
     project = _shared(context, token)

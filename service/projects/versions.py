@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from fastapi import Response
 
+from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, Submitter
 from service.projects.lookup import IfMatch, document_quota, etag, expected_version, find_project
 from service.projects.schemas import LabelIn, ProjectId, ProjectOut, Version, VersionOut, project_out
@@ -28,6 +29,7 @@ def list_versions(
 
 
 @router.get("/{version}")
+@costs(Cost.HEAVY)
 def get_version(project_id: ProjectId, version: Version, context: Context, caller: Reader) -> VersionOut:
     """One version with its document."""
     find_project(context, caller, project_id)
@@ -45,6 +47,7 @@ def label_version(
 
 
 @router.post("/{version}/restore")
+@costs(Cost.HEAVY)
 def restore_version(
     project_id: ProjectId, version: Version, response: Response, context: Context, caller: Submitter,
     if_match: IfMatch = None,

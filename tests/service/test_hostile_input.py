@@ -10,6 +10,7 @@ import math
 import socket
 import struct
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,10 +24,12 @@ from pipeline.video.guard.wire import ConnectionBroken, receive
 from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
 from pipeline.video.stills import decode_rgb, encode_png
+from service.access.admission import Admission, Cost, classes
 from service.access.gate import KEY_PROTOCOL, _bearer, _offered
-from service.bodies import OwnerSlots
+from service.access.keys import Principal, Scope
 from service.errors import Busy, RangeNotSatisfiable
 from service.serving import disposition, wanted
+from service.settings import Settings
 from service.uploads.headers import Checksum, filename, whole_number
 from service.webhooks.targets import check_target, is_public
 from tests.conftest import tiny_frame
@@ -149,23 +152,22 @@ def test_json_has_a_bounded_number_of_values(body: bytes) -> None:
     assert strict_json(b'"' + b"[]," * 200_000 + b'"'), "text may contain anything"
 
 
-def test_large_requests_of_an_owner_take_turns(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.bodies.LARGE_WAIT_S", 0.05)
+def test_large_bodies_of_an_owner_take_turns() -> None:
+    limits = classes(Settings())[Cost.BODY]
+    anna, ben, cleo = (Principal(name, frozenset(Scope)) for name in ("anna", "ben", "cleo"))
 
     async def run() -> None:
-        slots = OwnerSlots()
-        async with slots.one("anna"), slots.one("anna"):
+        admission = Admission({Cost.BODY: replace(limits, wait_s=0.05)})
+        async with admission.one(Cost.BODY, anna), admission.one(Cost.BODY, anna):
             with pytest.raises(Busy):
-                async with slots.one("anna"):
+                async with admission.one(Cost.BODY, anna):
                     pass
-            async with slots.one("ben"), slots.one("ben"):
+            async with admission.one(Cost.BODY, ben), admission.one(Cost.BODY, ben):
                 with pytest.raises(Busy):
-                    async with slots.one("cleo"):
+                    async with admission.one(Cost.BODY, cleo):
                         pass
-            async with slots.one("cleo"):
+            async with admission.one(Cost.BODY, cleo):
                 pass
-        async with slots.one("anna"):
-            pass
 
     asyncio.run(run())
 
