@@ -74,7 +74,7 @@ class VideoFileSink(Sink):
         if self._sound is not None:
             sound = as_far(self._sound, end_s, scratch / "sound.nut")
             start_s += self._sound.first_s
-        join([(start_s, scratch / "pictures")], scratch / "whole", self._spec.format, sound)
+        join([(start_s, scratch / "pictures")], scratch / "whole", self._spec.format, sound, whole=False)
         swap(scratch / "whole", self._where.path)
 
 

@@ -50,6 +50,7 @@ def join(
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
     options: SourceOptions | None = None,
+    whole: bool = True,
 ) -> tuple[Note, ...]:
     """Write the finished file at `out`.
 
@@ -62,6 +63,7 @@ def join(
         end_s: time in the source at which the output ends, seconds; None: where the source ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
         options: which sound tracks are delivered.
+        whole: whether the segments show the film from its first picture on, so that sound before it is kept.
 
     Returns:
         What was left out or changed.
@@ -74,7 +76,7 @@ def join(
     if container == "gif":
         join_gif(segments, out, progress)
         return ()
-    film = _Film(segments, out, container, sound, progress, end_s)
+    film = _Film(segments, out, container, sound, progress, end_s, whole and end_s is None)
     tracks = () if sound is None else _tracks(sound, (options or SourceOptions()).sound)
     refused: list[Note] = []
     for copies, kept in ((True, tracks), (False, tracks)):
@@ -107,6 +109,7 @@ class _Film:
     source: Path | None
     progress: Callable[[float], None]
     end_s: Fraction | None
+    whole: bool
 
     def write(self, tracks: Sequence[Track], copies: bool) -> tuple[Note, ...]:
         """Write the file with these sound tracks, copied if possible."""
@@ -130,7 +133,7 @@ class _Film:
     def _lead_s(self, tracks: Sequence[Track]) -> Fraction:
         """Duration of the sound before the first picture, seconds; 0 for a piece of a film. Encoders put a few silent
         samples before the first one, which are no lead."""
-        if self.end_s is not None or not tracks:
+        if not self.whole or not tracks:
             return Fraction(0)
         lead_s = self.segments[0][0] - min(track.start_s for track in tracks)
         return lead_s if lead_s > _PRIMING_S else Fraction(0)
@@ -143,7 +146,7 @@ class _Film:
         if self.source is None or source is None:
             return []
         stack.enter_context(source)
-        carried = Carried(self.source, zero_s, self.end_s, self.end_s is None)
+        carried = Carried(self.source, zero_s, self.end_s, self.whole)
         notes = carried.add(source, target, film, self.container)
         packets.append(carried.subtitles(source, target, self.container))
         return notes

@@ -123,13 +123,13 @@ def heard(path: Path, first_s: float) -> float | None:
         stream = next((s for s in source.streams.audio if s.codec_context is not None), None)
         if stream is None:
             return None
+        due_s = 0.0
         for piece in _decoded(source, stream, Facts()):
-            if piece.pts is None or piece.time_base is None:
-                continue
-            at = float(piece.pts * piece.time_base) - first_s
+            at = due_s if piece.pts is None else float(piece.pts * piece.time_base) - first_s
             if at > _MOST_S:
                 break
             pieces.append((at, _level(piece), piece.sample_rate))
+            due_s = at + piece.samples / piece.sample_rate
     return onset(pieces)
 
 
