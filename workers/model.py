@@ -79,7 +79,7 @@ class OutputSpec:
     """The output of a job."""
 
     format: str = "mp4"
-    """"mp4" (H.264, AAC), "webm" (VP9, Opus), "png" (a zip of lossless frames numbered from 0000) or "gif"."""
+    """Name of an output format: see `pipeline.formats`."""
     quality: int = 20
     """Constant rate factor of the codec, 0 (lossless) to 51."""
     artefacts: tuple[str, ...] = ()
@@ -130,13 +130,14 @@ class JobWarning:
     """A fact that the user of a job should know although the job continues."""
 
     code: str
-    """"damaged-input"."""
+    """"damaged-input", or "reading": what was assumed, corrected or left out when the input was read."""
     message: str
     """One sentence, for example "The source is damaged: frames 22-95 of 96 are missing."."""
     input: str
     """Name of the input."""
     damage: Json
-    """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames."""
+    """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames.
+    Empty for other warnings."""
 
 
 CPU, PEAK_MEMORY = "cpu", "peak_bytes"

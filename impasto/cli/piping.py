@@ -11,12 +11,14 @@ from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
-from impasto.library import DamagedSource, render
+from impasto.delivery import expanded
+from impasto.library import DamagedSource, ImageSequence, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
 from pipeline.video.media import Limits, check_size
 from pipeline.video.reader import VideoReader
+from pipeline.video.sequence_options import USUAL, SequenceOptions
 from workers.model import FAIL, WARN, Json
 
 PIPE = "-"
@@ -44,6 +46,7 @@ class PipeOrder:
     overwrite: bool
     raw: str = ""
     on_damage: str = WARN
+    sequence: SequenceOptions = USUAL
 
     def run(self) -> int:
         """Render; returns the number of frames written to stdout, 0 if the output is a file.
@@ -67,10 +70,12 @@ class PipeOrder:
             return 0
         return self._write(render(self.method, frames, **common), form)
 
-    def _source(self) -> tuple[str | Iterator[Frame], StreamFormat]:
+    def _source(self) -> tuple[ImageSequence | Iterator[Frame], StreamFormat]:
         raw = _raw_format(self.raw) if self.raw else None
         if self.source != PIPE:
-            return self.source, raw or _file_format(Path(self.source))
+            options = self.sequence
+            file = ImageSequence(self.source, options.fps, options.missing, options.layer, options.view)
+            return file, raw or _file_format(file)
         if raw is not None:
             return raw_frames(sys.stdin.buffer, raw.size), raw
         reader = Y4mReader(sys.stdin.buffer)
@@ -99,8 +104,8 @@ def _chroma(form: StreamFormat) -> str:
     return next((name for name in ("yuv444p", "yuv422p") if form.pixel_format.startswith(name)), "yuv420p")
 
 
-def _file_format(path: Path) -> StreamFormat:
-    with VideoReader(path) as reader:
+def _file_format(file: ImageSequence) -> StreamFormat:
+    with VideoReader(expanded(Path(file.path)), options=file.options()) as reader:
         return StreamFormat(reader.size, Fraction(reader.fps).limit_denominator(1001))
 
 

@@ -14,19 +14,24 @@ from impasto.cli.console import emit, out, print_status, print_warnings, progres
 from impasto.cli.options import (
     DamageOption,
     DamagePolicy,
+    FpsOption,
     HomeOption,
     InputOption,
     JsonFlag,
+    LayerOption,
     MethodOption,
+    MissingOption,
     ParamOption,
     QualityOption,
     QuietFlag,
     SeedOption,
+    ViewOption,
     artefacts_of,
     frames_of,
     home_of,
     inputs_of,
     params_of,
+    sequence_of,
     takes_options,
 )
 from pipeline.errors import BadInput
@@ -34,6 +39,7 @@ from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
+    from pipeline.video.sequence_options import SequenceOptions
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -46,6 +52,8 @@ impasto render clip.mp4 -o cartoon.mp4 --overwrite      replaces the file of an 
 impasto render clip.mp4 -o frames/ --seed 7 --workers 1      one task at a time: less memory
 
 impasto render photo.jpg -o painted.png
+
+impasto render "shot/beauty.####.png" -o painted/ --missing hold --fps 25
 
 ffmpeg -i clip.mov -f yuv4mpegpipe - | impasto render - -o - | ffplay -
 
@@ -67,10 +75,18 @@ Ctrl-C keeps finished tasks: run the same command again to resume. `impasto meth
 class RenderOptions:
     """Options of `impasto render`."""
 
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="IN", help="A video, an image, a folder of frames, or name.####.png."),
+    ]
     output: Annotated[
         str,
-        typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .gif, .png or .zip file, or a folder DIR/."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="A video file, a .png, a .zip, or a folder DIR/.",
+        ),
     ] = ""
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Print the expected time, memory and disk space, and exit.")
@@ -93,6 +109,10 @@ class RenderOptions:
         str, typer.Option(metavar="FIRST:END", help="Render only these frames of IN, from 0, without END.")
     ] = ""
     on_damage: DamageOption = DamagePolicy.WARN
+    missing: MissingOption = None
+    fps: FpsOption = None
+    layer: LayerOption = None
+    view: ViewOption = None
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
     workers: Annotated[
         int | None,
@@ -132,7 +152,7 @@ def _render_pipe(options: RenderOptions) -> None:
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
-        options.on_damage.value,
+        options.on_damage.value, _sequence(options),
     )  # fmt: skip
     count = pipe.run()
     print_status(f"{count} frames" if options.output == "-" else options.output)
@@ -196,7 +216,11 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     if is_project(options.source):
         return project_order(options.source, scratch, where, artefacts, options.overwrite, frames)
-    return RenderOrder(request, paths, where, artefacts, options.overwrite)
+    return RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+
+
+def _sequence(options: RenderOptions) -> SequenceOptions:
+    return sequence_of(options.missing, options.fps, options.layer, options.view)
 
 
 def _check_pipe_options(given: Mapping[str, bool]) -> None:

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 
 from pipeline.video.container import open_container, video_stream
 from pipeline.video.media import SEQUENCE_FPS, Limits
-from pipeline.video.truncation import Ending, Gap, gaps_between, is_whole_gif, missing_at_end
+from pipeline.video.truncation import Ending, Gap, gaps_between, missing_at_end
 
 _SEEKABLE = ("mov,mp4,m4a,3gp,3g2,mj2", "matroska,webm", "avi")
 """Demuxers that give the same times after a seek as in a read from the start."""
-_DEPENDENT = frozenset({"gif", "apng"})
-"""Codecs whose pictures are drawn over the previous one, even if the packets are marked as keyframes."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,8 @@ class Index:
     """Where frames are missing that the file should have."""
     incomplete: frozenset[int] = frozenset()
     """Indices of frames whose data are cut off."""
+    numbers: tuple[int, ...] = ()
+    """Numbers of the frames of an image sequence; empty: frames are counted from 0."""
 
     @property
     def duration_s(self) -> float:
@@ -64,6 +64,10 @@ class Index:
         last = self.end - int(self.pts[-1])
         return self.end + (frame - len(self.pts)) * last
 
+    def number(self, frame: int) -> int:
+        """Number of a frame in the source: in file names of an image sequence, otherwise its index."""
+        return self.numbers[frame] if frame < len(self.numbers) else frame
+
     def key_before(self, frame: int) -> int:
         """The last frame at or before `frame` at which decoding can start."""
         return int(self.keys[np.searchsorted(self.keys, frame, side="right") - 1])
@@ -77,12 +81,12 @@ def build_index(path: Path, limits: Limits) -> Index:
             if other.index != stream.index:
                 other.discard = Discard.all
         packets = list(_shown(container, stream))
-        seekable = container.format.name in _SEEKABLE and stream.codec_context.name not in _DEPENDENT
+        seekable = container.format.name in _SEEKABLE
         index = _index(packets, stream, seekable)
         return replace(
             index,
             missing=_missing(path, limits, packets, stream, index),
-            incomplete=_incomplete(path, container, packets),
+            incomplete=_incomplete(packets),
         )
 
 
@@ -129,12 +133,9 @@ def _estimated(count: int, rate: Fraction) -> Index:
     return Index(np.arange(count, dtype=np.int64), np.zeros(1, np.int64), count, 1 / rate, False)
 
 
-def _incomplete(path: Path, container: InputContainer, packets: list[_Packet]) -> frozenset[int]:
-    """Frames whose packets the demuxer marks as cut off; the last one of a cut-off GIF, whose demuxer does not."""
-    marked = {number for number, packet in enumerate(_by_time(packets)) if packet.incomplete}
-    if packets and container.format.name == "gif" and not is_whole_gif(path):
-        marked.add(len(packets) - 1)
-    return frozenset(marked)
+def _incomplete(packets: list[_Packet]) -> frozenset[int]:
+    """Frames whose packets the demuxer marks as cut off."""
+    return frozenset(number for number, packet in enumerate(_by_time(packets)) if packet.incomplete)
 
 
 def _by_time(packets: list[_Packet]) -> list[_Packet]:

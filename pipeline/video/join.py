@@ -20,24 +20,17 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
+from pipeline.formats import output_format
 from pipeline.video.audio import Timed, add_audio
 from pipeline.video.container import open_container
-from pipeline.video.gif import join_gif
 from pipeline.video.media import Limits
-from pipeline.video.writer import MUXER_OPTIONS, Format, zip_entry
-
-MEDIA_TYPES: dict[Format, str] = {
-    "mp4": "video/mp4",
-    "webm": "video/webm",
-    "png": "application/zip",
-    "gif": "image/gif",
-}
+from pipeline.video.writer import MUXER_OPTIONS, zip_entry
 
 
 def join(
     segments: Sequence[tuple[Fraction, Path]],
     out: Path,
-    container: Format,
+    container: str,
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
@@ -48,21 +41,22 @@ def join(
         segments: (start time, file) of each segment, in order, at least one. The files are written by `segment_writer`
             with the same spec. A start time is the time of the segment's first frame in the source, seconds; the first
             one becomes time 0 of the output.
-        container: "mp4" (streamable from its first bytes), "webm", "png" (one zip of numbered frames), or "gif".
-        sound: a media file whose audio, if any, is added in sync. Ignored for "png" and "gif".
+        container: name of an output format, see `pipeline.formats`.
+        sound: a media file whose audio, if any, is added in sync. Ignored for formats without sound.
         end_s: time in the source at which the audio ends, seconds; None: where the source's audio ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
     """
-    if container == "png":
+    form = output_format(container)
+    if form.encode:
         _join_images([path for _start, path in segments], out, progress)
         return
-    if container == "gif":
-        join_gif(segments, out, progress)
+    if form.join:
+        form.join(segments, out, progress)
         return
     origin_s, first = segments[0]
     with ExitStack() as stack:
-        options = MUXER_OPTIONS | ({"movflags": "+faststart"} if container == "mp4" else {})
-        target = stack.enter_context(av.open(f"file:{out}", "w", format=container, options=options))
+        options = MUXER_OPTIONS | dict(form.mux_options or {})
+        target = stack.enter_context(av.open(f"file:{out}", "w", format=form.container, options=options))
         template = stack.enter_context(open_container(first, Limits()))
         stream = target.add_stream_from_template(template.streams.video[0])
         pictures = _pictures(segments, stream, progress)

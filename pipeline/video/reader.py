@@ -11,27 +11,38 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.formats import image_format_of
 from pipeline.frames import Frame
+from pipeline.video.animated import AnimatedImage
 from pipeline.video.clip import Clip
-from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
+from pipeline.video.headers import sniff
 from pipeline.video.index import Index
-from pipeline.video.media import Limits, check_bytes, unreadable
+from pipeline.video.media import Limits, check_bytes, check_size, unreadable
+from pipeline.video.numbering import is_pattern
 from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
+from pipeline.video.sequence_options import USUAL, SequenceOptions
+
+Source = Clip | Sequence | AnimatedImage
 
 
 class VideoReader:
-    """Reads a video container, a GIF, a folder or zip of numbered images, or one still image (a video of one frame).
+    """Reads a video container, an animated image, a folder or zip of numbered images, or one still image (a video of
+    one frame).
 
     Frames are as displayed: rotated according to the metadata, with square pixels, composited over white, converted to
     sRGB with the stream's matrix and range. If the size changes within the stream, pictures are scaled to the first
     one's size. A read that starts where the last one stopped never seeks. Holds a few frames in memory. Not
     thread-safe. The caller closes it.
 
+    Args:
+        path: a file, a folder, or a pattern of numbered images: "shot/name.####.png".
+        options: how a folder, pattern or still is read; a zip has its own `sequence.json`.
+
     Raises: UnreadableMedia, NoVideoStream, MediaTooLarge.
     """
 
-    def __init__(self, path: Path, limits: Limits | None = None) -> None:
-        self._source: Clip | Sequence = _open(Path(path), limits or Limits())
+    def __init__(self, path: Path, limits: Limits | None = None, options: SequenceOptions = USUAL) -> None:
+        self._source: Source = open_source(Path(path), limits or Limits(), options)
 
     def __enter__(self) -> Self:
         return self
@@ -89,6 +100,11 @@ class VideoReader:
         return self._source.errors
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed, corrected or left out, one sentence each."""
+        return tuple(getattr(self._source, "notes", ()))
+
+    @property
     def unreadable(self) -> list[int]:
         """Indices of the frames read so far that were incomplete or replaced by the frame before them."""
         return self._source.unreadable
@@ -111,15 +127,17 @@ class VideoReader:
 _FOREVER = 1 << 62
 
 
-def _open(path: Path, limits: Limits) -> Clip | Sequence:
-    if path.is_dir():
-        return open_folder(path, limits)
+def open_source(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Source:
+    """The source of frames at a path. Raises: as `VideoReader`."""
+    if path.is_dir() or (not path.exists() and is_pattern(path.name)):
+        return open_folder(path, limits, options)
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
+        if form := image_format_of(stream):
+            header = form.header(stream)
+            check_size(header.width, header.height, limits)
+            return AnimatedImage(path, form, limits) if header.animated else open_still(path, limits, options)
         media_type = sniff(stream)
-        still = media_type in IMAGE_TYPES and is_still(image_header(stream, media_type))
     if media_type == "application/json":
         unreadable("The file is JSON, not pictures.")
-    if media_type == "application/zip":
-        return open_zip(path, limits)
-    return open_still(path, limits) if still else Clip(path, limits)
+    return open_zip(path, limits, options) if media_type == "application/zip" else Clip(path, limits)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import av
 import numpy as np
@@ -114,49 +113,3 @@ def _last_end_s(path: Path, limits: Limits) -> float:
         except (av.FFmpegError, OSError):
             pass
     return last_s
-
-
-def is_whole_gif(path: Path) -> bool:
-    """Whether the last block of a GIF is complete; FFmpeg shows a cut-off picture as if it were whole."""
-    with path.open("rb") as file:
-        try:
-            _skip_header(file)
-            while (kind := file.read(1)) not in (b";", b""):
-                _skip_block(file, kind)
-        except _EndOfFile:
-            return False
-    return True
-
-
-class _EndOfFile(Exception):
-    """The file ends within a block, or continues with data that is no block."""
-
-
-def _skip_header(file: BinaryIO) -> None:
-    _skip_table(file, _take(file, 13)[10])
-
-
-def _skip_block(file: BinaryIO, kind: bytes) -> None:
-    if kind == b",":
-        _skip_table(file, _take(file, 9)[8])
-        _take(file, 1)
-    elif kind == b"!":
-        _take(file, 1)
-    elif kind == b"\0":
-        return  # padding between blocks
-    else:
-        raise _EndOfFile
-    while size := _take(file, 1)[0]:
-        _take(file, size)
-
-
-def _skip_table(file: BinaryIO, flags: int) -> None:
-    if flags & 0x80:
-        _take(file, 3 << ((flags & 7) + 1))
-
-
-def _take(file: BinaryIO, size: int) -> bytes:
-    data = file.read(size)
-    if len(data) < size:
-        raise _EndOfFile
-    return data

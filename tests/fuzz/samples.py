@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
+from pipeline.formats.exr import write_exr
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
-from pipeline.video.exr import write_exr
 from tests.pipeline.video.making import make_video, make_zip, picture, png_frames
 
 SIZE = (48, 32)

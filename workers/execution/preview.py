@@ -19,6 +19,7 @@ from pipeline.methods.base import AnyParams, Method, PreviewRequest
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.video.contact import fit
 from pipeline.video.guard.files import GuardedImages
+from pipeline.video.numbered import by_frame
 from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
 from workers.execution.decoders import Decoders, frame_at
@@ -97,14 +98,20 @@ class Previews:
         kinds = {spec.name: spec.kind for spec in chosen.inputs}
         with ExitStack() as exit_stack:
             images: dict[str, Mapping[int, AnyArray]] = {}
-            for name in (name for name in keys if kinds.get(name) == "images"):
+            drawn = [name for name in keys if kinds.get(name) == "images"]
+            numbers = self._numbers(keys["video"]) if drawn else ()
+            for name in drawn:
                 guarded = GuardedImages(exit_stack.enter_context(self._blobs.local(keys[name])), f"inputs.{name}")
                 exit_stack.callback(guarded.close)
-                images[name] = guarded
+                images[name] = by_frame(guarded, numbers, f"inputs.{name}")
             given = {name: _json(self._blobs.get(keys[name]), name) for name in keys if kinds.get(name) == "json"}
             archives = {name: _archive(exit_stack, self._blobs, key) for name, key in ask.artefacts.items()}
             request = PreviewRequest(params, seed, *lead, given | dict(ask.documents), images, archives)
             return chosen.preview(request)
+
+    def _numbers(self, key: str) -> tuple[int, ...]:
+        with self._decoders.reader(key) as reader:
+            return reader.index.numbers
 
     def _last(
         self, chosen: Method, params: AnyParams, seed: int, keys: Mapping[str, str], frames: list[Frame], side_px: int

@@ -17,6 +17,7 @@ from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, st
 from pipeline.video.guard.wire import Message
 from pipeline.video.index import Index
 from pipeline.video.media import Limits
+from pipeline.video.numbering import numbers_of_runs
 
 FOREVER = 1 << 62
 """End of a read of all frames."""
@@ -142,4 +143,6 @@ def _index(about: Message, data: bytes) -> Index:
     above, below = about["tick"]
     tick, incomplete = Fraction(above, below), frozenset(about["incomplete"])
     missing = tuple((frame, missed) for frame, missed in about["missing"])
-    return Index(times[:count], times[count:], int(about["end"]), tick, bool(about["exact"]), missing, incomplete)
+    numbers = tuple(numbers_of_runs(about["numbers"]))
+    keys, end, exact = times[count:], int(about["end"]), bool(about["exact"])
+    return Index(times[:count], keys, end, tick, exact, missing, incomplete, numbers)
