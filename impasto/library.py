@@ -48,7 +48,7 @@ class ImageSequence:
         path: a folder, a zip, one image, or a pattern: "shot/name.####.png", "name.%04d.png", "name.[1-20].png".
         fps: frames per second.
         missing: numbers that are missing: "fail", "hold" (repeat the frame before) or "skip".
-        layer, view: which picture of multi-layer or stereo images (OpenEXR); "": the usual one.
+        layer, view: which picture of images with several layers or views; "": the usual one.
     """
 
     path: str | Path

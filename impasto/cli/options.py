@@ -71,7 +71,7 @@ FpsOption = Annotated[
                  rich_help_panel=WHAT),
 ]  # fmt: skip
 LayerOption = Annotated[
-    str | None, typer.Option(help="Layer of multi-layer images (OpenEXR) to paint.", rich_help_panel=WHAT)
+    str | None, typer.Option(help="Layer of multi-layer images to paint.", rich_help_panel=WHAT)
 ]
 ViewOption = Annotated[str | None, typer.Option(help="View of stereo images to paint.", rich_help_panel=WHAT)]
 HomeOption = Annotated[

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.formats import IMAGE_NAMES, image_format
+from pipeline.formats import IMAGE_NAMES, IMAGES, image_format
 from pipeline.formats.base import Choice, ImageFormat, PlaneImage
 from pipeline.formats.pillow import eight_bit
 from pipeline.frames import Frame
@@ -49,5 +49,6 @@ def decode_planes(data: bytes, limits: Limits, name: str = "image") -> PlaneImag
     """All named planes of an image. Raises UnreadableMedia, also for formats without such planes; MediaTooLarge."""
     form = format_of(data, name)
     if not form.carries.planes:
-        unreadable(f"A {form.title} image has no render passes.", name, "Save it as OpenEXR.")
+        with_planes = " or ".join(other.title for other in IMAGES if other.carries.planes)
+        unreadable(f"A {form.title} image has no render passes.", name, f"Save it as {with_planes}.")
     return form.planes(data, limits, name)

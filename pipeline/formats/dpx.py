@@ -41,9 +41,7 @@ class Dpx(ImageFormat):
         options = {"max_pixels": str(2 * limits.pixels)}
         with (
             faults("The image cannot be decoded", name),
-            av.open(
-                io.BytesIO(data), "r", format="dpx_pipe", options={"max_pixels": str(2 * limits.pixels)}
-            ) as container,
+            av.open(io.BytesIO(data), "r", format="dpx_pipe", options=options) as container,
         ):
             picture = next(container.decode(video=0))
             alpha = any(component.is_alpha for component in picture.format.components)

@@ -1,4 +1,4 @@
-"""Passes of images with named planes (OpenEXR): the picture, normals, object ids, depth and motion vectors.
+"""Passes of images with named planes: the picture, normals, object ids, depth and motion vectors.
 
 Renderers use different names and different signs of motion vectors. Passes are identified by name: velocities
 (Blender's Vector pass, Nuke's forward and backward, velocity and motion channels), normals, object ids and depth. Signs
@@ -68,7 +68,7 @@ class PictureChoice:
 
 def picture(image: PlaneImage, choice: Choice = Choice()) -> NDArray[np.uint8] | None:
     """The picture, uint8 (h, w, 3), or (h, w, 4) with straight alpha if it has an alpha channel; None if there is none.
-    Converts linear light, clipped to 0..1, to sRGB, and EXR's premultiplied colours to straight ones.
+    Converts linear light, clipped to 0..1, to sRGB, and premultiplied colours to straight ones.
 
     Raises: BadParameter: no picture has the wanted layer or view.
     """

@@ -2,9 +2,9 @@
 
     shot.json               optional: order and settings of the layers, see `ShotJson`
     frames/0001.png         the whole picture, in any image format; all other numbered files use these frame numbers
-    vectors/0001.*          motion vectors (OpenEXR); optional if the frames contain them
-    normals/0001.png        normals as colours, or OpenEXR with a Normal pass; optional if the frames contain them
-    ids/0001.png            object number of each pixel, 8 or 16 bit, or OpenEXR with IndexOB
+    vectors/0001.*          motion vectors, in a format with planes; optional if the frames contain them
+    normals/0001.png        normals as colours, or an image with a Normal pass; optional if the frames contain them
+    ids/0001.png            object number of each pixel, 8 or 16 bit, or an image with IndexOB
     lines/0001.png          black lines on white
     directions/0001.png     direction of the strokes: red = x, green = y (upwards), gray = none
     guides/NAME/0001.png    additional guide images of the scene

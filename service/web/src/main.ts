@@ -1,5 +1,6 @@
 /** Start of the studio's page: which view belongs to the address, and what passes from one to the next. */
 
+import { under } from "./shared/base";
 import "./css/base.css";
 import "./css/controls.css";
 import "./css/stage.css";
@@ -135,7 +136,7 @@ function works(): View {
   const empty = h(
     "div",
     { class: "empty" },
-    h("img", { src: "/static/img/strokes.svg", alt: "" }),
+    h("img", { src: under("/static/img/strokes.svg"), alt: "" }),
     h("h2", {}, "No works yet"),
     h("p", {}, "Drop a video in the studio, choose a method and paint it: the film appears here."),
     h("a", { class: "button primary", href: "#/" }, "To the studio"),

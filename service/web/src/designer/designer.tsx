@@ -4,6 +4,7 @@ import { effect, untracked } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import * as shared from "../shared/api";
+import { under } from "../shared/base";
 import { notify } from "../shared/notices";
 import type { Asset, Method, View as PageView } from "../shared/types";
 import { type Project, readProject, saveProject } from "./api";
@@ -302,7 +303,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
       <div class="designer-main">
         <header class="designer-head">
           <ProjectName store={store} />
-          <a class="button quiet small guide-link" href="/docs/shot" target="_blank" rel="noopener">
+          <a class="button quiet small guide-link" href={under("/docs/shot")} target="_blank" rel="noopener">
             Guide: paint a shot in ten minutes
           </a>
           <ProjectMenu store={store} saver={designer.saver} saveAll={() => designer.saveAll()} reload={discard} />

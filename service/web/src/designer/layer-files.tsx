@@ -12,7 +12,7 @@ const FILES: InputSpec[] = [
     kind: "video",
     required: false,
     title: "Own video",
-    help: "Painted instead of the shot's video: same size, same frames. For example a pass, as a zip of EXR frames.",
+    help: "Painted instead of the shot's video: same size, same frames. For example a pass, as a zip of frames.",
   },
   {
     name: "matte",

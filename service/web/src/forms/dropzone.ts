@@ -1,6 +1,7 @@
 /** A place to drop one file on, or pick it; works by keyboard, since it is a label over a file input. */
 
 import { type Child, h } from "../shared/dom";
+import { accept } from "../shared/formats";
 import type { InputKind } from "../shared/types";
 
 /** Call `onfile(file)` for the first file dropped on `element`. */
@@ -52,8 +53,8 @@ export function createDropzone(options: DropzoneOptions, ...content: Child[]): H
 
 /** File types that a file picker offers for an input of a method, by its kind. */
 export const ACCEPT: Record<InputKind, string> = {
-  video: "video/*,.mkv,.avi,.mov,.gif,.webm,.mp4,.zip",
-  image: "image/*",
+  video: accept.video,
+  image: accept.image,
   "image-or-video": "image/*,video/*,.mkv",
   images: ".zip,application/zip",
   json: ".json,application/json",

@@ -50,7 +50,7 @@ export interface Presets {
 }
 
 /** One transparent pixel: an image without an address takes no room. */
-const NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
+const NOTHING = "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg'/%3E";
 
 /** Chips of a method's examples. `onchoose(params)` when one is pressed. */
 export function createPresets(examples: Example[], onchoose: (params: Params) => void): Presets {

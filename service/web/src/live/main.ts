@@ -1,5 +1,6 @@
 /** Start of the live page. */
 
+import { under } from "../shared/base";
 import "../css/base.css";
 import "../css/controls.css";
 import "../css/stage.css";
@@ -35,7 +36,7 @@ const closed = (): api.Problem =>
 
 function failure(error: unknown): void {
   const again = h("button", { type: "button", class: "button primary", onclick: start }, "Try again");
-  const home = h("a", { class: "button", href: "/" }, "To the studio");
+  const home = h("a", { class: "button", href: under("/") }, "To the studio");
   fill(main, h("div", { class: "failure" }, problemBlock(api.asProblem(error), again, home)));
 }
 

@@ -1,6 +1,7 @@
 /** The newest jobs of everyone, and live sessions, with buttons to cancel and end them. */
 
 import { act, type JobVerb } from "../shared/api";
+import { under } from "../shared/base";
 import { confirmButton, plainButton } from "../shared/confirm";
 import { type Child, h } from "../shared/dom";
 import { ago, duration, percent } from "../shared/format";
@@ -108,7 +109,7 @@ export function createLive({ again }: BoardCalls): Updated<LiveSession> {
 function sessionIdentity(session: LiveSession): Child {
   const size = `${session.width} × ${session.height}`;
   const parts = [session.owner, size, ago(session.opened_at), !session.connected && "waits for its client"];
-  const link = h("a", { href: `/live/view?session=${encodeURIComponent(session.id)}` }, session.method);
+  const link = h("a", { href: under(`/live/view?session=${encodeURIComponent(session.id)}`) }, session.method);
   return [link, h("small", {}, parts.filter(Boolean).join(" · "))];
 }
 

@@ -2,13 +2,14 @@
 
 import createClient from "openapi-fetch";
 import type { components, paths } from "../../types/api";
+import { base } from "./base";
 import { request } from "./http";
 
 /** The schemas of the HTTP API, by name. */
 export type Schemas = components["schemas"];
 
 /** Requests carry the user's key. Every answer with an error status is thrown as a `Problem`. */
-export const client = createClient<paths>({ baseUrl: globalThis.location?.origin ?? "", fetch: request });
+export const client = createClient<paths>({ baseUrl: (globalThis.location?.origin ?? "") + base, fetch: request });
 
 /** The body of an answer. */
 export async function bodyOf<Body>(answer: Promise<{ data?: Body }>): Promise<NonNullable<Body>> {

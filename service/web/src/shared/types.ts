@@ -1,5 +1,9 @@
 /** The JSON of the HTTP API, as far as the pages use it. The full description is the service's /openapi.json. */
 
+import type { components } from "../../types/api";
+
+/** Name of an output format. */
+export type OutputName = NonNullable<components["schemas"]["OutputIn"]["format"]>;
 export type Json = null | boolean | number | string | Json[] | { [name: string]: Json };
 /** Parameters of a method, by name. */
 export type Params = Record<string, Json>;
@@ -59,7 +63,7 @@ export interface Step {
 }
 
 export interface Output {
-  format?: "mp4" | "webm" | "png" | "gif";
+  format?: OutputName;
   quality?: number;
   artefacts?: string[];
   /** Measure the film against its source. */

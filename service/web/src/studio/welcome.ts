@@ -2,6 +2,7 @@
 
 import { ACCEPT, acceptDrops, createDropzone } from "../forms/dropzone";
 import { asProblem, isAbort, request } from "../shared/api";
+import { under } from "../shared/base";
 import { fill, h } from "../shared/dom";
 import { bytes, percent } from "../shared/format";
 import { icon } from "../shared/icons";
@@ -24,7 +25,7 @@ export function createWelcome(onasset: (asset: Asset, file: File) => void, onlea
 
   function invite(): void {
     const pick = h("span", { class: "button primary", "aria-hidden": "true" }, "Choose a video");
-    const formats = h("span", { class: "drop-hint" }, "MP4, WebM, MOV, MKV, AVI, GIF, or a zip of numbered frames");
+    const formats = h("span", { class: "drop-hint" }, "A video, an image, or a zip of numbered frames");
     fill(
       inside,
       h("span", { class: "drop-title" }, "Drop a video here"),
@@ -57,7 +58,7 @@ export function createWelcome(onasset: (asset: Asset, file: File) => void, onlea
     }
   }
 
-  const picture = h("img", { src: "/static/img/sample.jpg", alt: "", width: 100, height: 72 });
+  const picture = h("img", { src: under("/static/img/sample.jpg"), alt: "", width: 100, height: 72 });
   const words = h("span", {}, "No clip at hand?", h("strong", {}, "Try the sample"));
   const sample = h("button", { type: "button", class: "sample", onclick: trySample }, picture, words);
   const learn = h(
@@ -81,7 +82,7 @@ export function createWelcome(onasset: (asset: Asset, file: File) => void, onlea
     h("h1", {}, "Video in, ", h("em", {}, "painting"), " out."),
     h("p", { class: "lede" }, lede),
     h("div", { class: "starts" }, sample, learn),
-    h("p", { class: "guide-link" }, h("a", { href: "/docs/shot" }, "Guide: paint a shot in ten minutes")),
+    h("p", { class: "guide-link" }, h("a", { href: under("/docs/shot") }, "Guide: paint a shot in ten minutes")),
   );
   const element = h("section", { class: "welcome" }, text, h("div", { class: "welcome-drop" }, zone, fault));
   acceptDrops(element, take);

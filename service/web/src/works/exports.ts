@@ -3,33 +3,28 @@
 import * as api from "../shared/api";
 import { h } from "../shared/dom";
 import { percent } from "../shared/format";
+import { outputOf, outputs } from "../shared/formats";
 import { announce, notify } from "../shared/notices";
-import type { Job, Output, View } from "../shared/types";
-
-type Format = NonNullable<Output["format"]>;
+import type { Job, OutputName, View } from "../shared/types";
 
 const POLL_MS = 700;
-const FORMATS: [Format, string, string][] = [
-  ["mp4", "MP4", "Plays everywhere"],
-  ["webm", "WebM", "Free of patents"],
-  ["png", "PNG frames", "The film's frames as pictures, in a zip"],
-  ["gif", "GIF", "At most 720 px, 256 colours, without sound"],
-];
 
-/** Formats that a film can be exported in, besides its own: none for a GIF. */
-export const exportsOf = (own: Format): Format[] =>
-  own === "gif" ? [] : FORMATS.map(([format]) => format).filter((format) => format !== own);
+/** Names of formats that a film can be exported in, besides its own: none for a coarse one. */
+export const exportsOf = (own: OutputName | undefined): OutputName[] =>
+  outputOf(own).lossy ? [] : outputs.map(({ name }) => name).filter((name) => name !== outputOf(own).name);
 
 /** Buttons for the other formats; no element where there are none. */
 export function createExports(job: Job): View | null {
-  const offered = exportsOf(job.request.output?.format ?? "mp4");
+  const offered = exportsOf(job.request.output?.format);
   if (!offered.length) return null;
   const controller = new AbortController();
-  const buttons = FORMATS.filter(([format]) => offered.includes(format)).map(([format, title, help]) => {
-    const button = h("button", { type: "button", class: "button small", title: help }, title);
-    button.addEventListener("click", () => save(job, format, title, button, controller.signal).catch(notify));
-    return button;
-  });
+  const buttons = outputs
+    .filter(({ name }) => offered.includes(name))
+    .map(({ name, title, help }) => {
+      const button = h("button", { type: "button", class: "button small", title: help }, title);
+      button.addEventListener("click", () => save(job, name, title, button, controller.signal).catch(notify));
+      return button;
+    });
   const element = h(
     "div",
     { class: "exports", role: "group", "aria-label": "Export as" },
@@ -41,7 +36,7 @@ export function createExports(job: Job): View | null {
 
 async function save(
   job: Job,
-  format: Format,
+  format: OutputName,
   title: string,
   button: HTMLButtonElement,
   signal: AbortSignal,
@@ -62,7 +57,7 @@ async function save(
 /** The finished export. Throws a Problem if it fails. */
 async function converted(
   job: Job,
-  format: Format,
+  format: OutputName,
   signal: AbortSignal,
   progress: (done: number) => void,
 ): Promise<Job> {

@@ -3,6 +3,7 @@
 import * as api from "../shared/api";
 import { h } from "../shared/dom";
 import { artefactTitle } from "../shared/format";
+import { outputOf } from "../shared/formats";
 import { icon } from "../shared/icons";
 import { notify } from "../shared/notices";
 import { mayPlay } from "../shared/stills";
@@ -20,7 +21,8 @@ export interface Result extends View {
 export function createResult(job: Job): Result {
   const element = h("div", { class: "result" });
   const playback: Playback = { closed: false, close: () => {}, showFrame: () => {} };
-  const shown = { mp4: play, webm: play, png: showSheet, gif: showGif }[job.request.output?.format ?? "mp4"];
+  const { shownAs } = outputOf(job.request.output?.format);
+  const shown = shownAs === "video" ? play : shownAs === "image" ? showImage : showSheet;
   shown(job, element, playback).catch(notify);
   const exports = createExports(job);
   const quality = createQuality(job, (frame) => playback.showFrame(frame));
@@ -63,16 +65,14 @@ async function showSheet(job: Job, element: HTMLElement): Promise<void> {
   element.append(h("img", { class: "sheet", alt: "Contact sheet of the frames", src }));
 }
 
-async function showGif(job: Job, element: HTMLElement): Promise<void> {
+async function showImage(job: Job, element: HTMLElement): Promise<void> {
   const src = await api.mediaUrl(api.paths.result(job.id));
   element.append(h("img", { class: "sheet", alt: "The painted film", src }));
 }
 
-const FORMATS = { mp4: "MP4", webm: "WebM", png: "ZIP", gif: "GIF" };
-
 function downloads(job: Job, exports: HTMLElement | undefined): HTMLElement {
   const save = (path: string) => () => api.download(path).catch(notify);
-  const text = `Download ${FORMATS[job.request.output?.format ?? "mp4"]}`;
+  const text = `Download ${outputOf(job.request.output?.format).file}`;
   const onclick = save(api.paths.result(job.id));
   const main = h("button", { type: "button", class: "button primary", onclick }, icon("download"), text);
   const others = job.results.filter((name) => !NOT_FILES.includes(name));
