@@ -18,7 +18,7 @@ from pipeline.errors import BadInput
 from pipeline.formats import image_format_of
 from pipeline.video.numbering import is_pattern
 from pipeline.video.sequence import image_files, left_out
-from pipeline.video.sequence_options import OPTIONS_FILE, USUAL, SequenceOptions
+from pipeline.video.sequence_options import OPTIONS_FILE, USUAL, SequenceOptions, embed
 from pipeline.video.shot_files import FRAMES
 
 if TYPE_CHECKING:
@@ -81,8 +81,7 @@ def _one(field: str, path: Path, scratch: Path, sequence: SequenceOptions, numbe
         return _zipped(path, [path], scratch, sequence, ())
     if sequence.given and zipfile.is_zipfile(path):
         copy = Path(shutil.copyfile(path, _next(scratch)))
-        with zipfile.ZipFile(copy, "a") as archive:
-            archive.writestr(zipfile.ZipInfo(OPTIONS_FILE, EPOCH), sequence.document())
+        embed(copy, path.name, sequence)
         return InputFile(copy, plain(path.name), _sha256(copy))
     if sequence.given:
         raise BadInput(
@@ -121,14 +120,19 @@ def _entry_name(name: str) -> str:
         return raw.decode("latin-1")
 
 
-def upload(client: Client, paths: Mapping[str, Path], flag: str = "") -> dict[str, str]:
+def upload(
+    client: Client, paths: Mapping[str, Path], flag: str = "", sequence: SequenceOptions = USUAL
+) -> dict[str, str]:
     """Upload each input; returns input name -> asset id. Files that the service already has are not sent again.
 
     Args:
         flag: prefix of an input's name in the field of an error.
     """
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
-        files = {name: gather(f"{flag}{name}", path, Path(scratch)).path for name, path in paths.items()}
+        files = {
+            name: gather(f"{flag}{name}", path, Path(scratch), sequence if name == "video" else USUAL).path
+            for name, path in paths.items()
+        }
         return {name: str(client.upload(file)["id"]) for name, file in files.items()}
 
 

@@ -15,19 +15,24 @@ from impasto.cli.console import emit, out, print_status, print_table, print_warn
 from impasto.cli.options import (
     DamageOption,
     DamagePolicy,
+    FpsOption,
     InputOption,
     JsonFlag,
     KeyOption,
+    LayerOption,
     MethodOption,
+    MissingOption,
     ParamOption,
     QualityOption,
     QuietFlag,
     SeedOption,
     ServerOption,
+    ViewOption,
     client_of,
     inputs_of,
     labels_of,
     params_of,
+    sequence_of,
     takes_options,
 )
 from pipeline.errors import BadInput
@@ -53,7 +58,7 @@ impasto submit clip.mp4 --webhook https://example.org/hook --label shot=12 --jso
 class SubmitOptions:
     """Options of `impasto submit`."""
 
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, a folder, or name.####.png.")]
     method: MethodOption = "abstraction"
     param: ParamOption = None
     extra: InputOption = None
@@ -67,6 +72,10 @@ class SubmitOptions:
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
     ] = None
     on_damage: DamageOption = DamagePolicy.WARN
+    missing: MissingOption = None
+    fps: FpsOption = None
+    layer: LayerOption = None
+    view: ViewOption = None
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Priority; higher runs first.")] = 0
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
     idempotency_key: Annotated[
@@ -85,10 +94,11 @@ def submit(options: SubmitOptions) -> None:
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     given = params_of(options.param or [])
     labels = labels_of(options.label or [])
+    sequence = sequence_of(options.missing, options.fps, options.layer, options.view)
     with client_of(options.server, options.api_key) as client:
         job = client.submit(
             options.method,
-            upload(client, paths),
+            upload(client, paths, sequence=sequence),
             given,
             seed=options.seed,
             output={

@@ -70,9 +70,7 @@ FpsOption = Annotated[
     typer.Option(metavar="RATE", help="Frames per second of a sequence of images: 25, 24000/1001; default 24.",
                  rich_help_panel=WHAT),
 ]  # fmt: skip
-LayerOption = Annotated[
-    str | None, typer.Option(help="Layer of multi-layer images to paint.", rich_help_panel=WHAT)
-]
+LayerOption = Annotated[str | None, typer.Option(help="Layer of multi-layer images to paint.", rich_help_panel=WHAT)]
 ViewOption = Annotated[str | None, typer.Option(help="View of stereo images to paint.", rich_help_panel=WHAT)]
 HomeOption = Annotated[
     Path | None,

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.errors import BadParameter
 from pipeline.formats import IMAGE_NAMES, IMAGES, image_format
 from pipeline.formats.base import Choice, ImageFormat, PlaneImage
 from pipeline.formats.pillow import eight_bit
@@ -32,6 +33,9 @@ def decode_raw(data: bytes, limits: Limits, name: str = "image") -> AnyArray:
 
 def _read(data: bytes, limits: Limits, name: str, choice: Choice) -> AnyArray:
     form = format_of(data, name)
+    if choice != Choice() and not form.carries.planes:
+        raise BadParameter(f"A {form.title} image has one picture.", field="layer, view", value=name,
+                           remedy="Leave the choice of a layer and a view out.")  # fmt: skip
     header = form.header(io.BytesIO(data))
     check_size(header.width, header.height, limits, f"The image {name}" if name != "image" else "The image")
     return form.read(data, limits, name, choice)

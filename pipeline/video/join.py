@@ -24,6 +24,8 @@ from pipeline.formats import output_format
 from pipeline.video.audio import Timed, add_audio
 from pipeline.video.container import open_container
 from pipeline.video.media import Limits
+from pipeline.video.numbering import has_gaps
+from pipeline.video.sequence_options import OPTIONS_FILE, SequenceOptions
 from pipeline.video.writer import MUXER_OPTIONS, zip_entry
 
 
@@ -107,9 +109,13 @@ def _moved(packet: Packet[Any], offset: int, tick: Fraction, target: VideoStream
 
 
 def _join_images(segments: Sequence[Path], out: Path, progress: Callable[[float], None]) -> None:
+    numbers: list[int] = []
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as target:
         for number, segment in enumerate(segments, start=1):
             with zipfile.ZipFile(segment) as source:
                 for member in source.infolist():
                     target.writestr(zip_entry(member.filename), source.read(member))
+                    numbers.append(int(member.filename.rpartition(".")[0]))
             progress(number / len(segments))
+        if has_gaps(numbers):  # the film lacks the numbers that its source lacks
+            target.writestr(zip_entry(OPTIONS_FILE), SequenceOptions(missing="skip").document())

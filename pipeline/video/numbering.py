@@ -268,6 +268,11 @@ def frames_of(
     return Numbered(tuple(n for n, _ in filled), tuple(at for _, at in filled), tuple(notes))
 
 
+def has_gaps(numbers: Sequence[int]) -> bool:
+    """Whether numbers are missing between these ascending ones."""
+    return bool(lacking_runs(numbers, numbers[0], numbers[-1], _step(numbers)))
+
+
 def _step(numbers: Sequence[int]) -> int:
     steps = {later - one for one, later in pairwise(numbers)}
     return steps.pop() if len(steps) == 1 and len(numbers) >= 3 else 1

@@ -6,18 +6,22 @@ finds the same frames.
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Mapping
 from fractions import Fraction
+from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from pipeline.errors import BadParameter
+from pipeline.formats import image_format_of
 from pipeline.formats.base import Choice
 from pipeline.video.media import SEQUENCE_FPS
 
 OPTIONS_FILE = "sequence.json"
 MAX_FPS = 1000
+_EPOCH = (1980, 1, 1, 0, 0, 0)
 Missing = Literal["fail", "hold", "skip"]
 
 
@@ -88,3 +92,28 @@ def options_of(values: Mapping[str, object] | bytes, prefix: str = OPTIONS_FILE)
             f"{first['msg'].removeprefix('Value error, ')[:200]}.", field=f"{prefix}: {name}" if name else prefix,
             value=first.get("input"), remedy="missing: fail, hold or skip; fps; pattern; layer; view.",
         ) from None  # fmt: skip
+
+
+def embed(path: Path, name: str, options: SequenceOptions) -> None:
+    """Put options into a zip of images, or make a zip with them of one image; the file at `path` is changed.
+
+    Args:
+        name: file name of an image, for its entry.
+
+    Raises: BadParameter: the file is neither, or has options already.
+    """
+    with path.open("rb") as stream:
+        image = image_format_of(stream) is not None
+    if image:
+        single = path.replace(path.with_name(f"{path.name}.image"))
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(zipfile.ZipInfo(name, _EPOCH), single.read_bytes())
+        single.unlink()
+    elif not zipfile.is_zipfile(path):
+        raise BadParameter("Options of image sequences are given for another file.", field=", ".join(options.given),
+                           value=name, remedy="Leave them out: a video has its own times.")  # fmt: skip
+    with zipfile.ZipFile(path, "a") as archive:
+        if any(entry.rpartition("/")[2] == OPTIONS_FILE for entry in archive.namelist()):
+            raise BadParameter(f"The archive has a {OPTIONS_FILE} of its own.", field=", ".join(options.given),
+                               value=name, remedy="Leave the options out, or change that file.")  # fmt: skip
+        archive.writestr(zipfile.ZipInfo(OPTIONS_FILE, _EPOCH), options.document())

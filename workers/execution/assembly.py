@@ -20,7 +20,6 @@ from pipeline.quality.report import QualityReport
 from pipeline.video.contact import contact_sheet, poster
 from pipeline.video.guard.files import guarded_join
 from pipeline.video.reader import VideoReader
-from pipeline.video.sequence_options import SequenceOptions
 from pipeline.video.writer import zip_entry
 from workers.blobs.base import Blobs
 from workers.execution.context import PART
@@ -90,7 +89,7 @@ class Assembly:
             return [index.time(frame) * index.time_base for frame in frames], end
 
     def _describe(self, result: Path, tiles: Mapping[int, Frame]) -> TaskResult:
-        with VideoReader(result, options=SequenceOptions(missing="skip")) as reader:
+        with VideoReader(result) as reader:
             if self._overview:
                 self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
                 self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
