@@ -1,5 +1,6 @@
 /** The page of one job: its progress while it runs, and the player when it is done. */
 
+import { outputOf } from "../api/formats";
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../api/api";
 import type { Job, Method, Page } from "../api/schemas";
@@ -193,7 +194,7 @@ function Correction({ job, shown }: { job: Job; shown: number | null }) {
       <button type="button" class="button" onClick={open}>
         Correct this frame
       </button>
-      {job.request.output?.format !== "png" && <p class="hint">{LOSSY}</p>}
+      {outputOf(job.request.output?.format).hasQuality && <p class="hint">{LOSSY}</p>}
     </div>
   );
 }
