@@ -80,7 +80,7 @@ class DamagedSource(UserWarning):
 
 
 class SourceNotice(UserWarning):
-    """Something of a file was chosen, corrected, assumed or left out, when it was read or when the output was written."""
+    """Something of a file was chosen, corrected, assumed or left out, on reading it or on writing the output."""
 
 
 @overload

@@ -1,8 +1,8 @@
 /** A project that somebody has shared by a link: its video and its finished films, to look at only. */
 
+import * as api from "../api/api";
 import { under } from "../api/base";
 import { outputOf } from "../api/formats";
-import * as api from "../api/api";
 import type { Job, Page } from "../api/schemas";
 import { ago } from "../ui/format";
 

@@ -1,8 +1,8 @@
 /** The studio before there is a video: drop one, pick one, or try the sample. */
 
-import { under } from "../api/base";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { asProblem, isAbort, type Problem, request } from "../api/api";
+import { under } from "../api/base";
 import type { Asset } from "../api/schemas";
 import { ACCEPT, Dropzone, useDrops } from "../forms/dropzone";
 import { bytes, percent } from "../ui/format";

@@ -1,8 +1,8 @@
 /** Films of several jobs side by side in the wipe, for example of a project's variants. */
 
-import { outputOf } from "../api/formats";
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../api/api";
+import { outputOf } from "../api/formats";
 import type { Job } from "../api/schemas";
 import { percent } from "../ui/format";
 import { notify, ProblemBlock } from "../ui/notices";

@@ -1,8 +1,8 @@
 /** The page of one job: its progress while it runs, and the player when it is done. */
 
-import { outputOf } from "../api/formats";
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../api/api";
+import { outputOf } from "../api/formats";
 import type { Job, Method, Page } from "../api/schemas";
 import { hashOfJob } from "../forms/draft";
 import { ago, percent } from "../ui/format";

@@ -1,8 +1,8 @@
 /** The newest jobs of everyone, and live sessions, with buttons to cancel and end them. */
 
-import { under } from "../api/base";
 import { useState } from "preact/hooks";
 import { act, type JobVerb } from "../api/api";
+import { under } from "../api/base";
 import type { Job } from "../api/schemas";
 import { isFinal } from "../jobs/progress";
 import { ActionButton } from "../ui/dialogs";

@@ -1,7 +1,7 @@
 /** Frames of a video or a film for the stage: decoded by the browser where it can, by the service where it cannot. */
 
-import { outputOf } from "../../api/formats";
 import * as api from "../../api/api";
+import { outputOf } from "../../api/formats";
 import type { Asset, Job } from "../../api/schemas";
 import { mayPlay } from "../../ui/stills";
 import type { Size } from "../drawing/geometry";

@@ -1,9 +1,9 @@
 /** The studio: stage, tools, filmstrip and panel of one project, kept together. */
 
-import { under } from "../../api/base";
 import { effect, untracked } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as shared from "../../api/api";
+import { under } from "../../api/base";
 import type { Asset, Method } from "../../api/schemas";
 import { notify } from "../../ui/notices";
 import { ClusterLane } from "../clusters/cluster-lane";
