@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from pipeline.formats.decoding import decode_rgb
 from pipeline.frames import Frame
 from pipeline.scenes import scene
 from pipeline.video.media import Limits
 from pipeline.video.reader import VideoReader
-from pipeline.video.stills import decode_rgb
 
 MEDIA = Path(__file__).resolve().parents[2] / "shared" / "media" / "video"
 CLIPS = {(352, 288): "foreman_cif.mp4", (640, 480): "asl_walk_640x480.mkv", (1280, 720): "dog_720p_audio.mp4"}

@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from impasto.client import Client
-    from impasto.library import render
+    from impasto.library import ImageSequence, render
     from impasto.live.client import LiveClient
     from impasto.settings import DEFAULT_SERVER
 
     __version__: str
 
-__all__ = ["DEFAULT_SERVER", "Client", "LiveClient", "__version__", "render"]
+__all__ = ["DEFAULT_SERVER", "Client", "ImageSequence", "LiveClient", "__version__", "render"]
 _HOMES = {
     "DEFAULT_SERVER": "impasto.settings",
     "Client": "impasto.client",
+    "ImageSequence": "impasto.library",
     "LiveClient": "impasto.live.client",
     "render": "impasto.library",
 }

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import BadInput, StorageError, StorageFull
+from pipeline.formats import OUTPUTS, output_of_suffix
 from pipeline.video.media import MediaInfo
 
-FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".webm": "webm", ".zip": "png", ".png": "png", ".gif": "gif"}
-BYTES_PER_PIXEL = {"mp4": 0.005, "webm": 0.005, "png": 0.3, "gif": 0.1}
-"""Low estimates of encoded bytes per pixel of a frame, by format."""
-FRAME_NAME = re.compile(r"\d{4,}\.png")
+_FRAMES = next(form for form in OUTPUTS.values() if form.encode)
+FRAME_NAME = re.compile(rf"-?\d{{4,}}{re.escape(_FRAMES.folder_suffix)}")
 
 
 @dataclass(frozen=True)
@@ -27,34 +26,36 @@ class Target:
 
     path: Path
     format: str
-    """Format of the output: "mp4", "webm", "png" or "gif"."""
+    """Name of the output format."""
     kind: str
-    """"file", "frames" (a folder) or "still" (one PNG)."""
+    """"file", "frames" (a folder) or "still" (one frame)."""
 
 
 def target(text: str, field: str = "--output") -> Target:
     """Parse the name of an output, and check that it can be written.
 
     Args:
-        text: a file name with an extension of `FORMATS`, or a folder (an existing one, or with "/" at the end).
+        text: a file name with an extension of an output format, or a folder (an existing one, or with "/" at the end).
         field: name of the option or argument, for errors.
 
     Raises: BadInput: an unknown extension, a missing permission, a folder with files that are not frames.
     """
-    path = Path(text).expanduser().absolute()
+    path = expanded(Path(text)).absolute()
     if text.endswith(("/", "\\")) or path.is_dir():
         _check_folder(path, field)
-        return Target(path, "png", "frames")
-    suffix = path.suffix.lower()
-    if suffix not in FORMATS:
+        return Target(path, _FRAMES.name, "frames")
+    found = output_of_suffix(path.suffix.lower())
+    if found is None:
+        known = sorted(suffix for form in OUTPUTS.values() for suffix in (*form.suffixes, form.folder_suffix) if suffix)
         raise BadInput(
             "The extension of the output is unknown.",
             field=field,
             value=text,
-            remedy=f"End it with {', '.join(sorted(FORMATS))}, or with / for a folder of PNG frames.",
+            remedy=f"End it with {', '.join(known)}, or with / for a folder of numbered frames.",
         )
     _check_parent(path, field)
-    return Target(path, FORMATS[suffix], "still" if suffix == ".png" else "file")
+    form, is_frame = found
+    return Target(path, form.name, "still" if is_frame else "file")
 
 
 def _check_parent(path: Path, field: str) -> None:
@@ -76,9 +77,19 @@ def _existing_folder(path: Path) -> Path:
     return next(folder for folder in path.parents if folder.exists())
 
 
+def expanded(path: Path) -> Path:
+    """The path with "~" as the home folder, unless there is a file of that very name, or no such user."""
+    if path.exists():
+        return path
+    try:
+        return path.expanduser()
+    except RuntimeError:
+        return path
+
+
 def same_file(one: Path, other: Path) -> bool:
     """Whether two paths name one file, also through links."""
-    one, other = one.expanduser(), other.expanduser()
+    one, other = expanded(one), expanded(other)
     return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
 
 
@@ -91,9 +102,9 @@ def check_still(where: Target, frames: int) -> None:
 def check_space(where: Target, info: MediaInfo) -> None:
     """Raise StorageFull if the output's disk clearly lacks space for the result of a video.
 
-    The estimate is low (`BYTES_PER_PIXEL`): a result that passes may still turn out larger.
+    The estimate is low (`OutputFormat.low_bytes_per_pixel`): a result that passes may still turn out larger.
     """
-    need = round(info.frames * info.width * info.height * BYTES_PER_PIXEL[where.format])
+    need = round(info.frames * info.width * info.height * OUTPUTS[where.format].low_bytes_per_pixel)
     free = shutil.disk_usage(_existing_folder(where.path)).free
     if free < need:
         raise StorageFull(

@@ -20,7 +20,7 @@ from typing import Any, cast, overload
 
 import numpy as np
 
-from impasto.delivery import Target, deliver, output_faults, same_file, target
+from impasto.delivery import Target, deliver, expanded, output_faults, same_file, target
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
 from pipeline.frames import Frame, check_frame, same_size
@@ -30,11 +30,12 @@ from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInf
 from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
 from pipeline.video.headers import sniff
 from pipeline.video.join import join
-from pipeline.video.media import SourceOptions
-from pipeline.video.numbered import NumberedImages
+from pipeline.video.media import SEQUENCE_FPS, SourceOptions
+from pipeline.video.numbered import NumberedImages, by_frame
 from pipeline.video.reader import VideoReader
+from pipeline.video.sequence_options import SequenceOptions, options_of
 from pipeline.video.shot_files import ShotFiles
-from pipeline.video.writer import Format, SegmentSpec, segment_writer
+from pipeline.video.writer import SegmentSpec, segment_writer
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.input_damage import InputDamage
 
@@ -47,7 +48,30 @@ class SourceFile:
     options: SourceOptions = field(default_factory=SourceOptions)
 
 
-Source = str | Path | Iterable[Frame]
+@dataclass(frozen=True)
+class ImageSequence:
+    """Numbered images as a source or input.
+
+    Attributes:
+        path: a folder, a zip, one image, or a pattern: "shot/name.####.png", "name.%04d.png", "name.[1-20].png".
+        fps: frames per second.
+        missing: numbers that are missing: "fail", "hold" (repeat the frame before) or "skip".
+        layer, view: which picture of images with several layers or views; "": the usual one.
+    """
+
+    path: str | Path
+    fps: float | str = SEQUENCE_FPS
+    missing: str = "fail"
+    layer: str = ""
+    view: str = ""
+
+    def options(self) -> SequenceOptions:
+        """Raises BadParameter."""
+        values = {"fps": self.fps, "missing": self.missing, "layer": self.layer, "view": self.view}
+        return options_of(values, "source")
+
+
+Source = str | Path | SourceFile | ImageSequence | Iterable[Frame]
 PICTURES = frozenset({"video", "image", "image-or-video"})
 
 
@@ -56,26 +80,26 @@ class DamagedSource(UserWarning):
 
 
 class SourceNotice(UserWarning):
-    """Something of a file was chosen, corrected, assumed or left out."""
+    """Something of a file was chosen, corrected, assumed or left out, on reading it or on writing the output."""
 
 
 @overload
 def render(
-    method: str, source: Source | SourceFile, output: None = None, *, inputs: Mapping[str, object] | None = None,
+    method: str, source: Source, output: None = None, *, inputs: Mapping[str, object] | None = None,
     seed: int = 0, fps: float = DEFAULT_FPS, **params: Any,
 ) -> Iterator[Frame]: ...  # fmt: skip
 
 
 @overload
 def render(
-    method: str, source: Source | SourceFile, output: str | Path, *, inputs: Mapping[str, object] | None = None,
+    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, object] | None = None,
     seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
     **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
-    method: str, source: Source | SourceFile, output: str | Path | None = None, *,
+    method: str, source: Source, output: str | Path | None = None, *,
     inputs: Mapping[str, object] | None = None, seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20,
     overwrite: bool = False, **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
@@ -83,10 +107,12 @@ def render(
 
     Args:
         method: a method's name: "abstraction", "multistyle", "patches", "analogy", or one of an installed package.
-        source: path of a video (or a `SourceFile`), image, or folder or zip of numbered images; or an iterable of
-            frames, arrays uint8 (height, width, 3), RGB, all of one size, at least 16 px on each side. Frames are read
-            lazily.
-        output: None, or a path: .mp4, .webm, .gif, .zip (PNG frames), .png (one frame), or a folder: "name/".
+        source: path of a video, image, or folder, zip or pattern of numbered images; a `SourceFile`, which also says
+            which streams of a video are read, and how; an `ImageSequence`, which also has a frame rate and a treatment
+            of missing numbers; or an iterable of frames, arrays uint8 (height, width, 3), RGB, all of one size, at
+            least 16 px on each side. Frames are read lazily.
+        output: None, or a path with the extension of an output format (`pipeline.formats`: .mp4, .webm, .zip of PNG
+            frames, .png for one frame, ...), or a folder: "name/".
         inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
             the parsed document, for numbered images a mapping from frame number to array.
         seed: seed of all random choices.
@@ -130,8 +156,6 @@ def render(
         ...
         pipeline.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
     """
-    options = source.options if isinstance(source, SourceFile) else SourceOptions()
-    source = source.path if isinstance(source, SourceFile) else source
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
@@ -139,11 +163,11 @@ def render(
     stack = ExitStack()
     damage = InputDamage(fails=False)
     stack.callback(_warn, damage)
-    frames = _Rendering(chosen, parsed, seed, fps, stack, damage, options).frames(source, inputs or {})
+    frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
     if where is None:
         return frames
     with stack:
-        _write(frames, source, where, fps, quality, options)
+        _write(frames, source, where, fps, quality)
     return where.path
 
 
@@ -164,7 +188,7 @@ def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
 def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> Target:
     where = target(str(output), field="output")
     for given in (source, *inputs.values()):
-        if isinstance(given, str | Path) and same_file(where.path, Path(given)):
+        if (file := _file(given)) is not None and same_file(where.path, Path(file.path)):
             raise BadInput("The output is an input.", field="output", value=output, remedy="Name another file.")
     if where.path.exists() and not overwrite and not (where.path.is_dir() and not any(where.path.iterdir())):
         raise BadInput(
@@ -177,11 +201,10 @@ class _Rendering:
     """One call of `render`. `stack` closes what the frames are made from."""
 
     def __init__(
-        self, chosen: Method, params: AnyParams, seed: int, fps: float, stack: ExitStack, damage: InputDamage,
-        options: SourceOptions,
-    ) -> None:  # fmt: skip
+        self, chosen: Method, params: AnyParams, seed: int, fps: float, stack: ExitStack, damage: InputDamage
+    ) -> None:
         self._method, self._params, self._seed, self._fps, self._stack = chosen, params, seed, fps, stack
-        self._damage, self._options = damage, options
+        self._damage = damage
         self._specs = {spec.name: spec for spec in chosen.inputs}
 
     def frames(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
@@ -196,7 +219,7 @@ class _Rendering:
                 if streamed is not None:
                     yield from streamed
                     return
-                if not isinstance(source, str | Path):
+                if _file(source) is None:
                     source = chain([first], arriving)
             yield from self._planned(source, inputs)
 
@@ -210,17 +233,19 @@ class _Rendering:
 
     def _open_frames(self, name: str, source: Source) -> Iterator[Frame]:
         """The frames of the input `name`."""
-        if not isinstance(source, str | Path):
-            return iter(source)
-        reader = VideoReader(Path(source), options=self._options if name == "video" else None)
-        return _read(self._stack.enter_context(reader), name, self._damage)
+        file = _file(source)
+        if file is None:
+            return iter(cast("Iterable[Frame]", source))
+        return _read(self._stack.enter_context(opened(file)), name, self._damage)
 
     def _planned(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="impasto-")))
         given: dict[str, Any] = {}
+        video = self._source("video", source, folder)
+        numbers = video.numbers if isinstance(video, FileFrames) else ()
         for name, value in inputs.items():
-            given |= self._input(self._specs[name], value, folder)
-        context = _DiskContext(self._params, self._source("video", source, folder), given, self._seed, folder=folder)
+            given |= self._input(self._specs[name], value, folder, numbers)
+        context = _DiskContext(self._params, video, given, self._seed, folder=folder)
         following = 0
         for _ in iterate_plan(self._method, context):
             while following in context.emitted:
@@ -228,24 +253,26 @@ class _Rendering:
                 following += 1
 
     def _source(self, name: str, source: Source, folder: Path) -> FrameSource:
-        if isinstance(source, str | Path):
-            options = self._options if name == "video" else SourceOptions()
-            return FileFrames(Path(source), self._stack, name, self._damage, options)
+        if (file := _file(source)) is not None:
+            return FileFrames(file, self._stack, name, self._damage)
         number = sum(1 for _ in folder.iterdir())
-        return SpooledFrames(_checked(iter(source)), self._fps, folder / f"frames-{number}")
+        return SpooledFrames(_checked(iter(cast("Iterable[Frame]", source))), self._fps, folder / f"frames-{number}")
 
-    def _input(self, spec: InputSpec, value: Any, folder: Path) -> dict[str, Any]:
+    def _input(self, spec: InputSpec, value: Any, folder: Path, numbers: tuple[int, ...]) -> dict[str, Any]:
         """An input in the form that `LocalContext` accepts."""
         is_path = isinstance(value, str | Path)
         if spec.kind in PICTURES:
             return {spec.name: self._source(spec.name, _many(value), folder)}
         if spec.kind == "json":
             return {spec.name: json.loads(Path(value).read_text("utf-8-sig")) if is_path else value}
+        field = f"inputs.{spec.name}"
         if not is_path:
-            return {spec.name: value}
-        images = NumberedImages(Path(value), f"inputs.{spec.name}")
+            return {spec.name: by_frame(value, numbers, field)}
+        images = NumberedImages(Path(value), field)
         self._stack.callback(images.close)
-        found: dict[str, Any] = {spec.name: images}
+        found: dict[str, Any] = {spec.name: by_frame(images, numbers, field)}
+        if Path(value).is_dir():
+            return found
         with Path(value).open("rb") as stream:
             zipped = sniff(stream) == "application/zip"
         if zipped:
@@ -253,6 +280,21 @@ class _Rendering:
             self._stack.callback(files.close)
             found[f"{spec.name}.entries"] = files
         return found
+
+
+def _file(given: object) -> SourceFile | ImageSequence | None:
+    """A source that is a path, with its options; None: it is something else."""
+    if isinstance(given, str | Path):
+        return SourceFile(given)
+    return given if isinstance(given, SourceFile | ImageSequence) else None
+
+
+def opened(file: SourceFile | ImageSequence) -> VideoReader:
+    """A reader of the file. Close it. Raises: as `VideoReader`."""
+    path = expanded(Path(file.path))
+    if isinstance(file, SourceFile):
+        return VideoReader(path, options=file.options)
+    return VideoReader(path, sequence=file.options())
 
 
 def _many(value: Any) -> Source:
@@ -264,6 +306,7 @@ def _read(
     reader: VideoReader, name: str, damage: InputDamage, start: int = 0, stop: int | None = None
 ) -> Iterator[Frame]:
     """Frames [start, stop) of the input `name`; what is wrong with them is recorded. Raises DamagedMedia."""
+    damage.note(name, reader.notes)
     damage.record(name, reader.index, ())
     known = len(reader.unreadable)
     for frame in reader.read(start, stop):
@@ -275,7 +318,8 @@ def _read(
 
 def _warn(damage: InputDamage) -> None:
     for warning in damage.warnings():
-        warnings.warn(warning.message, DamagedSource, stacklevel=2)
+        kind = DamagedSource if warning.damage else SourceNotice
+        warnings.warn(warning.message, kind, stacklevel=2)
 
 
 def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
@@ -290,15 +334,17 @@ def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
 class FileFrames:
     """A video file as a `FrameSource`. Iterators that are open at once have decoders of their own."""
 
-    def __init__(self, path: Path, stack: ExitStack, name: str, damage: InputDamage, options: SourceOptions) -> None:
-        self._path, self._stack, self._name, self._damage, self._options = path, stack, name, damage, options
+    def __init__(self, file: SourceFile | ImageSequence, stack: ExitStack, name: str, damage: InputDamage) -> None:
+        self._file, self._stack, self._name, self._damage = file, stack, name, damage
         self._idle = [self._open()]
         reader = self._idle[0]
+        self.numbers = reader.index.numbers
+        """Numbers of the frames of an image sequence; empty: they are counted from 0."""
         width, height = reader.size
         self.info = VideoInfo(width, height, reader.frames, reader.fps, reader.index.duration_s)
 
     def _open(self) -> VideoReader:
-        return self._stack.enter_context(VideoReader(self._path, options=self._options))
+        return self._stack.enter_context(opened(self._file))
 
     def read(self, start: int, stop: int | None) -> Iterator[Frame]:
         reader = self._idle.pop() if self._idle else self._open()
@@ -352,28 +398,27 @@ class _DiskContext(LocalContext[AnyParams]):
         return self._folder / f"{step}--{name.replace('/', '--')}"
 
 
-def _write(
-    frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int, options: SourceOptions
-) -> None:
+def _write(frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int) -> None:
     """Encode the frames at the times of the source, add its sound, and put the file in its place."""
     with tempfile.TemporaryDirectory(prefix="impasto-") as folder, ExitStack() as stack:
         segment, whole = Path(folder) / "segment", Path(folder) / "whole"
-        sound = Path(source) if isinstance(source, str | Path) else None
-        times = None if sound is None else stack.enter_context(VideoReader(sound, options=options)).index
+        file = _file(source)
+        sound = None if file is None else expanded(Path(file.path))
+        times = None if file is None else stack.enter_context(opened(file)).index
         rate = Fraction(fps).limit_denominator(1001)
         first = next(frames, None)
         if first is None:
             raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
         size = (first.shape[1], first.shape[0])
         base, shown = (1 / rate, fps) if times is None else (times.time_base, times.fps)
-        spec = SegmentSpec(cast(Format, where.format), size, base, shown, quality)
+        spec = SegmentSpec(where.format, size, base, shown, quality)
         with segment_writer(segment, spec) as writer:
             for index, frame in enumerate(chain([first], frames)):
                 start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
-                writer.write(index, frame, start, stop)
+                writer.write(index if times is None else times.number(index), frame, start, stop)
         origin = Fraction(0) if times is None else times.time(0) * base
-        notes = join([(origin, segment)], whole, spec.format, sound, options=options)
-        for note in (*(times.notes if times is not None else ()), *notes):
+        options = file.options if isinstance(file, SourceFile) else None
+        for note in join([(origin, segment)], whole, spec.format, sound, options=options):
             warnings.warn(note.message, SourceNotice, stacklevel=4)
         with output_faults("output", where.path):
             deliver(whole, where)

@@ -5,6 +5,7 @@
     │   ├── BadParameter            a parameter is out of range, of the wrong type, or unknown
     │   ├── BadMedia                the bytes of a media file are invalid
     │   │   ├── UnreadableMedia     truncated, empty, wrong file extension, or unknown codec
+    │   │   │   └── NotASequence    images that are not one numbered sequence without gaps
     │   │   ├── DamagedMedia        frames are missing or unreadable, and the job demands a failure then
     │   │   ├── NoVideoStream       a valid container without a video stream
     │   │   └── MediaTooLarge       more bytes, pixels or seconds than the limits allow
@@ -115,6 +116,10 @@ class BadMedia(BadInput):
 
 class UnreadableMedia(BadMedia):
     code = "unreadable-media"
+
+
+class NotASequence(UnreadableMedia):
+    code = "not-a-sequence"
 
 
 class DamagedMedia(BadMedia):

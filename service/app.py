@@ -39,6 +39,7 @@ from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
 from service.ops.queued_jobs import router as queued_jobs
 from service.ops.routes import router as ops
 from service.pages import router as pages
+from service.prefix import InsidePrefix, OutsidePrefix
 from service.previews.routes import router as previews
 from service.projects.archive import router as project_archives
 from service.projects.estimates import router as estimates
@@ -164,6 +165,7 @@ def _secrets(settings: Settings) -> WebhookSecrets:
 def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
     """Add the middleware. The one added last is the outermost."""
     settings = service.settings
+    app.add_middleware(InsidePrefix)
     app.add_middleware(
         JsonBodies,
         max_bytes=settings.max_json_bytes,
@@ -172,3 +174,4 @@ def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
     )
     app.add_middleware(Gate, settings=settings, keys=service.farm.keys, rates=Rates())
     app.add_middleware(Edge, metrics=HttpMetrics(service.registry, service.streams.count))
+    app.add_middleware(OutsidePrefix)

@@ -83,7 +83,7 @@ EXAMPLES: dict[str, tuple[Json, ...]] = {
     # request bodies
     "JobIn": (_JOB_IN, {"method": "abstraction", "inputs": {"video": VIDEO}}),
     "PreviewIn": ({"method": "abstraction", "inputs": {"video": VIDEO}, "frame": 10, "max_side_px": 480},),
-    "ExportIn": ({"format": "gif"}, {"format": "webm", "quality": 28}),
+    "ExportIn": ({"format": "png"}, {"format": "webm", "quality": 28}),
     "EstimateIn": ({"request": _JOB_IN}, {"project": "prj_01HZX2", "range": [0, 48]}),
     "ProjectIn": ({"name": "Swan"},),
     "ProjectJobsIn": ({}, {"shots": ["main"], "priority": 10}),

@@ -8,9 +8,11 @@ from typing import Annotated
 
 from fastapi import Path
 from starlette.exceptions import HTTPException
-from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, RedirectResponse, Response
 
 from service import bundle
+from service.prefix import with_prefix
 from service.routing import Router
 
 HERE = pathlib.Path(__file__).parent
@@ -18,8 +20,8 @@ router = Router(include_in_schema=False)
 
 
 @router.get("/")
-def index() -> Response:
-    return _page("index.html")
+def index(request: Request) -> Response:
+    return _page(request, "index.html")
 
 
 @router.get("/shared/{token}")
@@ -29,35 +31,40 @@ def shared(token: Annotated[str, Path(max_length=1000, pattern=r"^[A-Za-z0-9._~-
 
 
 @router.get("/live")
-def live() -> Response:
-    return _page("live.html")
+def live(request: Request) -> Response:
+    return _page(request, "live.html")
 
 
 @router.get("/live/view")
-def live_view() -> Response:
-    return _page("live-view.html")
+def live_view(request: Request) -> Response:
+    return _page(request, "live-view.html")
 
 
 @router.get("/ops")
-def ops() -> Response:
-    return _page("ops.html")
+def ops(request: Request) -> Response:
+    return _page(request, "ops.html")
 
 
-def _page(name: str) -> Response:
+def _page(request: Request, name: str) -> Response:
     """A built page, or 503 with the remedy in a checkout whose pages were not built."""
     if not bundle.is_built():
         return PlainTextResponse(f"The pages of this checkout are not built. {bundle.REMEDY}\n", status_code=503)
-    return FileResponse(bundle.DIST / name)
+    return _file(request, bundle.DIST / name)
+
+
+def _file(request: Request, path: pathlib.Path) -> Response:
+    prefix = request.scope.get("prefix", "")
+    return HTMLResponse(with_prefix(path.read_text("utf-8"), prefix)) if prefix else FileResponse(path)
 
 
 @router.get("/docs")
-def docs() -> FileResponse:
-    return FileResponse(HERE / "docs" / "index.html")
+def docs(request: Request) -> Response:
+    return _file(request, HERE / "docs" / "index.html")
 
 
 @router.get("/docs/shot")
-def guide() -> FileResponse:
-    return FileResponse(HERE / "docs" / "shot.html")
+def guide(request: Request) -> Response:
+    return _file(request, HERE / "docs" / "shot.html")
 
 
 @router.get("/docs/{name}")

@@ -93,7 +93,7 @@ class OutputSpec:
     """The output of a job."""
 
     format: str = "mp4"
-    """"mp4" (H.264, AAC), "webm" (VP9, Opus), "png" (a zip of lossless frames numbered from 0000) or "gif"."""
+    """Name of an output format: see `pipeline.formats`."""
     quality: int = 20
     """Constant rate factor of the codec, 0 (lossless) to 51."""
     artefacts: tuple[str, ...] = ()

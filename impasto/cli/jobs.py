@@ -17,10 +17,13 @@ from impasto.cli.options import (
     DamagePolicy,
     FieldOrder,
     FieldsOption,
+    FpsOption,
     InputOption,
     JsonFlag,
     KeyOption,
+    LayerOption,
     MethodOption,
+    MissingOption,
     ParamOption,
     PictureOption,
     QualityOption,
@@ -28,10 +31,12 @@ from impasto.cli.options import (
     SeedOption,
     ServerOption,
     SoundOption,
+    ViewOption,
     client_of,
     inputs_of,
     labels_of,
     params_of,
+    sequence_of,
     source_of,
     takes_options,
 )
@@ -59,7 +64,7 @@ impasto submit clip.mp4 --webhook https://example.org/hook --label shot=12 --jso
 class SubmitOptions:
     """Options of `impasto submit`."""
 
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
+    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, a folder, or name.####.png.")]
     method: MethodOption = "abstraction"
     param: ParamOption = None
     extra: InputOption = None
@@ -76,6 +81,10 @@ class SubmitOptions:
     video_stream: PictureOption = None
     sound_track: SoundOption = None
     fields: FieldsOption = FieldOrder.AUTO
+    missing: MissingOption = None
+    fps: FpsOption = None
+    layer: LayerOption = None
+    view: ViewOption = None
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Priority; higher runs first.")] = 0
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
     idempotency_key: Annotated[
@@ -94,10 +103,11 @@ def submit(options: SubmitOptions) -> None:
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     given = params_of(options.param or [])
     labels = labels_of(options.label or [])
+    sequence = sequence_of(options.missing, options.fps, options.layer, options.view)
     with client_of(options.server, options.api_key) as client:
         job = client.submit(
             options.method,
-            upload(client, paths),
+            upload(client, paths, sequence=sequence),
             given,
             seed=options.seed,
             output={

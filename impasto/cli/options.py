@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 import typer
 from pydantic import JsonValue
 
+from impasto.delivery import expanded
 from pipeline.errors import BadInput, BadParameter
 from pipeline.video.media import SourceOptions
 from workers.model import Json
 
 if TYPE_CHECKING:
     from impasto.client import Client
+    from pipeline.video.sequence_options import SequenceOptions
 
 
 class DamagePolicy(StrEnum):
@@ -40,6 +42,14 @@ class FieldOrder(StrEnum):
 def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrder) -> SourceOptions:
     """How the video is read."""
     return SourceOptions(picture, tuple(sound) if sound else None, fields.value)
+
+
+class MissingPolicy(StrEnum):
+    """What to do about missing numbers of a sequence of images."""
+
+    FAIL = "fail"
+    HOLD = "hold"
+    SKIP = "skip"
 
 
 WHERE, WHAT = "Where", "What to paint"
@@ -86,6 +96,18 @@ FieldsOption = Annotated[
         rich_help_panel=WHAT,
     ),
 ]
+MissingOption = Annotated[
+    MissingPolicy | None,
+    typer.Option(help="Numbers that a sequence of images lacks: fail (default), hold the frame before, or skip them.",
+                 rich_help_panel=WHAT),
+]  # fmt: skip
+FpsOption = Annotated[
+    str | None,
+    typer.Option(metavar="RATE", help="Frames per second of a sequence of images: 25, 24000/1001; default 24.",
+                 rich_help_panel=WHAT),
+]  # fmt: skip
+LayerOption = Annotated[str | None, typer.Option(help="Layer of multi-layer images to paint.", rich_help_panel=WHAT)]
+ViewOption = Annotated[str | None, typer.Option(help="View of stereo images to paint.", rich_help_panel=WHAT)]
 HomeOption = Annotated[
     Path | None,
     typer.Option(help="Folder for data; default: IMPASTO_HOME, or your data folder.", rich_help_panel=WHERE),
@@ -145,7 +167,7 @@ def params_of(options: Sequence[str]) -> Json:
 
 def inputs_of(options: Sequence[str]) -> dict[str, Path]:
     """`["reference=wave.jpg"]` -> `{"reference": Path("wave.jpg")}`; `video` is the first argument, not an option."""
-    found = _pairs(options, "--input", "reference=painting.jpg", lambda text: Path(text).expanduser())
+    found = _pairs(options, "--input", "reference=painting.jpg", lambda text: expanded(Path(text)))
     if "video" in found:
         raise BadInput(
             "The input 'video' is the first argument.",
@@ -156,6 +178,14 @@ def inputs_of(options: Sequence[str]) -> dict[str, Path]:
     return found
 
 
+def sequence_of(missing: MissingPolicy | None, fps: str | None, layer: str | None, view: str | None) -> SequenceOptions:
+    """How a sequence of images is read. Raises BadParameter that names the option."""
+    from pipeline.video.sequence_options import options_of
+
+    given = {"missing": missing and missing.value, "fps": fps, "layer": layer, "view": view}
+    return options_of({name: value for name, value in given.items() if value is not None}, "IN")
+
+
 def labels_of(options: Sequence[str]) -> dict[str, str]:
     """`["shot=12"]` -> `{"shot": "12"}`."""
     return _pairs(options, "--label", "shot=12", str)
@@ -164,7 +194,7 @@ def labels_of(options: Sequence[str]) -> dict[str, str]:
 def artefacts_of(options: Sequence[str]) -> dict[str, Path | None]:
     """`["svg", "labels=out/labels.zip"]` -> `{"svg": None, "labels": Path("out/labels.zip")}`."""
     named = [option if "=" in option else f"{option}=" for option in options]
-    return _pairs(named, "--artefact", "svg=frames.zip", lambda text: Path(text).expanduser() if text else None)
+    return _pairs(named, "--artefact", "svg=frames.zip", lambda text: expanded(Path(text)) if text else None)
 
 
 def frames_of(text: str) -> tuple[int, int] | None:

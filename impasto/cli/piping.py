@@ -11,12 +11,12 @@ from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
-from impasto.library import DamagedSource, SourceFile, render
+from impasto.library import DamagedSource, ImageSequence, SourceFile, opened, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
 from pipeline.video.media import Limits, SourceOptions, check_size
-from pipeline.video.reader import VideoReader
+from pipeline.video.sequence_options import USUAL, SequenceOptions
 from workers.model import FAIL, WARN, Json
 
 PIPE = "-"
@@ -31,7 +31,8 @@ class PipeOrder:
     Attributes:
         source, output: a path, or "-".
         on_damage: "warn" or "fail", for files with frames that are missing or unreadable.
-        options: how a file, or interlaced YUV4MPEG2, is read.
+        options: how a video file, or interlaced YUV4MPEG2, is read.
+        sequence: how a sequence of images is read.
         raw: "WIDTHxHEIGHT[@FPS]" if pipes carry raw RGB, "" if YUV4MPEG2.
     """
 
@@ -46,6 +47,7 @@ class PipeOrder:
     raw: str = ""
     on_damage: str = WARN
     options: SourceOptions = field(default_factory=SourceOptions)
+    sequence: SequenceOptions = USUAL
 
     def run(self) -> int:
         """Render; returns the number of frames written to stdout, 0 if the output is a file.
@@ -69,14 +71,21 @@ class PipeOrder:
             return 0
         return self._write(render(self.method, frames, **common), form)
 
-    def _source(self) -> tuple[SourceFile | Iterator[Frame], StreamFormat]:
+    def _source(self) -> tuple[SourceFile | ImageSequence | Iterator[Frame], StreamFormat]:
         raw = _raw_format(self.raw) if self.raw else None
         if self.source != PIPE:
-            return SourceFile(self.source, self.options), raw or _file_format(Path(self.source), self.options)
+            file = self._file()
+            return file, raw or _file_format(file)
         if raw is not None:
             return raw_frames(sys.stdin.buffer, raw.size), raw
         reader = Y4mReader(sys.stdin.buffer, fields=self.options.fields)
         return iter(reader), reader.format
+
+    def _file(self) -> SourceFile | ImageSequence:
+        given = self.sequence
+        if not given.given:
+            return SourceFile(self.source, self.options)
+        return ImageSequence(self.source, given.fps, given.missing, given.layer, given.view)
 
     def _write(self, frames: Iterator[Frame], form: StreamFormat) -> int:
         """Write each frame as soon as it is finished."""
@@ -101,8 +110,8 @@ def _chroma(form: StreamFormat) -> str:
     return next((name for name in ("yuv444p", "yuv422p") if form.pixel_format.startswith(name)), "yuv420p")
 
 
-def _file_format(path: Path, options: SourceOptions) -> StreamFormat:
-    with VideoReader(path, options=options) as reader:
+def _file_format(file: SourceFile | ImageSequence) -> StreamFormat:
+    with opened(file) as reader:
         return StreamFormat(reader.size, Fraction(reader.fps).limit_denominator(1001))
 
 

@@ -8,12 +8,13 @@ from pathlib import Path
 from impasto.cli.rendering import RenderOrder
 from impasto.delivery import Target
 from pipeline.errors import BadInput
+from pipeline.video.numbering import numbers_of_runs
 from workers.model import Asset, JobRequest, OutputSpec
-from workers.projects.archive import ProjectArchive, open_project
+from workers.projects.archive import open_project
 from workers.projects.checking import problems
 from workers.projects.document import Document
 from workers.projects.faults import refuse_if_any
-from workers.projects.materials import Material, Uploaded, write_material
+from workers.projects.materials import Uploaded, write_material
 from workers.projects.parsing import parse_document
 from workers.projects.submissions import Selection, Submission, submissions
 from workers.settings import FarmSettings
@@ -39,8 +40,11 @@ def project_order(
         files = {asset_id: scratch / asset_id for asset_id in document.asset_ids & archive.manifest.assets.keys()}
         for asset_id, file in files.items():
             archive.extract(asset_id, file)
-        submission = _submission(document, archive, files, settings, Selection(frames=frames))
-    inputs = {name: _input(name, material, files, scratch) for name, material in submission.inputs.items()}
+        assets = {
+            key: _asset(key, file, archive.manifest.assets[key].filename, settings) for key, file in files.items()
+        }
+    submission = _submission(document, assets, Selection(frames=frames))
+    inputs = {name: _input(name, submission, assets, files, scratch) for name in submission.inputs}
     output = OutputSpec(where.format, submission.output.quality, tuple(sorted(artefacts)))
     request = JobRequest(
         submission.method, {}, submission.params, submission.seed, output, name=submission.name,
@@ -49,11 +53,7 @@ def project_order(
     return RenderOrder(request, inputs, where, artefacts, overwrite)
 
 
-def _submission(
-    document: Document, archive: ProjectArchive, files: Mapping[str, Path], settings: FarmSettings,
-    selection: Selection,
-) -> Submission:  # fmt: skip
-    assets = {key: _asset(key, file, archive.manifest.assets[key].filename, settings) for key, file in files.items()}
+def _submission(document: Document, assets: Mapping[str, Asset], selection: Selection) -> Submission:
     refuse_if_any(problems(document, assets, selection))
     found = submissions(document, selection)
     if len(found) != 1:
@@ -72,9 +72,13 @@ def _asset(asset_id: str, file: Path, filename: str, settings: FarmSettings) -> 
     return Asset(asset_id, sha256, file.stat().st_size, filename, info.media_type, info.kind, info.as_json(), 0.0)
 
 
-def _input(name: str, material: Material, files: Mapping[str, Path], scratch: Path) -> Path:
+def _input(
+    name: str, submission: Submission, assets: Mapping[str, Asset], files: Mapping[str, Path], scratch: Path
+) -> Path:
+    material, video = submission.inputs[name], submission.inputs["video"]
     if isinstance(material, Uploaded):
         return files[material.asset_id]
     path = scratch / f"input-{name}"
-    write_material(material, path, lambda asset_id: files[asset_id].read_bytes())
+    numbers = numbers_of_runs(assets[video.asset_id].info["numbers"]) if isinstance(video, Uploaded) else []
+    write_material(material, path, lambda asset_id: files[asset_id].read_bytes(), numbers)
     return path

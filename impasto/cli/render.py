@@ -16,21 +16,26 @@ from impasto.cli.options import (
     DamagePolicy,
     FieldOrder,
     FieldsOption,
+    FpsOption,
     HomeOption,
     InputOption,
     JsonFlag,
+    LayerOption,
     MethodOption,
+    MissingOption,
     ParamOption,
     PictureOption,
     QualityOption,
     QuietFlag,
     SeedOption,
     SoundOption,
+    ViewOption,
     artefacts_of,
     frames_of,
     home_of,
     inputs_of,
     params_of,
+    sequence_of,
     source_of,
     takes_options,
 )
@@ -39,6 +44,7 @@ from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
+    from pipeline.video.sequence_options import SequenceOptions
 
 EPILOG = """[bold]Examples[/bold]
 
@@ -51,6 +57,8 @@ impasto render clip.mp4 -o cartoon.mp4 --overwrite      replaces the file of an 
 impasto render clip.mp4 -o frames/ --seed 7 --workers 1      one task at a time: less memory
 
 impasto render photo.jpg -o painted.png
+
+impasto render "shot/beauty.####.png" -o painted/ --missing hold --fps 25
 
 ffmpeg -i clip.mov -f yuv4mpegpipe - | impasto render - -o - | ffplay -
 
@@ -72,10 +80,18 @@ Ctrl-C keeps finished tasks: run the same command again to resume. `impasto meth
 class RenderOptions:
     """Options of `impasto render`."""
 
-    source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, or a folder of numbered frames.")]
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="IN", help="A video, an image, a folder of frames, or name.####.png."),
+    ]
     output: Annotated[
         str,
-        typer.Option("--output", "-o", metavar="OUT", help="A .mp4, .webm, .gif, .png or .zip file, or a folder DIR/."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="OUT",
+            help="A video file, a .png, a .zip, or a folder DIR/.",
+        ),
     ] = ""
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Print the expected time, memory and disk space, and exit.")
@@ -101,6 +117,10 @@ class RenderOptions:
     video_stream: PictureOption = None
     sound_track: SoundOption = None
     fields: FieldsOption = FieldOrder.AUTO
+    missing: MissingOption = None
+    fps: FpsOption = None
+    layer: LayerOption = None
+    view: ViewOption = None
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
     workers: Annotated[
         int | None,
@@ -140,7 +160,7 @@ def _render_pipe(options: RenderOptions) -> None:
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
-        options.on_damage.value, source_of(options.video_stream, None, options.fields),
+        options.on_damage.value, source_of(options.video_stream, None, options.fields), _sequence(options),
     )  # fmt: skip
     count = pipe.run()
     print_status(f"{count} frames" if options.output == "-" else options.output)
@@ -205,7 +225,11 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     if is_project(options.source):
         return project_order(options.source, scratch, where, artefacts, options.overwrite, frames)
-    return RenderOrder(request, paths, where, artefacts, options.overwrite)
+    return RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+
+
+def _sequence(options: RenderOptions) -> SequenceOptions:
+    return sequence_of(options.missing, options.fps, options.layer, options.view)
 
 
 def _check_pipe_options(given: Mapping[str, bool]) -> None:

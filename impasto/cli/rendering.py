@@ -20,10 +20,12 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, missing_inputs
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
+from pipeline.video.sequence_options import USUAL, SequenceOptions
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
 from workers.jobs.frame_window import stream_info
+from workers.jobs.job_warnings import note_warning
 from workers.model import Job, JobRequest, Json, TaskView
 from workers.version import version
 
@@ -39,6 +41,8 @@ class RenderOrder:
     """Artefact -> its output path; None: beside the result."""
     overwrite: bool = False
     """Whether existing outputs may be replaced."""
+    sequence: SequenceOptions = USUAL
+    """How IN is read, if it is a sequence of images."""
 
     def check(self) -> None:
         """Refuse an invalid order, before any file is read. Raises: BadParameter, BadInput."""
@@ -111,7 +115,7 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
     _warm_up(order.request)
     sweep(home)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
-        files = _gather(order.paths, Path(scratch))
+        files = _gather(order, Path(scratch))
         probed = probe_guarded(files["video"].path)
         video = dataclasses.replace(probed, **_chosen(probed, order.request))
         _check_result_fits(order, video)
@@ -122,7 +126,7 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
                 job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, probed).id, show)
                 remember(home, order.request, video, job)
                 place.consent()  # existing outputs are our own from here on
-                summary = _deliver(farm, job, order)
+                summary = _deliver(farm, job, order, files)
             forget(place.folder)
     wall_s = time.monotonic() - began
     return summary | {"wall_seconds": round(wall_s, 4), "wall_fps": round(summary["frames"] / wall_s, 3)}
@@ -160,8 +164,15 @@ def _warm_up(request: JobRequest) -> None:
     begin_warm_up(chosen, parse_params(chosen, request.params))
 
 
-def _gather(paths: Mapping[str, Path], scratch: Path) -> dict[str, InputFile]:
-    return {name: gather("IN" if name == "video" else f"--input {name}", path, scratch) for name, path in paths.items()}
+def _gather(order: RenderOrder, scratch: Path) -> dict[str, InputFile]:
+    chosen = method(order.request.method)
+    numbered = {spec.name for spec in chosen.inputs_of(parse_params(chosen, order.request.params))
+                if spec.kind == "images"}  # fmt: skip
+    return {
+        name: gather("IN", path, scratch, order.sequence) if name == "video"
+        else gather(f"--input {name}", path, scratch, numbered=name in numbered)
+        for name, path in order.paths.items()
+    }  # fmt: skip
 
 
 def _facts(order: RenderOrder, files: Mapping[str, InputFile]) -> Json:
@@ -174,13 +185,14 @@ def _facts(order: RenderOrder, files: Mapping[str, InputFile]) -> Json:
     }
 
 
-def _deliver(farm: Farm, job: Job, order: RenderOrder) -> Json:
+def _deliver(farm: Farm, job: Job, order: RenderOrder, files: Mapping[str, InputFile]) -> Json:
     """Write artefacts, then the result: if the result is there, everything is."""
     artefacts = _deliver_artefacts(farm, job, order)
     with farm.files.local(farm.files.get(job.id, "result")) as file:
         info = probe(file)
         with output_faults("--output", order.where.path):
             deliver(file, order.where)
+    notes = [note_warning(name, note) for name, file in files.items() for note in file.notes]
     timing = Timing.of(job, private_farm.tasks(farm, job.id))
     return {
         "frames": info.frames,
@@ -193,7 +205,7 @@ def _deliver(farm: Farm, job: Job, order: RenderOrder) -> Json:
         "output": str(order.where.path),
         "artefacts": artefacts,
         "job": job.id,
-        "warnings": [dataclasses.asdict(warning) for warning in job.warnings],
+        "warnings": [dataclasses.asdict(warning) for warning in (*notes, *job.warnings)],
     }
 
 

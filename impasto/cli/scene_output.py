@@ -51,7 +51,7 @@ def draw(scene: Scene, output: str, quiet: bool) -> Path:
 def _draw_video(scene: Scene, output: str, quiet: bool) -> None:
     where = target(output)
     rate = Fraction(scene.fps).limit_denominator(1001)
-    spec = SegmentSpec(where.format, scene.size, 1 / rate, scene.fps, QUALITY)  # type: ignore[arg-type]
+    spec = SegmentSpec(where.format, scene.size, 1 / rate, scene.fps, QUALITY)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
         segment, whole = Path(scratch) / "segment", Path(scratch) / "whole"
         with segment_writer(segment, spec) as writer:

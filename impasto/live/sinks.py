@@ -6,6 +6,7 @@ from impasto.delivery import Target, forget, swap, target
 from impasto.live.sink import Sink
 from impasto.live.sources import Source
 from pipeline.errors import BadInput
+from pipeline.formats import OUTPUTS
 from pipeline.frames import Frame
 from pipeline.video.stills import encode_png
 
@@ -31,7 +32,7 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
 
         return Broadcast(text, source.size, source.fps)
     where = target(text)
-    if where.kind == "still" or where.path.suffix in (".zip", ".gif"):
+    if where.kind != "frames" and not OUTPUTS[where.format].carries.sound:
         remedy = "Use a .mp4 or .webm file, or DIR/ for numbered frames."
         raise BadInput("The output is not a known sink.", field="--output", value=text, remedy=remedy)
     if where.kind == "frames":

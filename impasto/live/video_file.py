@@ -6,7 +6,6 @@ import shutil
 import tempfile
 from fractions import Fraction
 from pathlib import Path
-from typing import cast
 
 import av
 
@@ -18,7 +17,7 @@ from pipeline.video.audio import audio_of
 from pipeline.video.container import open_container
 from pipeline.video.join import join
 from pipeline.video.media import Limits
-from pipeline.video.writer import Format, SegmentSpec, SegmentWriter, segment_writer
+from pipeline.video.writer import SegmentSpec, SegmentWriter, segment_writer
 
 TICKS = 90_000
 """Ticks per second of frame times in the file."""
@@ -29,7 +28,7 @@ class VideoFileSink(Sink):
 
     def __init__(self, where: Target, source: Source, quality: int) -> None:
         self._where, self._sound = where, source.sound
-        self._spec = SegmentSpec(cast(Format, where.format), source.size, Fraction(1, TICKS), source.fps, quality)
+        self._spec = SegmentSpec(where.format, source.size, Fraction(1, TICKS), source.fps, quality)
         self._scratch: Path | None = None
         self._writer: SegmentWriter | None = None
         self._pending: tuple[int, Frame] | None = None

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays
 from pipeline.errors import BadParameter
+from pipeline.formats.exr import write_exr
 from pipeline.scenes.base import Scene, SceneFrame
 from pipeline.video.archive import MANIFEST
-from pipeline.video.exr import write_exr
 from pipeline.video.stills import encode_gray_png, encode_png
 
 Layers = Mapping[str, tuple[str, ...]]

@@ -1,4 +1,4 @@
-"""Zip archives of numbered PNG, JPEG or EXR images, read as sequences and checked before anything is decompressed.
+"""Zip archives of numbered images, read as sequences and checked before anything is decompressed.
 
 Entries are never extracted to disk, so their names cannot escape a folder; names that try are rejected nevertheless.
 """
@@ -11,17 +11,23 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import BinaryIO, cast
 
 from pipeline.errors import MediaTooLarge
+from pipeline.formats import IMAGE_NAMES, IMAGE_SUFFIXES
 from pipeline.video.media import Limits, unreadable
+from pipeline.video.names import unusable
+from pipeline.video.sequence_options import OPTIONS_FILE, SequenceOptions, options_of
 
-IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".exr"})
 MANIFEST = "shot.json"
-"""The only entry of an archive that may be something else than an image; see `pipeline.video.shot`."""
+"""See `pipeline.video.shot`. With `sequence.json`, the only entries of an archive that may be no image."""
+DESKTOP_FILES = frozenset({"thumbs.db", "desktop.ini"})
+"""Files that file managers leave in folders, in lower case."""
+_OPTIONS_BYTES = 1 << 16
+_UTF8_FLAG = 0x800
 _MAX_NAME = 512
 """Maximum path length of an entry, characters. Python rejects numbers of more than 4,300 digits in names."""
 _LOCAL_HEADER_BYTES = 30
@@ -33,7 +39,7 @@ _DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, NotImp
 
 
 def open_archive(path: Path, limits: Limits) -> tuple[zipfile.ZipFile, list[zipfile.ZipInfo]]:
-    """Open an archive and list its images, ordered by the numbers in their names. The caller closes the archive.
+    """Open an archive and list its images, ordered by their names. The caller closes the archive.
 
     Raises:
         UnreadableMedia: the archive is damaged, encrypted or empty, or an entry is not allowed.
@@ -52,6 +58,8 @@ def open_archive(path: Path, limits: Limits) -> tuple[zipfile.ZipFile, list[zipf
 
 def _checked(archive: zipfile.ZipFile, limits: Limits) -> list[zipfile.ZipInfo]:
     members = archive.infolist()
+    for member in members:
+        member.filename = _spelled(member)
     if len(members) > limits.frames:
         _too_large("The archive has too many entries.", len(members), f"At most {limits.frames}.")
     _check_overlap(members)
@@ -62,10 +70,10 @@ def _checked(archive: zipfile.ZipFile, limits: Limits) -> list[zipfile.ZipInfo]:
     if total > limits.size_bytes:
         _too_large("The archive unpacks to too many bytes.", total, f"At most {limits.size_bytes}.")
     if not images:
-        unreadable(
-            "The archive holds no images.", len(members), "Zip PNG, JPEG or EXR frames, numbered in their names."
-        )
-    return sorted(images, key=lambda m: natural_key(m.filename))
+        unreadable("The archive holds no images.", len(members), f"Zip frames, numbered in their names: {IMAGE_NAMES}.")
+    if empty := next((m.filename for m in images if m.file_size == 0), None):
+        unreadable("An image of the archive is empty.", empty, "Render or export it again, or remove it.")
+    return sorted(images, key=lambda m: m.filename)
 
 
 def _check_overlap(members: list[zipfile.ZipInfo]) -> None:
@@ -76,19 +84,42 @@ def _check_overlap(members: list[zipfile.ZipInfo]) -> None:
             unreadable("Entries of the archive overlap.", following.filename, "Zip the frames again.")
 
 
+def _spelled(member: zipfile.ZipInfo) -> str:
+    """The entry's name with "/" as separator (Windows PowerShell writes "\\"), as UTF-8 where its bytes are that: macOS
+    does not mark such names."""
+    name = member.orig_filename.partition("\0")[0]
+    if not member.flag_bits & _UTF8_FLAG:
+        with suppress(UnicodeError):
+            name = name.encode("cp437").decode()
+    return name.replace("\\", "/")
+
+
 def _is_wanted(member: zipfile.ZipInfo) -> bool:
-    """Whether an entry is an image. False for folders, shot.json and desktop metadata; raises for any other file."""
+    """Whether an entry is an image. False for folders, the two documents and desktop metadata; raises for any other
+    file."""
     _check_name(member)
     folders, _, name = member.filename.rpartition("/")  # strings: paths would cost half of the check
-    if member.is_dir() or "__MACOSX" in folders.split("/") or name.startswith(".") or name == "Thumbs.db":
+    if not name or "__MACOSX" in folders.split("/") or name.startswith(".") or name.lower() in DESKTOP_FILES:
         return False
-    if name == MANIFEST:
+    if name in (MANIFEST, OPTIONS_FILE):
         _check_bomb(member)
         return False
     if os.path.splitext(name)[1].lower() not in IMAGE_SUFFIXES:  # noqa: PTH122
-        unreadable("The archive contains a file that is not a PNG, JPEG or EXR image.", member.filename,
-                   "Remove that entry.")  # fmt: skip
+        unreadable("The archive contains a file that is not an image.", member.filename, "Remove that entry.")
     return True
+
+
+def options_in(archive: zipfile.ZipFile) -> SequenceOptions | None:
+    """The options of the archive's sequence, from `sequence.json` beside the images; None: it has no such file.
+
+    Raises: BadParameter, UnreadableMedia.
+    """
+    found = next((m for m in archive.infolist() if m.filename.rpartition("/")[2] == OPTIONS_FILE), None)
+    if found is None:
+        return None
+    if found.file_size > _OPTIONS_BYTES:
+        unreadable(f"{OPTIONS_FILE} is too large.", found.file_size, f"At most {_OPTIONS_BYTES} bytes.")
+    return options_of(read_entry(archive, found))
 
 
 def _check_name(member: zipfile.ZipInfo) -> None:
@@ -96,10 +127,11 @@ def _check_name(member: zipfile.ZipInfo) -> None:
     if len(name) > _MAX_NAME:
         unreadable("The name of an entry of the archive is too long.", name, f"Use at most {_MAX_NAME} characters.")
     raw = getattr(member, "orig_filename", name)
-    plain = name.replace("\\", "/")
-    leaves = plain.startswith("/") or ".." in plain.split("/") or _DRIVE.match(name) is not None
-    if not plain.strip("./") or leaves or "\0" in raw:
+    leaves = name.startswith("/") or ".." in name.split("/") or _DRIVE.match(name) is not None
+    if not name.strip("./") or leaves or "\0" in raw:
         unreadable("An entry of the archive points outside it.", repr(raw), "Use plain relative names.")
+    if unusable(name, ""):
+        unreadable("The name of an entry of the archive has control characters.", repr(raw), "Rename it.")
     if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
         unreadable("An entry of the archive is a link or a device.", name, "Zip the files themselves.")
     if member.flag_bits & 1:
@@ -132,15 +164,3 @@ def read_entry(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     """Read the bytes of one entry, at most the size stated in its header. Raises UnreadableMedia."""
     with entry_stream(archive, member) as stream:
         return stream.read(member.file_size)
-
-
-def natural_key(name: str) -> tuple[tuple[int, int | str], ...]:
-    """Sort key for natural order: `f2` sorts before `f10`."""
-    pieces = re.split(r"(\d+)", name)
-    return tuple((0, int(p)) if p.isdecimal() else (1, p) for p in pieces if p)
-
-
-def number_of(name: str) -> int | None:
-    """The last number in a file name (`key_010.png` is 10), or None."""
-    found = re.findall(r"\d+", PurePosixPath(name).stem)
-    return int(found[-1]) if found else None

@@ -28,7 +28,7 @@ _OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "
 """Tags that describe the source's file, not the film."""
 _TIMECODE = ("timecode", "reel_name")
 _TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
-_NAMES = {"mp4": "MP4", "webm": "WebM", "gif": "GIF", "png": "a zip of images"}
+_NAMES = {"mp4": "MP4", "webm": "WebM"}
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from pipeline.video.media import Limits, Note, unreadable
 MOV, AVI, MATROSKA, MPEGTS = "mov,mp4,m4a,3gp,3g2,mj2", "avi", "matroska,webm", "mpegts"
 """FFmpeg's names of demuxers."""
 _DEMUXERS = (
-    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,gif,apng,mpegts,mpeg,flv,ogg,asf,ivf,obu,h264,hevc,m4v,mjpeg,nut,mxf,"
+    "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,flv,ogg,asf,ivf,obu,h264,hevc,m4v,mjpeg,nut,mxf,"
     "dv,rm,yuv4mpegpipe,mpegvideo,vc1,wtv,mp3,wav,flac,aac,ac3,aiff,caf,amr"
 )
 """Allowed demuxers: video containers, and audio containers, to distinguish audio files from unreadable ones."""

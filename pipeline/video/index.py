@@ -32,12 +32,10 @@ from pipeline.video.container import (
 from pipeline.video.media import SEQUENCE_FPS, Limits, Note, SourceOptions
 from pipeline.video.packets import decoded_times
 from pipeline.video.timeline import Timeline, timed_packets
-from pipeline.video.truncation import Gap, Reading, is_cut_off, is_whole_gif, missing_frames, reported_errors
+from pipeline.video.truncation import Gap, Reading, is_cut_off, missing_frames, reported_errors
 
 _SEEKABLE = (MOV, MATROSKA, AVI)
 """Demuxers that give the same times after a seek as in a read from the start."""
-_DEPENDENT = frozenset({"gif", "apng"})
-"""Codecs whose pictures are drawn over the previous one, even if the packets are marked as keyframes."""
 _HIDING = ("vp8", "vp9", "av1", "libvpx", "libvpx-vp9", "libdav1d")
 """Decoders of codecs with pictures that only serve as references."""
 _DECODED_PIXELS = 8_000_000_000
@@ -72,6 +70,8 @@ class Index:
     counted."""
     notes: tuple[Note, ...] = ()
     """What was chosen, corrected or assumed."""
+    numbers: tuple[int, ...] = ()
+    """Numbers of the frames of an image sequence; empty: frames are counted from 0."""
 
     @property
     def duration_s(self) -> float:
@@ -89,6 +89,10 @@ class Index:
             return int(self.pts[frame])
         last = self.end - int(self.pts[-1])
         return self.end + (frame - len(self.pts)) * last
+
+    def number(self, frame: int) -> int:
+        """Number of a frame in the source: in file names of an image sequence, otherwise its index."""
+        return self.numbers[frame] if frame < len(self.numbers) else frame
 
     def key_before(self, frame: int) -> int:
         """The last frame at or before `frame` at which decoding can start."""
@@ -130,7 +134,7 @@ def build_index(path: Path, limits: Limits, options: SourceOptions | None = None
         index = replace(
             index,
             missing=missing_frames(stream, index, cut, read),
-            incomplete=_incomplete(path, container, packets, len(index.pts)),
+            incomplete=_incomplete(packets, len(index.pts)),
         )
         notes = (*choice_notes(container, stream), *_correction_note(timeline.corrections), *index.notes)
         return replace(index, notes=notes)
@@ -171,7 +175,7 @@ def _index(packets: Sequence[_Packet], container: InputContainer, stream: VideoS
         return None
     table = sorted(packets, key=lambda packet: packet.time or 0)
     stored = np.array([packet.pts for packet in table], np.int64)
-    seekable = container.format.name in _SEEKABLE and stream.codec_context.name not in _DEPENDENT
+    seekable = container.format.name in _SEEKABLE
     keys = _keys(table, stored) if seekable else np.empty(0, np.int64)
     times = [packet.time or 0 for packet in table]
     return _timed(times, table[-1].duration, stream, stored, np.union1d([0], keys))
@@ -262,13 +266,10 @@ def _frame_s(stream: VideoStream) -> Fraction:
     return 1 / Fraction(stream.average_rate or stream.guessed_rate or SEQUENCE_FPS)
 
 
-def _incomplete(path: Path, container: InputContainer, packets: Sequence[_Packet], frames: int) -> frozenset[int]:
-    """Frames whose packets the demuxer marks as cut off; the last one of a cut-off GIF, whose demuxer does not."""
+def _incomplete(packets: Sequence[_Packet], frames: int) -> frozenset[int]:
+    """Frames whose packets the demuxer marks as cut off."""
     table: Iterable[_Packet] = sorted(packets, key=lambda packet: packet.time or 0)
-    marked = {min(number, frames - 1) for number, packet in enumerate(table) if packet.incomplete}
-    if packets and container.format.name == "gif" and not is_whole_gif(path):
-        marked.add(frames - 1)
-    return frozenset(marked)
+    return frozenset(min(number, frames - 1) for number, packet in enumerate(table) if packet.incomplete)
 
 
 def _correction_note(corrections: int) -> tuple[Note, ...]:

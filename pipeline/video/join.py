@@ -22,20 +22,15 @@ from av.packet import Packet
 from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
+from pipeline.formats import output_format
+from pipeline.formats.base import OutputFormat
 from pipeline.video.audio import Timed, Track, TrackWriter, tracks_of
 from pipeline.video.carried import Carried, open_source
 from pipeline.video.container import open_container
-from pipeline.video.gif import join_gif
 from pipeline.video.media import Limits, Note, SourceOptions
-from pipeline.video.writer import MUXER_OPTIONS, Format, zip_entry
-
-MEDIA_TYPES: dict[Format, str] = {
-    "mp4": "video/mp4",
-    "webm": "video/webm",
-    "png": "application/zip",
-    "gif": "image/gif",
-}
-
+from pipeline.video.numbering import has_gaps
+from pipeline.video.sequence_options import OPTIONS_FILE, SequenceOptions
+from pipeline.video.writer import MUXER_OPTIONS, zip_entry
 
 _PRIMING_S = Fraction(1, 20)
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -45,7 +40,7 @@ _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 def join(
     segments: Sequence[tuple[Fraction, Path]],
     out: Path,
-    container: Format,
+    container: str,
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
@@ -58,8 +53,8 @@ def join(
         segments: (start time, file) of each segment, in order, at least one. The files are written by `segment_writer`
             with the same spec. A start time is the time of the segment's first frame in the source, seconds; the first
             one becomes time 0 of the output, unless the sound begins before it.
-        container: "mp4" (streamable from its first bytes), "webm", "png" (one zip of numbered frames), or "gif".
-        sound: the source, whose sound tracks, subtitles, chapters and tags go along. Ignored for "png" and "gif".
+        container: name of an output format, see `pipeline.formats`.
+        sound: the source, whose sound tracks, subtitles, chapters and tags go along. Ignored for formats without sound.
         end_s: time in the source at which the output ends, seconds; None: where the source ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
         options: which sound tracks are delivered.
@@ -70,13 +65,14 @@ def join(
 
     Raises: BadParameter (the source has no such sound track).
     """
-    if container == "png":
+    form = output_format(container)
+    if form.encode:
         _join_images([path for _start, path in segments], out, progress)
         return ()
-    if container == "gif":
-        join_gif(segments, out, progress)
+    if form.join:
+        form.join(segments, out, progress)
         return ()
-    film = _Film(segments, out, container, sound, progress, end_s, whole and end_s is None)
+    film = _Film(segments, out, form, sound, progress, end_s, whole and end_s is None)
     tracks = () if sound is None else _tracks(sound, (options or SourceOptions()).sound)
     refused: list[Note] = []
     for copies, kept in ((True, tracks), (False, tracks)):
@@ -105,7 +101,7 @@ class _Film:
 
     segments: Sequence[tuple[Fraction, Path]]
     out: Path
-    container: Format
+    form: OutputFormat
     source: Path | None
     progress: Callable[[float], None]
     end_s: Fraction | None
@@ -116,13 +112,13 @@ class _Film:
         origin_s, first = self.segments[0]
         lead_s = self._lead_s(tracks)
         with ExitStack() as stack:
-            options = MUXER_OPTIONS | ({"movflags": "+faststart"} if self.container == "mp4" else {})
-            target = stack.enter_context(av.open(f"file:{self.out}", "w", format=self.container, options=options))
+            options = MUXER_OPTIONS | dict(self.form.mux_options or {})
+            target = stack.enter_context(av.open(f"file:{self.out}", "w", format=self.form.container, options=options))
             template = stack.enter_context(open_container(first, Limits()))
             stream = target.add_stream_from_template(template.streams.video[0])
             packets = [_pictures(self.segments, stream, lead_s, self.progress)]
             writers = [TrackWriter(self.source, track, origin_s - lead_s) for track in tracks if self.source]
-            packets += [writer.add(target, self.container, stack, copies) for writer in writers]
+            packets += [writer.add(target, self.form.container, stack, copies) for writer in writers]
             notes = self._carry(stack, target, stream, origin_s - lead_s, packets)
             if self.end_s is not None:
                 length_s = self.end_s - origin_s
@@ -147,8 +143,8 @@ class _Film:
             return []
         stack.enter_context(source)
         carried = Carried(self.source, zero_s, self.end_s, self.whole)
-        notes = carried.add(source, target, film, self.container)
-        packets.append(carried.subtitles(source, target, self.container))
+        notes = carried.add(source, target, film, self.form.container)
+        packets.append(carried.subtitles(source, target, self.form.container))
         return notes
 
 
@@ -180,9 +176,13 @@ def _moved(packet: Packet[Any], offset: int, tick: Fraction, target: VideoStream
 
 
 def _join_images(segments: Sequence[Path], out: Path, progress: Callable[[float], None]) -> None:
+    numbers: list[int] = []
     with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as target:
         for number, segment in enumerate(segments, start=1):
             with zipfile.ZipFile(segment) as source:
                 for member in source.infolist():
                     target.writestr(zip_entry(member.filename), source.read(member))
+                    numbers.append(int(member.filename.rpartition(".")[0]))
             progress(number / len(segments))
+        if has_gaps(numbers):  # the film lacks the numbers that its source lacks
+            target.writestr(zip_entry(OPTIONS_FILE), SequenceOptions(missing="skip").document())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, Self
 
@@ -32,11 +33,15 @@ class Limits:
     json_bytes: int = 16 << 20
 
 
+READING = "reading"
+"""Code of notes of still images and image sequences."""
+
+
 class Note(NamedTuple):
     """A fact about a file that its user should know: what was chosen, corrected, assumed or left out."""
 
     code: str
-    """"stream-choice", "corrected-times", "left-out", "assumed", "deinterlaced", "cropped" or "sound"."""
+    """"stream-choice", "corrected-times", "left-out", "assumed", "deinterlaced", "cropped", "sound" or `READING`."""
     message: str
     """One sentence."""
 
@@ -90,9 +95,13 @@ class MediaInfo:
     damage: str = ""
     """Damage that is visible without decoding the file, one sentence; empty: none."""
     notes: tuple[str, ...] = ()
-    """What was chosen, corrected or assumed when the file was read, one sentence each."""
+    """What was chosen, corrected, assumed or left out when the file was read, one sentence each."""
     streams: tuple[dict[str, JsonValue], ...] = ()
     """Width, height, frames and so on of each video stream, if there are several: see `SourceOptions.picture`."""
+    numbers: Sequence[Sequence[int]] = ()
+    """Numbers of the images of a sequence or archive, as runs (first, last, step); empty: frames are counted from 0."""
+    fault: str = ""
+    """Why the images of an archive are no video, with the remedy. Painted keys and masks need not be one."""
 
     def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)
@@ -100,7 +109,7 @@ class MediaInfo:
 
 def unreadable(message: str, value: object = None, remedy: str = "") -> NoReturn:
     """Raise `UnreadableMedia` for the field "file", with a default remedy."""
-    remedy = remedy or "Upload a video (MP4, MOV, MKV, WebM, AVI, GIF), an image, or a zip of PNG or JPEG frames."
+    remedy = remedy or "Upload a video (MP4, MOV, MKV, WebM, AVI), an image, or a zip of numbered images."
     raise UnreadableMedia(message, field="file", value=value, remedy=remedy)
 
 
@@ -111,26 +120,28 @@ def check_size(width: int, height: int, limits: Limits, what: str = "The picture
         UnreadableMedia: a side is shorter than `MIN_SIDE_PX`.
         MediaTooLarge: the picture exceeds the limits.
     """
-    value = f"{width}x{height}"
     if width < MIN_SIDE_PX or height < MIN_SIDE_PX:
-        remedy = f"Use at least {MIN_SIDE_PX} px on each side."
-        unreadable(f"{what} is too small.", value, remedy)
+        unreadable(f"{what} is too small.", f"{width}x{height}", f"Use at least {MIN_SIDE_PX} px on each side.")
+    check_window(width, height, limits, "file", what)
+
+
+def check_window(width: int, height: int, limits: Limits, name: str, what: str = "") -> None:
+    """Raise MediaTooLarge if a picture, of any small size, exceeds the limits; `name`: the field of the error."""
     if width * height > limits.pixels or max(width, height) > limits.side_px:
         raise MediaTooLarge(
-            f"{what} has too many pixels.",
-            field="file",
-            value=value,
+            f"{what or f'The image {name}'} has too many pixels.", field=name, value=f"{width}x{height}",
             remedy=f"At most {limits.pixels / 1e6:g} megapixels and {limits.side_px} px a side: scale it down.",
-        )
+        )  # fmt: skip
 
 
-def check_bytes(size_bytes: int, most: int) -> None:
-    """Raise UnreadableMedia for an empty file, MediaTooLarge for one with more than `most` bytes."""
+def check_bytes(size_bytes: int, most: int, name: str = "file") -> None:
+    """Raise UnreadableMedia for an empty file, MediaTooLarge for one with more than `most` bytes; `name`: the field of
+    the error."""
     if size_bytes == 0:
-        unreadable("The file is empty.", "0 bytes", "Upload it again: nothing arrived.")
+        raise UnreadableMedia("The file is empty.", field=name, value="0 bytes", remedy="Upload or render it again.")
     if size_bytes > most:
         remedy = f"At most {most / 2**20:.6g} MiB: shorten or compress it."
-        raise MediaTooLarge("The file has too many bytes.", field="file", value=f"{size_bytes} bytes", remedy=remedy)
+        raise MediaTooLarge("The file has too many bytes.", field=name, value=f"{size_bytes} bytes", remedy=remedy)
 
 
 def check_length(frames: int, seconds: float, limits: Limits) -> None:

@@ -7,19 +7,22 @@ hang, crash or allocate without limit on hostile files; the service uses this on
 from __future__ import annotations
 
 import json
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.errors import BadMedia
+from pipeline.errors import BadMedia, NotASequence
+from pipeline.formats import image_format_of
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
 from pipeline.video.container import film_streams, open_container, sound_streams, video_stream
 from pipeline.video.damage import damage_of
 from pipeline.video.guard.decoder_process import start_decoder
-from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
+from pipeline.video.headers import sniff
 from pipeline.video.media import (
+    SEQUENCE_FPS,
+    Kind,
     Limits,
     MediaInfo,
     SourceOptions,
@@ -28,7 +31,9 @@ from pipeline.video.media import (
     check_size,
     unreadable,
 )
-from pipeline.video.sequence import Sequence, open_still, open_zip
+from pipeline.video.numbering import frame_numbers, runs_of_numbers
+from pipeline.video.reader import Source, open_source
+from pipeline.video.sequence import open_zip
 from pipeline.video.shot_files import ShotFiles, is_shot
 
 if TYPE_CHECKING:
@@ -51,12 +56,12 @@ def probe(path: Path, limits: Limits | None = None, options: SourceOptions | Non
     limits, options = limits or Limits(), options or SourceOptions()
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
+        if form := image_format_of(stream):
+            header = form.header(stream)
+            kind: Kind = "video" if header.animated else "image"
+            found = MediaInfo(kind, form.media_type, codec=form.name)
+            return _described(open_source(path, limits), found, limits)
         media_type = sniff(stream)
-        if media_type in (*IMAGE_TYPES, "image/gif"):
-            header = image_header(stream, media_type)
-            check_size(header.width, header.height, limits)
-            if is_still(header):
-                return _probe_still(path, media_type, limits)
     if media_type == "application/json":
         return _probe_json(path, limits)
     if media_type == "application/zip":
@@ -73,40 +78,56 @@ def _probe_json(path: Path, limits: Limits) -> MediaInfo:
     return MediaInfo("json", "application/json")
 
 
-def _probe_still(path: Path, media_type: str, limits: Limits) -> MediaInfo:
-    codec = media_type.removeprefix("image/")
-    return _described(open_still(path, limits), MediaInfo("image", media_type, codec=codec), limits)
-
-
 def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
-    _check_members(path, limits)
-    return _described(open_zip(path, limits), MediaInfo("archive", "application/zip", codec="images"), limits)
+    size = _check_members(path, limits)
+    found = MediaInfo("archive", "application/zip", codec="images")
+    try:
+        return _described(open_zip(path, limits), found, limits)
+    except NotASequence as fault:
+        return replace(_loose(path, limits, size, found), fault=str(fault))
 
 
-def _check_members(path: Path, limits: Limits) -> None:
-    """Check the header of every image: an image of a different size would make the job fail halfway."""
+def _loose(path: Path, limits: Limits, size: tuple[int, int], found: MediaInfo) -> MediaInfo:
+    """Facts of images that are no sequence, such as painted keys."""
+    archive, members = open_archive(path, limits)
+    with archive:
+        names = [member.filename for member in members]
+    with suppress(NotASequence):
+        numbers = sorted(number for number in frame_numbers(names).values() if number is not None)
+        found = replace(found, numbers=[list(run) for run in runs_of_numbers(numbers)])
+    length_s = len(names) / SEQUENCE_FPS
+    return replace(
+        found, width=size[0], height=size[1], frames=len(names), fps=float(SEQUENCE_FPS), duration_s=length_s,
+        pixel_format="rgb24",
+    )  # fmt: skip
+
+
+def _check_members(path: Path, limits: Limits) -> tuple[int, int]:
+    """Check the header of every image: an image of a different size would make the job fail halfway. Returns the size
+    of the first one."""
     archive, members = open_archive(path, limits)
     if is_shot([member.filename for member in members]):
         archive.close()
-        _check_shot(path, limits)
-        return
+        return _check_shot(path, limits)
     first: tuple[int, int] | None = None
     with archive:
         for member in members:
             with entry_stream(archive, member) as stream:
-                media_type = sniff(stream)
-                if media_type not in IMAGE_TYPES:
+                form = image_format_of(stream)
+                if form is None:
                     unreadable("An entry of the archive is not an image.", member.filename, "Remove that entry.")
-                header = image_header(stream, media_type)
+                header = form.header(stream)
             size = (header.width, header.height)
             check_size(*size, limits, f"The image {member.filename}")
             first = first or size
             if size != first:
                 value = f"{member.filename}: {size[0]}x{size[1]} instead of {first[0]}x{first[1]}"
                 unreadable("The images of the archive differ in size.", value, "Make all frames one size.")
+    assert first is not None
+    return first
 
 
-def _check_shot(path: Path, limits: Limits) -> None:
+def _check_shot(path: Path, limits: Limits) -> tuple[int, int]:
     """Check the layout of a shot and the header of every picture in it."""
     from pipeline.video.shot import check_pictures, read_shot  # a third of the decoder server's imports, seldom needed
 
@@ -114,6 +135,7 @@ def _check_shot(path: Path, limits: Limits) -> None:
         layout = read_shot(files)
         check_size(*frames.geometry.size, limits)
         check_pictures(files, layout, frames.geometry.size)
+        return frames.geometry.size
 
 
 def _probe_video(path: Path, media_type: str, limits: Limits, options: SourceOptions) -> MediaInfo:
@@ -156,7 +178,7 @@ def _media_type(demuxer: str) -> str:
     return known.get(demuxer, f"video/x-{demuxer.split(',')[0]}")
 
 
-def _described(source: Clip | Sequence, found: MediaInfo, limits: Limits) -> MediaInfo:
+def _described(source: Source, found: MediaInfo, limits: Limits) -> MediaInfo:
     """Complete `found` with size, length and rate of the opened source; closes the source."""
     try:
         index, (width, height) = source.index, source.geometry.size
@@ -174,7 +196,8 @@ def _described(source: Clip | Sequence, found: MediaInfo, limits: Limits) -> Med
             pixel_format=source.pixel_format,
             rotation_deg=source.geometry.rotation_deg,
             damage=damage_of(index, index.incomplete).describe("The file"),
-            notes=tuple(note.message for note in (source.notes if isinstance(source, Clip) else index.notes)),
+            notes=tuple(note.message for note in source.notes),
+            numbers=[list(run) for run in runs_of_numbers(index.numbers)],
         )
     finally:
         source.close()

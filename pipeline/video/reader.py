@@ -11,16 +11,23 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.formats import image_format_of
 from pipeline.frames import Frame
+from pipeline.video.animated import AnimatedImage
 from pipeline.video.clip import Clip
-from pipeline.video.headers import IMAGE_TYPES, image_header, is_still, sniff
+from pipeline.video.headers import sniff
 from pipeline.video.index import Index
-from pipeline.video.media import Limits, Note, SourceOptions, check_bytes, unreadable
+from pipeline.video.media import Limits, Note, SourceOptions, check_bytes, check_size, unreadable
+from pipeline.video.numbering import is_pattern
 from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
+from pipeline.video.sequence_options import USUAL, SequenceOptions
+
+Source = Clip | Sequence | AnimatedImage
 
 
 class VideoReader:
-    """Reads a video container, a GIF, a folder or zip of numbered images, or one still image (a video of one frame).
+    """Reads a video container, an animated image, a folder or zip of numbered images, or one still image (a video of
+    one frame).
 
     Frames are as displayed: rotated according to the metadata, with square pixels, composited over white, converted to
     sRGB with the stream's matrix and range. If the size changes within the stream, pictures are scaled to the first
@@ -28,13 +35,18 @@ class VideoReader:
     thread-safe. The caller closes it.
 
     Args:
+        path: a file, a folder, or a pattern of numbered images: "shot/name.####.png".
         options: how a video container is read; other kinds of files have no such choices.
+        sequence: how a folder, pattern or still is read; a zip has its own `sequence.json`.
 
     Raises: UnreadableMedia, NoVideoStream, MediaTooLarge, BadParameter (the file has no such stream).
     """
 
-    def __init__(self, path: Path, limits: Limits | None = None, options: SourceOptions | None = None) -> None:
-        self._source: Clip | Sequence = _open(Path(path), limits or Limits(), options or SourceOptions())
+    def __init__(
+        self, path: Path, limits: Limits | None = None, options: SourceOptions | None = None,
+        sequence: SequenceOptions = USUAL,
+    ) -> None:  # fmt: skip
+        self._source: Source = open_source(Path(path), limits or Limits(), options, sequence)
 
     def __enter__(self) -> Self:
         return self
@@ -98,8 +110,8 @@ class VideoReader:
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What was chosen, corrected or assumed when the file was opened."""
-        return self._source.notes if isinstance(self._source, Clip) else self._source.index.notes
+        """What was chosen, corrected, assumed or left out when the file was opened."""
+        return self._source.notes
 
     @property
     def position(self) -> int | None:
@@ -119,15 +131,19 @@ class VideoReader:
 _FOREVER = 1 << 62
 
 
-def _open(path: Path, limits: Limits, options: SourceOptions) -> Clip | Sequence:
-    if path.is_dir():
-        return open_folder(path, limits)
+def open_source(
+    path: Path, limits: Limits, options: SourceOptions | None = None, sequence: SequenceOptions = USUAL
+) -> Source:
+    """The source of frames at a path. Raises: as `VideoReader`."""
+    if path.is_dir() or (not path.exists() and is_pattern(path.name)):
+        return open_folder(path, limits, sequence)
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
+        if form := image_format_of(stream):
+            header = form.header(stream)
+            check_size(header.width, header.height, limits)
+            return AnimatedImage(path, form, limits) if header.animated else open_still(path, limits, sequence)
         media_type = sniff(stream)
-        still = media_type in IMAGE_TYPES and is_still(image_header(stream, media_type))
     if media_type == "application/json":
         unreadable("The file is JSON, not pictures.")
-    if media_type == "application/zip":
-        return open_zip(path, limits)
-    return open_still(path, limits) if still else Clip(path, limits, options)
+    return open_zip(path, limits, sequence) if media_type == "application/zip" else Clip(path, limits, options)

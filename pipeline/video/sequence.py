@@ -1,89 +1,141 @@
-"""Image sequences (a folder or zip of numbered images, or one still image) with the same interface as `Clip`."""
+"""Image sequences (a folder, zip or pattern of numbered images, or one still image), as frames of a video."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from fractions import Fraction
+from collections.abc import Sequence as List
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.formats import IMAGE_NAMES, IMAGE_SUFFIXES
+from pipeline.formats.decoding import decode_rgb, format_of
 from pipeline.frames import Frame, same_size
-from pipeline.video.archive import natural_key, open_archive, read_entry
+from pipeline.video.archive import DESKTOP_FILES, MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.geometry import Geometry
 from pipeline.video.index import Index
-from pipeline.video.media import SEQUENCE_FPS, Limits, check_bytes, unreadable
+from pipeline.video.media import READING, Limits, Note, check_bytes, unreadable
+from pipeline.video.numbering import frames_of, number_by, range_of, sequence_numbers
+from pipeline.video.sequence_options import OPTIONS_FILE, USUAL, SequenceOptions
 from pipeline.video.shot_files import FRAMES, is_shot, pictures_of
-from pipeline.video.stills import decode_rgb
 
-_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".exr"})
 _IMAGE_BYTES = 1 << 30
 Loader = tuple[str, Callable[[], bytes]]
 """Name of an image, and a function that returns its encoded bytes."""
 
 
 class Sequence:
-    """Images as the frames of a video at `SEQUENCE_FPS` frames per second.
+    """Images as the frames of a video of constant rate.
 
     Args:
-        loaders: one for each frame, in order.
+        images: number (None: unknown, only if it is the only image) and loader of each image, by number.
         limits: limits of each image.
         close: releases the source of the images.
     """
 
-    def __init__(self, loaders: list[Loader], limits: Limits, close: Callable[[], None]) -> None:
-        self._loaders = loaders
-        self._limits = limits
-        self._close = close
+    def __init__(
+        self, images: List[tuple[int | None, Loader]], limits: Limits, close: Callable[[], None],
+        options: SequenceOptions = USUAL,
+    ) -> None:  # fmt: skip
+        self._loaders = [loader for _, loader in images]
+        self._limits, self._close, self._options = limits, close, options
         self.errors: list[str] = []
         self.unreadable: list[int] = []
         self.position: int | None = 0
-        count = len(loaders)
-        ticks = np.arange(count, dtype=np.int64)
-        self.index = Index(ticks, ticks, count, Fraction(1, SEQUENCE_FPS), True)
+        numbers = [number for number, _ in images if number is not None]
+        frames = frames_of(numbers, options.missing, range_of(options.pattern), limits.frames) if numbers else None
+        self._shown = frames.shown if frames else (0,)
+        ticks = np.arange(len(self._shown), dtype=np.int64)
+        self.index = Index(ticks, ticks, len(ticks), 1 / options.rate, True, numbers=frames.numbers if frames else ())
         first = self._load(0)
         self.geometry = Geometry((first.shape[1], first.shape[0]))
         self.pixel_format = "rgb24"
+        name, load = self._loaders[0]
+        notes = (*(frames.notes if frames else ()), *format_of(data := load(), name).notes(data, options.choice))
+        self.notes = tuple(Note(READING, message) for message in notes)
 
     def close(self) -> None:
         self._close()
 
     def read(self, start: int, stop: int) -> Iterator[Frame]:
         """Yield the frames [start, stop). Raises BadFrame if the size of a frame differs from that of the first."""
-        for at in range(start, min(stop, len(self._loaders))):
+        for at in range(start, min(stop, len(self._shown))):
             self.position = at + 1
-            yield same_size(self._load(at), self.geometry.size, self._loaders[at][0])
+            shown = self._shown[at]
+            yield same_size(self._load(shown), self.geometry.size, self._loaders[shown][0])
 
     def _load(self, at: int) -> Frame:
         name, load = self._loaders[at]
-        return decode_rgb(load(), self._limits, name)
+        return decode_rgb(load(), self._limits, name, self._options.choice)
 
 
-def open_still(path: Path, limits: Limits) -> Sequence:
+def open_still(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Sequence:
     """Open one image as a video of one frame."""
     check_bytes(path.stat().st_size, min(limits.size_bytes, _IMAGE_BYTES))
-    return Sequence([("image", path.read_bytes)], limits, lambda: None)
+    return Sequence([(None, ("image", path.read_bytes))], limits, lambda: None, options)
 
 
-def open_folder(path: Path, limits: Limits) -> Sequence:
-    """Open the images of a folder, ordered by the numbers in their names; for a shot, the images in `frames`."""
+def open_folder(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Sequence:
+    """Open the images of a folder, or those that fit a pattern in it, by the numbers in their names; for a shot, the
+    images in `frames`.
+
+    Args:
+        path: a folder, or a folder and a pattern: "shot/name.####.png".
+    """
+    if not path.is_dir():
+        options = options.model_copy(update={"pattern": path.name})
+        path = path.parent
     below = [str(p.relative_to(path)) for p in (*path.glob("*"), *path.glob("*/*"))]
     found = path / FRAMES if is_shot(below) else path
-    files = [p for p in found.iterdir() if p.suffix.lower() in _SUFFIXES and not p.name.startswith(".")]
-    if not files:
-        unreadable("The folder holds no images.", path, "Number PNG or JPEG frames in their names.")
-    files.sort(key=lambda p: natural_key(p.name))
-    return Sequence([(p.name, p.read_bytes) for p in files], limits, lambda: None)
+    listed, others = image_files(found, options.pattern)
+    files = {p.name: p for p in listed}
+    for file in files.values():
+        check_bytes(file.stat().st_size, min(limits.size_bytes, _IMAGE_BYTES), file.name)
+    images = sequence_numbers(files, options.pattern)
+    loaders = [(number, (name, files[name].read_bytes)) for number, name in images]
+    sequence = Sequence(loaders, limits, lambda: None, options)
+    sequence.notes += left_out(others)
+    return sequence
 
 
-def open_zip(path: Path, limits: Limits) -> Sequence:
-    """Open the images of a zip, ordered by the numbers in their names; for a shot, the images in `frames`."""
+def left_out(others: List[Path]) -> tuple[Note, ...]:
+    """The note about files of a folder that are no images of its sequence."""
+    named = ", ".join(p.name for p in others[:3]) + (f" and {len(others) - 3} more" if len(others) > 3 else "")
+    return (Note(READING, f"Files that are no images are left out: {named}."),) if others else ()
+
+
+def image_files(folder: Path, pattern: str = "") -> tuple[list[Path], list[Path]]:
+    """Visible images in a folder, by name, and its files that are no images; with a pattern, only images that fit it.
+
+    Raises: UnreadableMedia: there are no images.
+    """
+    visible = sorted(p for p in folder.iterdir() if not p.name.startswith(".") and p.is_file())
+    if pattern:
+        return [p for p in visible if number_by(pattern, p.name) is not None], []
+    known = (MANIFEST, OPTIONS_FILE)
+    others = [p for p in visible if p.suffix.lower() not in IMAGE_SUFFIXES and p.name not in known]
+    images = [p for p in visible if p.suffix.lower() in IMAGE_SUFFIXES]
+    if not images:
+        unreadable("The folder holds no images.", folder, f"Put frames in it, numbered in their names: {IMAGE_NAMES}.")
+    return images, [p for p in others if p.name.lower() not in DESKTOP_FILES]
+
+
+def open_zip(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Sequence:
+    """Open the images of a zip by the numbers in their names; for a shot, the images in `frames`.
+
+    Args:
+        options: used if the archive has no `sequence.json`.
+    """
     archive, members = open_archive(path, limits)
     try:
+        options = options_in(archive) or options
         frames = {member.filename: member for member in members}
-        loaders: list[Loader] = [(name, partial(read_entry, archive, frames[name])) for name in pictures_of(frames)]
-        return Sequence(loaders, limits, archive.close)
+        images = sequence_numbers(pictures_of(frames), options.pattern)
+        loaders = [(number, (name, partial(read_entry, archive, frames[name]))) for number, name in images]
+        if is_shot(frames) and options.missing == "hold":
+            unreadable("Missing frames of a shot cannot be held.", options.missing, "Use skip, or render them.")
+        return Sequence(loaders, limits, archive.close, options)
     except BaseException:
         archive.close()
         raise

@@ -1,10 +1,10 @@
 """A shot: rendered frames with their passes, layers, styles and painted keyframes, in folders of one archive.
 
     shot.json               optional: order and settings of the layers, see `ShotJson`
-    frames/0001.png         the whole picture, PNG, JPEG or EXR; all other numbered files use these frame numbers
-    vectors/0001.exr        motion vectors; optional if the EXR frames contain them
-    normals/0001.png        normals as colours, or EXR with a Normal pass; optional if the EXR frames contain them
-    ids/0001.png            object number of each pixel, 8 or 16 bit, or EXR with IndexOB
+    frames/0001.png         the whole picture, in any image format; all other numbered files use these frame numbers
+    vectors/0001.*          motion vectors, in a format with planes; optional if the frames contain them
+    normals/0001.png        normals as colours, or an image with a Normal pass; optional if the frames contain them
+    ids/0001.png            object number of each pixel, 8 or 16 bit, or an image with IndexOB
     lines/0001.png          black lines on white
     directions/0001.png     direction of the strokes: red = x, green = y (upwards), gray = none
     guides/NAME/0001.png    additional guide images of the scene
@@ -31,8 +31,9 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from pipeline.compositing import Blend
 from pipeline.errors import UnreadableMedia
-from pipeline.video.archive import MANIFEST, number_of
-from pipeline.video.headers import image_header, sniff
+from pipeline.formats.decoding import format_of
+from pipeline.video.archive import MANIFEST
+from pipeline.video.numbering import frame_numbers
 from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, Files
 
 NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted")
@@ -208,17 +209,12 @@ class _Tree:
         return {numbers[number]: path for number, path in sorted(found.items())}
 
     def _numbered(self, folder: str, who: str) -> dict[int, str]:
-        found: dict[int, str] = {}
-        for path in self._paths:
-            if f"{path.parent}/" != folder:
-                continue
-            number = number_of(path.name)
-            if number is None or number in found:
-                fault = "without a number in its name" if number is None else "with the number of another picture"
-                other = None if number is None else found[number]
-                _refuse(f"{who} has a picture {fault}.", str(path), other, "Number pictures by their frames.")
-            found[number] = str(path)
-        return found
+        paths = [str(path) for path in self._paths if f"{path.parent}/" == folder]
+        found = frame_numbers(paths, folder)
+        if unnumbered := next((path for path, number in found.items() if number is None), None):
+            _refuse(f"{who} has a picture without a number in its name.", unnumbered, None,
+                    "Number pictures by their frames.")  # fmt: skip
+        return {number: path for path, number in found.items() if number is not None}
 
 
 def check_pictures(files: Files, layout: ShotLayout, size: tuple[int, int]) -> None:
@@ -237,12 +233,9 @@ def check_pictures(files: Files, layout: ShotLayout, size: tuple[int, int]) -> N
 
 
 def _check_picture(files: Files, path: str, size: tuple[int, int]) -> None:
-    data = io.BytesIO(files[path][: 1 << 20])
-    kind = sniff(data)
+    data = files[path]
     try:
-        header = image_header(data, kind)
-    except KeyError:
-        _refuse("A file of the shot is not an image.", path, kind or "unknown", "Save it as PNG, JPEG or EXR.")
+        header = format_of(data, path).header(io.BytesIO(data))
     except UnreadableMedia as error:
         _refuse(error.message, path, error.value, error.remedy)
     if (header.width, header.height) != size:

@@ -8,8 +8,11 @@ from pathlib import Path, PurePosixPath
 from zipfile import ZipFile, ZipInfo
 
 from pipeline.errors import UnreadableMedia
-from pipeline.video.archive import MANIFEST, natural_key, number_of, open_archive, read_entry
+from pipeline.formats.base import Choice
+from pipeline.video.archive import MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.media import Limits
+from pipeline.video.numbering import frame_numbers, frames_of, range_of, sequence_numbers
+from pipeline.video.sequence_options import SequenceOptions
 
 FRAMES, LAYERS = "frames", "layers"
 PASSES = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted", "guides", "style")
@@ -36,12 +39,12 @@ def is_shot(names: Iterable[str]) -> bool:
 
 
 def pictures_of(names: Iterable[str]) -> list[str]:
-    """Names of those images of an archive that are the frames of its video, in order.
+    """Names of those images of an archive that are the frames of its video, by name.
 
     Raises:
         UnreadableMedia: the archive is a shot without frames.
     """
-    listed = sorted(names, key=natural_key)
+    listed = sorted(names)
     if not is_shot(listed):
         return listed
     root = root_of(listed)
@@ -75,10 +78,14 @@ class _SomeFiles(Mapping[str, bytes]):
 def files_of_frames(files: Files, start: int, stop: int) -> Files:
     """The files of frames [start, stop) of a shot or of a sequence of numbered images, and those of no frame (styles,
     shot.json). Frames are counted from 0 in the order of their numbers."""
-    folder = f"{FRAMES}/" if is_shot(files) else ""
-    numbers = {number_of(name) for name in files if name.startswith(folder)} - {None}
-    wanted = set(sorted(numbers)[start:stop])  # type: ignore[type-var]
-    return _SomeFiles(files, (name for name in files if not _of_frame(name) or number_of(name) in wanted))
+    by_folder: dict[PurePosixPath, list[str]] = {}
+    for name in filter(_of_frame, files):
+        by_folder.setdefault(PurePosixPath(name).parent, []).append(name)
+    numbers = {name: number for names in by_folder.values() for name, number in frame_numbers(names).items()}
+    folder = PurePosixPath(FRAMES if is_shot(files) else ".")
+    of_frames = sorted(numbers[name] or 0 for name in by_folder.get(folder, ()))
+    wanted = set(of_frames[start:stop])
+    return _SomeFiles(files, (name for name in files if not _of_frame(name) or numbers[name] in wanted))
 
 
 def _of_frame(name: str) -> bool:
@@ -89,7 +96,12 @@ def _of_frame(name: str) -> bool:
 
 
 class ShotFiles(Mapping[str, bytes]):
-    """The files of a shot in a zip archive, read on access. The caller closes it.
+    """The files of a shot, or of a sequence, in a zip archive, read on access. The caller closes it.
+
+    Of a sequence, only its frames are listed; a frame that is shown again for a missing one has a name of its own.
+
+    Attributes:
+        choice: layer and view of the frames' pictures.
 
     Raises: UnreadableMedia, MediaTooLarge.
     """
@@ -100,6 +112,10 @@ class ShotFiles(Mapping[str, bytes]):
         listed = [*members, *(m for m in self._archive.infolist() if PurePosixPath(m.filename).name == MANIFEST)]
         root = root_of([m.filename for m in listed])
         self._members: dict[str, ZipInfo] = {m.filename[len(root) :]: m for m in listed}
+        options = options_in(self._archive) or SequenceOptions()
+        self.choice: Choice = options.choice
+        if not is_shot(self._members):
+            self._members = _frames(self._members, options)
 
     def __getitem__(self, name: str) -> bytes:
         return read_entry(self._archive, self._members[name])
@@ -112,3 +128,16 @@ class ShotFiles(Mapping[str, bytes]):
 
     def close(self) -> None:
         self._archive.close()
+
+
+def _frames(members: Mapping[str, ZipInfo], options: SequenceOptions) -> dict[str, ZipInfo]:
+    """The entries of a sequence's frames; those of missing frames that are held are named by their numbers."""
+    images = sequence_numbers(members, options.pattern)
+    numbers = [number for number, _ in images if number is not None]
+    if not numbers:
+        return dict(members)
+    frames, names = frames_of(numbers, options.missing, range_of(options.pattern)), [name for _, name in images]
+    return {
+        names[at] if numbers[at] == number else f"{number:07d}{PurePosixPath(names[at]).suffix}": members[names[at]]
+        for number, at in zip(frames.numbers, frames.shown, strict=True)
+    }

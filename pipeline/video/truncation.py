@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 import av
 import av.logging
@@ -120,49 +120,3 @@ def _announced_end_s(stream: VideoStream) -> float:
     container = stream.container
     assert isinstance(container, InputContainer)
     return (container.duration or 0) / av.time_base
-
-
-def is_whole_gif(path: Path) -> bool:
-    """Whether the last block of a GIF is complete; FFmpeg shows a cut-off picture as if it were whole."""
-    with path.open("rb") as file:
-        try:
-            _skip_header(file)
-            while (kind := file.read(1)) not in (b";", b""):
-                _skip_block(file, kind)
-        except _EndOfFile:
-            return False
-    return True
-
-
-class _EndOfFile(Exception):
-    """The file ends within a block, or continues with data that is no block."""
-
-
-def _skip_header(file: BinaryIO) -> None:
-    _skip_table(file, _take(file, 13)[10])
-
-
-def _skip_block(file: BinaryIO, kind: bytes) -> None:
-    if kind == b",":
-        _skip_table(file, _take(file, 9)[8])
-        _take(file, 1)
-    elif kind == b"!":
-        _take(file, 1)
-    elif kind == b"\0":
-        return  # padding between blocks
-    else:
-        raise _EndOfFile
-    while size := _take(file, 1)[0]:
-        _take(file, size)
-
-
-def _skip_table(file: BinaryIO, flags: int) -> None:
-    if flags & 0x80:
-        _take(file, 3 << ((flags & 7) + 1))
-
-
-def _take(file: BinaryIO, size: int) -> bytes:
-    data = file.read(size)
-    if len(data) < size:
-        raise _EndOfFile
-    return data

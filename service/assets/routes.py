@@ -14,6 +14,7 @@ from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
+from service.assets.sequences import SequenceQuery, with_options
 from service.bodies import chunks
 from service.routing import Router
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
@@ -44,11 +45,20 @@ FORM = {
 
 
 @router.post("", status_code=201, openapi_extra=FORM, responses={200: {"model": Asset, "description": "Known"}})
-async def upload(request: Request, response: Response, context: Context, caller: Submitter) -> Asset:
-    """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before."""
+async def upload(
+    request: Request, response: Response, context: Context, caller: Submitter,
+    sequence: Annotated[SequenceQuery, Query()],
+) -> Asset:  # fmt: skip
+    """Upload one file (field `file`). 201 with Location, or 200 when you have uploaded these bytes before.
+
+    Options of an image sequence are stored in its zip, as `sequence.json`.
+    """
     with tempfile.TemporaryDirectory(dir=await run_in_threadpool(upload_folder, context)) as folder:
         received = await _receive(request, context, Path(folder) / "file")
-        file = (received.path, received.filename, received.sha256)
+        sha256 = received.sha256
+        if options := sequence.options():
+            sha256 = await run_in_threadpool(with_options, received.path, received.filename, options)
+        file = (received.path, received.filename, sha256)
         async with context.admission.one(Cost.READING, caller):
             asset, new = await run_in_threadpool(adopt, context, caller, *file)
     response.headers["Location"] = f"/v1/assets/{asset.id}"

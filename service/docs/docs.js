@@ -67,4 +67,4 @@ function draw(api) {
   document.getElementById("operations").replaceChildren(...sections);
 }
 
-draw(await (await fetch("/openapi.json")).json());
+draw(await (await fetch(new URL("../openapi.json", import.meta.url))).json());

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.formats import OutputName
 from pipeline.video.media import Fields, SourceOptions
-from pipeline.video.writer import Format
 from workers.model import (
     MAX_LABEL_NAME,
     MAX_LABEL_VALUE,
@@ -34,7 +34,7 @@ class _Body(BaseModel):
 
 
 class OutputIn(_Body):
-    format: Format = "mp4"
+    format: OutputName = "mp4"
     quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[Name, ...] = Field(default=(), max_length=32)
     report: bool = Field(
@@ -66,7 +66,7 @@ class SourceIn(_Body):
 
 
 class ExportIn(_Body):
-    format: Format = Field(description="The film's frames, times and sound, converted: not rendered again.")
+    format: OutputName = Field(description="The film's frames, times and sound, converted: not rendered again.")
     quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
 
     def spec(self) -> OutputSpec:

@@ -12,6 +12,7 @@ from typing import Any
 from starlette.datastructures import Headers
 
 from pipeline.errors import BadParameter
+from pipeline.video.sequence_options import SequenceOptions, options_of
 from service.errors import BadRequest, ChecksumMismatch, UnsupportedMediaType, WrongVersion
 from workers.filenames import check_filename
 
@@ -67,6 +68,15 @@ def filename(metadata: str) -> str:
     """The name in Upload-Metadata (keys `filename` or `name`), or "upload". Raises BadParameter."""
     values = _metadata(metadata)
     return check_filename(values.get("filename") or values.get("name") or "upload")
+
+
+def sequence_options(metadata: str) -> SequenceOptions | None:
+    """Options of an image sequence in Upload-Metadata (keys `missing`, `fps`, `pattern`, `layer`, `view`), if any.
+
+    Raises: BadParameter.
+    """
+    values = {name: value for name, value in _metadata(metadata).items() if name in SequenceOptions.model_fields}
+    return options_of(values, "Upload-Metadata") if values else None
 
 
 def _metadata(text: str) -> dict[str, str]:

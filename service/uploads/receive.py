@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import BinaryIO
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 
 from pipeline.errors import BadInput
+from pipeline.video.sequence_options import embed
 from service.access.depends import ServiceContext
 from service.access.keys import Principal
-from service.assets.adopt import check_free_space, check_quota, disk_faults
+from service.assets.adopt import check_free_space, check_quota, disk_faults, upload_folder
 from service.bodies import chunks
 from service.errors import OffsetMismatch
-from service.uploads.headers import Checksum
+from service.uploads.headers import Checksum, sequence_options
 from service.uploads.store import Upload, UploadStore
 from workers.errors import NotFound
 from workers.model import Asset
@@ -95,11 +101,25 @@ def _probe(context: ServiceContext, store: UploadStore, caller: Principal, uploa
     with store.claim(upload):
         check_upload_quota(context, store, caller, upload)
         try:
-            asset: Asset = context.farm.assets.add(store.path(upload), upload.filename, upload.owner)
+            with _packed(context, store.path(upload), upload) as path:
+                asset: Asset = context.farm.assets.add(path, upload.filename, upload.owner)
         except BadInput as error:
             store.refused(upload, error)
             raise
         return store.became(upload, asset.id)
+
+
+@contextmanager
+def _packed(context: ServiceContext, path: Path, upload: Upload) -> Iterator[Path]:
+    """The file, or a copy with the options of an image sequence: the upload itself stays as it arrived."""
+    options = sequence_options(upload.metadata)
+    if options is None:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(dir=upload_folder(context)) as folder:
+        copy = Path(shutil.copyfile(path, Path(folder) / "file"))
+        embed(copy, upload.filename, options)
+        yield copy
 
 
 def check_upload_quota(context: ServiceContext, store: UploadStore, caller: Principal, upload: Upload) -> None:

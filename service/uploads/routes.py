@@ -28,6 +28,7 @@ from service.uploads.headers import (
     check_version,
     filename,
     http_date,
+    sequence_options,
     whole_number,
 )
 from service.uploads.receive import append, finish
@@ -80,6 +81,7 @@ def _create(request: Request, context: ServiceContext, store: UploadStore, calle
         )
     metadata = request.headers.get("upload-metadata", "")
     name = filename(metadata)
+    sequence_options(metadata)  # refuses wrong ones before the bytes arrive
     with disk_faults(), store.creating():
         reserved = store.reserved()
         _check_count(context, reserved.counts.get(caller.owner, 0))

@@ -15,7 +15,6 @@ from pathlib import Path
 import cv2
 import psutil
 
-from pipeline.video import memory_file
 from tests.fuzz import media
 
 CASES_AT_ONCE = 1000
@@ -70,7 +69,6 @@ class DecodingChild:
 
 def _serve(pipe: Connection) -> None:
     """Main function of the child."""
-    memory_file.reserve()
     memory_bytes = psutil.Process().memory_info().vms + MEMORY_BYTES
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

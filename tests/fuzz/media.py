@@ -13,14 +13,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pipeline.errors import BadInput
-from pipeline.video.exr import read_exr
+from pipeline.formats.decoding import decode_raw
+from pipeline.formats.exr import EXR
 from pipeline.video.guard.files import guarded_join
-from pipeline.video.guard.pictures import guarded_exr, guarded_raw
+from pipeline.video.guard.pictures import guarded_planes, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.media import Limits, MediaInfo
 from pipeline.video.probe import probe, probe_guarded
 from pipeline.video.reader import VideoReader
-from pipeline.video.stills import decode_raw
 from pipeline.video.writer import SegmentSpec, segment_writer
 from tests.fuzz.mutate import mutated
 from tests.fuzz.samples import samples
@@ -89,12 +89,12 @@ class Decoders:
 
 GUARDED = Decoders(
     probe_guarded, GuardedReader, lambda data, path: guarded_raw(data, "image"),
-    lambda data, path: guarded_exr(data, "image"),
+    lambda data, path: guarded_planes(data, "image"),
 )  # fmt: skip
 """Decodes each file in a separate decoder process, as the service does."""
 DIRECT = Decoders(
     probe, VideoReader, lambda data, path: decode_raw(data, Limits(), "image"),
-    lambda data, path: read_exr(path, Limits(), "image"), lambda path: None,
+    lambda data, path: EXR.planes(path, Limits(), "image"), lambda path: None,
 )  # fmt: skip
 """Decodes in this process."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
+import struct
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -10,10 +12,11 @@ from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
+from PIL import Image
 
+from pipeline.formats.exr import write_exr
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
-from pipeline.video.exr import write_exr
 from tests.pipeline.video.making import make_video, make_zip, picture, png_frames
 
 SIZE = (48, 32)
@@ -38,9 +41,47 @@ def samples() -> Mapping[str, tuple[bytes, ...]]:
         made["gif"] = (make_video(folder / "v.gif", frames, "gif", "rgb8"),)
         made["zip"] = (make_zip(folder / "v.zip", png_frames(3, *SIZE)),)
         made["shot"] = (make_zip(folder / "shot.zip", dict(shot_files(scene("shapes", SIZE, frames=2)))),)
+        made["zip"] += (_odd_zip(folder / "odd.zip"),)
         made["exr"] = tuple(_exr(folder / f"{half}.exr", half) for half in (False, True))
         found = {kind: tuple(path.read_bytes() for path in paths) for kind, paths in made.items()}
-    return found | {kind: (_still(f".{kind}"), _still(f".{kind}", gray=True)) for kind in ("png", "jpg", "webp")}
+    found |= {kind: (_still(f".{kind}"), _still(f".{kind}", gray=True)) for kind in ("png", "jpg", "webp")}
+    import pipeline.formats.iso_images  # noqa: F401 - registers the writer of HEIF with Pillow
+
+    return found | {
+        form.lower(): _by_pillow(form) for form in ("AVIF", "HEIF", "TIFF", "BMP", "TGA", "JPEG2000", "PSD")
+    }
+
+
+def _by_pillow(form: str) -> tuple[bytes, ...]:
+    """Stills with and without alpha, and an animation where the format has it."""
+    pictures = [Image.fromarray(picture(index, *SIZE)) for index in range(3)]
+    clear = pictures[0].copy()
+    clear.putalpha(128)
+    made = []
+    for image, more in ((pictures[0], {}), (clear, {}), (pictures[0], {"save_all": True, "append_images": pictures})):
+        if form == "PSD":
+            return (_PSD,)
+        out = io.BytesIO()
+        with contextlib.suppress(OSError, ValueError, KeyError):
+            image.save(out, form, **more)
+            made.append(out.getvalue())
+    return tuple(made)
+
+
+_PSD = (
+    b"8BPS\0\1" + bytes(6) + struct.pack(">HIIHH", 3, SIZE[1], SIZE[0], 8, 3) + bytes(12) + b"\0\0"
+    + bytes(range(256)) * (3 * SIZE[0] * SIZE[1] // 256)
+)  # fmt: skip
+
+
+def _odd_zip(path: Path) -> Path:
+    """A sequence with a gap, options, backslashes and names as image programs write them."""
+    options = b'{"missing": "hold", "fps": "24000/1001", "pattern": "a_####.png"}'
+    frames = {
+        f"shot\\a_{number:04d}.png": data
+        for number, data in zip((-1, 1, 4), png_frames(3, *SIZE).values(), strict=True)
+    }
+    return make_zip(path, frames | {"shot\\sequence.json": options})
 
 
 def _broadcasts(folder: Path) -> list[Path]:

@@ -19,11 +19,12 @@ from hypothesis import strategies as some
 from starlette.datastructures import Headers
 
 from pipeline.errors import BadInput, ImpastoError
+from pipeline.formats.decoding import decode_rgb
 from pipeline.video.archive import open_archive, read_entry
 from pipeline.video.guard.wire import ConnectionBroken, receive
 from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
-from pipeline.video.stills import decode_rgb, encode_png
+from pipeline.video.stills import encode_png
 from service.access.admission import Admission, Cost, classes
 from service.access.gate import KEY_PROTOCOL, _bearer, _offered
 from service.access.keys import Principal, Scope

@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import IO
 
 from pipeline.errors import UnreadableMedia
+from pipeline.formats import output_format
 from pipeline.frames import Frame
 from pipeline.methods import parse_params
 from pipeline.methods.base import Method, TaskResult
 from pipeline.quality.report import QualityReport
 from pipeline.video.contact import contact_sheet, poster
 from pipeline.video.guard.files import guarded_join
-from pipeline.video.join import MEDIA_TYPES
 from pipeline.video.media import Note
 from pipeline.video.reader import VideoReader
-from pipeline.video.writer import Format, zip_entry
+from pipeline.video.writer import zip_entry
 from workers.blobs.base import Blobs
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
@@ -50,7 +50,7 @@ class Assembly:
         self._decoders = decoders
         self._scratch, self._overview = scratch, overview
         self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
-        self._format: Format = order.output.format  # type: ignore[assignment]
+        self._format = output_format(order.output.format)
         self.files: Files = {}
         self.notes: list[Note] = []
         """What was chosen, corrected, assumed or left out of the source."""
@@ -63,7 +63,7 @@ class Assembly:
         if quality is not None:
             result["quality"] = quality.summary()
         progress(0.9)
-        self._put("result", f"result.{_suffix(self._format)}", joined, MEDIA_TYPES[self._format])
+        self._put("result", f"result{self._format.suffixes[0]}", joined, self._format.media_type)
         for artefact in self._order.output.artefacts:
             self._pack(artefact)
         facts = self._report(result) | ({"quality": quality.as_json()} if quality is not None else {})
@@ -76,13 +76,13 @@ class Assembly:
         segments = sorted(s for s in self._order.segments if s[2])
         if not segments:
             raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
-        out = self._scratch / f"result.{_suffix(self._format)}"
+        out = self._scratch / f"result{self._format.suffixes[0]}"
         with ExitStack() as stack:
             starts, end = self._times_s([start for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
             pieces = list(zip(starts, paths, strict=True))
-            self.notes += guarded_join(pieces, out, self._format, sound, progress, end, self._order.source)
+            self.notes += guarded_join(pieces, out, self._format.name, sound, progress, end, self._order.source)
         return out
 
     def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
@@ -99,7 +99,7 @@ class Assembly:
                 self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
                 self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
             width, height = reader.size
-            fps, seconds = (reader.fps, reader.index.duration_s) if self._format != "png" else self._source_pace()
+            fps, seconds = (reader.fps, reader.index.duration_s) if not self._format.encode else self._source_pace()
             return {
                 "frames": reader.frames,
                 "width": width,
@@ -158,10 +158,6 @@ class Assembly:
 
 def _stages(measures: Mapping[str, float]) -> dict[str, float]:
     return {name: seconds for name, seconds in measures.items() if name not in (CPU, PEAK_MEMORY)}
-
-
-def _suffix(form: Format) -> str:
-    return "zip" if form == "png" else form
 
 
 def _add_part(target: zipfile.ZipFile, name: str, part: Path) -> None:

@@ -22,6 +22,8 @@ from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff
 from pipeline.video.index import Index
 from pipeline.video.media import SourceOptions
+from pipeline.video.numbered import by_frame
+from pipeline.video.numbering import numbers_of_runs
 from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
@@ -139,6 +141,7 @@ class AttemptContext:
         with self._decoders.reader(key, to_decode, self._options(name)) as reader:
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
+            self.damage.note(name, reader.notes)
             self.damage.record(name, expected, ())
             if name == "video":
                 self._index = window_index(reader.index, self._order.frames)
@@ -204,8 +207,13 @@ class AttemptContext:
             path = self._exit_stack.enter_context(self._blobs.local(self._input(name, whole=False)))
             found = GuardedImages(path, f"inputs.{name}")
             self._exit_stack.callback(found.close)
-            self._opened[name] = found if self._order.frames is None else WindowImages(found, self._order.frames)
+            images = by_frame(found, self._numbers(), f"inputs.{name}")
+            self._opened[name] = images if self._order.frames is None else WindowImages(images, self._order.frames)
         return self._opened[name]
+
+    def _numbers(self) -> tuple[int, ...]:
+        """Numbers of the frames of the source, if it is a sequence of images."""
+        return tuple(numbers_of_runs(self._order.input_info["video"].get("numbers", ())))
 
     def entries(self, name: str) -> Mapping[str, bytes]:
         path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
@@ -297,7 +305,7 @@ class AttemptContext:
         if self._order.emits is None:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
         index, output = self._video_index(), self._order.output
-        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)  # type: ignore[arg-type]
+        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)
         return Emission(self._scratch / "segment", spec, index, self._order.emits, self.clock)
 
     def _video_index(self) -> Index:

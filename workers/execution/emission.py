@@ -75,7 +75,7 @@ class Emission:
     def _encode(self, index: int, frame: Frame) -> None:
         with self._clock("encode"):
             self._writer = self._writer or segment_writer(self._path, self._spec)
-            self._writer.write(index, frame, self._index.time(index), self._index.time(index + 1))
+            self._writer.write(self._index.number(index), frame, self._index.time(index), self._index.time(index + 1))
 
     def _wait_until(self, most: int) -> None:
         """Wait until at most this many frames wait for the encoder. Raises its errors."""

@@ -9,7 +9,8 @@ from dataclasses import replace
 from pipeline.errors import DamagedMedia
 from pipeline.video.damage import damage_of
 from pipeline.video.index import Index
-from workers.jobs.job_warnings import DAMAGE_REMEDY, damage_warning, describe_damage
+from pipeline.video.media import Note
+from workers.jobs.job_warnings import DAMAGE_REMEDY, damage_warning, describe_damage, note_warning
 from workers.model import JobWarning
 
 
@@ -29,6 +30,12 @@ class InputDamage:
     def __init__(self, fails: bool) -> None:
         self._fails = fails
         self._unreadable: dict[str, tuple[Index, set[int]]] = {}
+        self._notes: dict[str, tuple[Note, ...]] = {}
+
+    def note(self, name: str, notes: Iterable[Note]) -> None:
+        """Record what was assumed, corrected or left out when the input `name` was opened."""
+        if found := tuple(notes):
+            self._notes[name] = found
 
     def record(self, name: str, index: Index, unreadable: Iterable[int]) -> None:
         """Record the damage that a reader of the input `name` has found so far. Raises DamagedMedia."""
@@ -42,6 +49,7 @@ class InputDamage:
             )
 
     def warnings(self) -> tuple[JobWarning, ...]:
-        """One warning for each damaged input."""
+        """One warning for each damaged input, and one for each note."""
         found = {name: damage_of(index, unreadable) for name, (index, unreadable) in self._unreadable.items()}
-        return tuple(damage_warning(name, damage) for name, damage in found.items() if damage)
+        damaged = (damage_warning(name, damage) for name, damage in found.items() if damage)
+        return (*damaged, *(note_warning(name, note) for name, notes in self._notes.items() for note in notes))

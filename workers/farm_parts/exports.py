@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from pipeline.formats import OUTPUTS
 from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
@@ -15,8 +16,8 @@ from workers.farm_parts.jobs import FarmJobs
 from workers.model import EXPORT_LABEL, MAX_NAME, Job, JobRequest, OutputSpec, RunState
 
 CONVERT, FILM = "convert", "film"
-SOURCES = ("mp4", "webm", "png")
-"""Formats of films that can be exported. A GIF has lost too much quality."""
+SOURCES = tuple(form.name for form in OUTPUTS.values() if not form.lossy)
+"""Formats of films that can be exported; others have lost too much quality."""
 _MOST = 50
 
 

@@ -68,7 +68,13 @@ def window_index(index: Index, frames: Span | None) -> Index:
         return index
     start, stop = frames[0], min(frames[1], len(index.pts))
     keys = index.keys[(index.keys >= start) & (index.keys < stop)] - start
-    return replace(index, pts=index.pts[start:stop], keys=np.union1d([0], keys), end=index.time(stop))
+    return replace(
+        index,
+        pts=index.pts[start:stop],
+        keys=np.union1d([0], keys),
+        end=index.time(stop),
+        numbers=index.numbers[start:stop],
+    )
 
 
 @dataclass(frozen=True)

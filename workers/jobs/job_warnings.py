@@ -23,7 +23,8 @@ def damage_warning(name: str, damage: Damage) -> JobWarning:
 
 def note_warning(name: str, note: Note) -> JobWarning:
     """The warning with what was chosen, corrected, assumed or left out of the input `name`."""
-    return JobWarning(note.code, note.message, name, {})
+    what = "" if name == "video" else f"The input {name!r}: "
+    return JobWarning(note.code, what + note.message, name, {})
 
 
 def describe_damage(name: str, damage: Damage) -> str:

@@ -13,7 +13,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.compositing import Blend, covers
-from pipeline.video.writer import Format
+from pipeline.formats import OutputName
 from workers.model import MAX_SEED, Json
 
 SCHEMA = 1
@@ -168,7 +168,7 @@ class Variant(Part):
 class Output(Part):
     """Output settings of the project's jobs."""
 
-    format: Format = "mp4"
+    format: OutputName = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
     artefacts: tuple[InputName, ...] = Field(default=(), max_length=32)
     report: bool = Field(default=False, description="Measure the film against the video, see `report.json`.")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log
 
+from pipeline.formats import output_format
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import PROCESS_BYTES, PlanContext
 from pipeline.methods.layers import LAYERS
@@ -25,8 +26,6 @@ less work (frames times pixels), are not used: the time of a small job is mostly
 STARTED_S = 1.0
 """CPU seconds of a job that do not depend on its length, if no job was measured: plans, opening of files, the last
 step."""
-BYTES_PER_PIXEL = {"mp4": 0.05, "webm": 0.05, "png": 1.5, "gif": 0.5}
-"""Bytes per pixel of a frame in the result, by format. While a job runs, its segments and its result both exist."""
 BYTES_PER_PIXEL_SAVED = 1.0
 """Bytes per pixel and frame of the states that tasks save for other tasks."""
 
@@ -108,7 +107,7 @@ def estimate_from(request: JobRequest, info: Json | None, history: Sequence[Meas
     if frames is None or not pixels:
         return Estimate(frames, None, 0)
     work = frames * pixels
-    disk = round(work * (2 * BYTES_PER_PIXEL.get(request.output.format, 1.0) + BYTES_PER_PIXEL_SAVED))
+    disk = round(work * (2 * output_format(request.output.format).bytes_per_pixel + BYTES_PER_PIXEL_SAVED))
     nearest = _nearest(request, frames, pixels, history)
     if not nearest:
         cpu_s = round(STARTED_S + method(request.method).cpu_s_per_megapixel * work / 1e6, 2)

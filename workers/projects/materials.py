@@ -5,14 +5,13 @@ Equal content gives equal bytes, and so the same asset, on every machine.
 
 from __future__ import annotations
 
-import io
 import json
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.video.headers import sniff
+from pipeline.formats import image_format
 from pipeline.video.writer import zip_entry
 
 
@@ -44,11 +43,14 @@ class JsonValue:
 Material = Uploaded | ImagesByFrame | JsonValue
 
 
-def write_material(material: ImagesByFrame | JsonValue, path: Path, read: Callable[[str], bytes]) -> str:
+def write_material(
+    material: ImagesByFrame | JsonValue, path: Path, read: Callable[[str], bytes], numbers: Sequence[int] = ()
+) -> str:
     """Write the input's file at `path` and return a file name for it.
 
     Args:
         read: the bytes of an asset, by its id.
+        numbers: numbers of the video's frames, if it is a sequence of images: images are named by them.
     """
     if isinstance(material, JsonValue):
         path.write_text(material.text, "utf-8")
@@ -56,9 +58,11 @@ def write_material(material: ImagesByFrame | JsonValue, path: Path, read: Callab
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for frame, asset_id in material.images:
             data = read(asset_id)
-            archive.writestr(zip_entry(f"{frame:07d}.{_suffix(data)}"), data)
+            number = numbers[frame] if frame < len(numbers) else frame
+            archive.writestr(zip_entry(f"{number:07d}.{_suffix(data)}"), data)
     return "frames.zip"
 
 
 def _suffix(data: bytes) -> str:
-    return {"image/jpeg": "jpg", "image/x-exr": "exr"}.get(sniff(io.BytesIO(data)), "png")
+    form = image_format(data[:4096])
+    return "png" if form is None else form.suffixes[0][1:]

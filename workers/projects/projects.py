@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import BadInput
+from pipeline.video.numbering import numbers_of_runs
 from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
@@ -181,18 +182,21 @@ class Projects:
 
     def request(self, submission: Submission, owner: str, labels: dict[str, str] | None = None) -> JobRequest:
         """Submit a job, with its inputs converted to assets of `owner`."""
-        ids = {name: self._asset_id(material, owner) for name, material in submission.inputs.items()}
+        video = submission.inputs.get("video")
+        info = self._assets.get(video.asset_id, owner).info if isinstance(video, Uploaded) else {}
+        numbers = numbers_of_runs(info.get("numbers", ()))
+        ids = {name: self._asset_id(material, owner, numbers) for name, material in submission.inputs.items()}
         return submission.request(ids, labels or {})
 
-    def _asset_id(self, material: Material, owner: str) -> str:
+    def _asset_id(self, material: Material, owner: str, numbers: Sequence[int]) -> str:
         if isinstance(material, Uploaded):
             return material.asset_id  # `FarmJobs.submit` refuses it if it is not the owner's
-        return self._made(material, owner).id
+        return self._made(material, owner, numbers).id
 
-    def _made(self, material: ImagesByFrame | JsonValue, owner: str) -> Asset:
+    def _made(self, material: ImagesByFrame | JsonValue, owner: str, numbers: Sequence[int]) -> Asset:
         with tempfile.TemporaryDirectory(prefix="impasto-", dir=self._scratch) as folder:
             path = Path(folder) / "material"
-            name = write_material(material, path, lambda asset_id: b"".join(self._bytes(asset_id, owner)))
+            name = write_material(material, path, lambda asset_id: b"".join(self._bytes(asset_id, owner)), numbers)
             return self._assets.add(path, name, owner)
 
     def _bytes(self, asset_id: str, owner: str) -> Iterator[bytes]:

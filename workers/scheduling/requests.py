@@ -8,10 +8,12 @@ from typing import get_args
 from urllib.parse import urlsplit
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
+from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, Method, Params, missing_inputs
 from pipeline.video.media import Fields, SourceOptions
-from pipeline.video.writer import FORMATS
+from pipeline.video.numbered import no_such_frame
+from pipeline.video.numbering import described, numbers_of_runs
 from workers.jobs.frame_window import stream_info, window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY
 from workers.model import (
@@ -110,6 +112,26 @@ def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | N
                 value=asset.id,
                 remedy=f"Use an asset of kind: {', '.join(FITS[kind])}.",
             )
+        if kind == "images":
+            _check_numbers(name, asset, assets.get("video"))
+        elif fault := asset.info.get("fault"):
+            raise BadParameter(str(fault), field=f"inputs.{name}", value=asset.filename)
+
+
+def _check_numbers(name: str, asset: Asset, video: Asset | None) -> None:
+    """Check that each image has the number of a frame."""
+    if asset.kind != "archive" or video is None or "numbers" not in asset.info:
+        return
+    if not asset.info["numbers"]:
+        raise BadParameter(str(asset.info["fault"]) or "The images have no numbers.", field=f"inputs.{name}",
+                           value=asset.filename, remedy="Number them by the frames they belong to.")  # fmt: skip
+    count = int(video.info.get("frames", 0))
+    runs = video.info.get("numbers") or ([[0, count - 1, 1]] if count else [])
+    valid = set(numbers_of_runs(runs))
+    wrong = [number for number in numbers_of_runs(asset.info["numbers"]) if number not in valid]
+    if wrong and valid:
+        error = no_such_frame(wrong, described(runs), f"inputs.{name}")
+        raise BadParameter(error.message, field=error.field, value=error.value, remedy=error.remedy)
 
 
 def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
@@ -131,8 +153,8 @@ def check_source(source: SourceOptions, video: Asset | None) -> None:
 
 
 def check_output(chosen: Method, output: OutputSpec) -> None:
-    if output.format not in FORMATS:
-        _refuse("output.format", output.format, f"Use one of: {', '.join(FORMATS)}.")
+    if output.format not in OUTPUTS:
+        _refuse("output.format", output.format, f"Use one of: {', '.join(OUTPUTS)}.")
     if not 0 <= output.quality <= MAX_QUALITY:
         _refuse("output.quality", output.quality, f"Use 0 (lossless) to {MAX_QUALITY}.")
     for artefact in output.artefacts:

@@ -46,7 +46,7 @@ class Abstraction(Method):
     Params: ClassVar[type[Params]] = AbstractionParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec(
-            "video", "video", True, "Video", "The video, GIF, image or zip of numbered images to turn into a cartoon.",
+            "video", "video", True, "Video", "The video, image or zip of images to turn into a cartoon.",
         ),
         InputSpec(
             "reference", "image-or-video", False, "Colour reference", "A picture or video whose colours to take on.",

@@ -64,7 +64,7 @@ class Analogy(Method):
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec(
             "video", "video", True, "Video",
-            "The video, GIF, image, zip of numbered PNG or EXR images, or shot (frames with passes, layers, styles and "
+            "The video, image, animated image, zip of numbered images, or shot (frames with passes, layers, styles and "
             "keyframes in folders) to paint.",
         ),
         InputSpec(

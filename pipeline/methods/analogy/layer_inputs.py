@@ -52,8 +52,8 @@ from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import Sites, extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.synthesis.orientation import authored_tensors
-from pipeline.video.exr import signed
 from pipeline.video.guard.pictures import guarded_raw
+from pipeline.video.passes import signed
 
 EXTRAPOLATED_PX = 64
 """Distance beyond the paint to which a layer's colours are extrapolated, px: the reach of a patch at the coarsest

@@ -18,7 +18,7 @@ from pipeline.methods.analogy.style_scaling import scaled_style_saved
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.scan import scan_video
 from pipeline.synthesis.tone_matching import ToneAccumulator, ToneStatistics, lab_guide
-from pipeline.video.exr import Convention, factors_of
+from pipeline.video.passes import Convention, factors_of
 
 TASK = "video"
 _SAMPLED_FRAMES = 24

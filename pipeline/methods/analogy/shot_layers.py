@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadInput, BadParameter
+from pipeline.formats import has_planes
+from pipeline.formats.base import Choice, PlaneImage
 from pipeline.frames import Flow, Frame, Mask
 from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.images import Bytes
 from pipeline.synthesis.tone_matching import NO_CONTRASTS, ToneStatistics
-from pipeline.video.archive import number_of
-from pipeline.video.exr import EXR_MAGIC, Exr, normals, object_ids, pixels, raw_vectors
-from pipeline.video.guard.pictures import guarded_exr, guarded_raw
+from pipeline.video.guard.pictures import guarded_planes, guarded_raw
+from pipeline.video.passes import normals, object_ids, picture, raw_vectors
 from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
 from pipeline.video.shot_files import FRAMES, Files, is_shot
 
@@ -120,7 +121,7 @@ class LayeredShot:
 
 
 def layered_shot(context: TaskContext[AnalogyParams]) -> LayeredShot | None:
-    """The shot in the input `video`; a sequence of EXR images is a shot, too. None = the video is no shot.
+    """The shot in the input `video`; a sequence of images with passes is a shot, too. None = the video is no shot.
 
     Raises:
         BadInput: the job also has inputs that a shot replaces.
@@ -158,7 +159,7 @@ def _layout(files: Files) -> ShotLayout | None:
         return None
     if is_shot(files):
         return read_shot(files)
-    if not all(name.lower().endswith(".exr") and number_of(name) is not None for name in files):
+    if not all(has_planes(name) and any(c.isdigit() for c in name) for name in files):
         return None
     return read_shot(_NumberedFrames(files))
 
@@ -203,14 +204,14 @@ def paint_artefact(layer: int, index: int) -> str:
 
 # -- render passes
 
-_MAX_CACHED_EXR = 3
-"""Number of decoded EXR images in memory: a frame and its two neighbours."""
+_MAX_CACHED = 3
+"""Number of decoded images with planes in memory: a frame and its two neighbours."""
 
 
 class RenderPasses:
     """Reads the render passes of a layer frame by frame.
 
-    A pass comes from separate files, from channels of the layer's EXR frames, or from those of the shot.
+    A pass comes from separate files, from channels of the layer's frames, or from those of the shot.
 
     Attributes:
         masked: whether the layer covers only a part of the picture.
@@ -218,7 +219,8 @@ class RenderPasses:
 
     def __init__(self, layer: Layer, size: tuple[int, int]) -> None:
         self._layer, self._size = layer, size
-        self._images: OrderedDict[str, Exr] = OrderedDict()
+        self._images: OrderedDict[str, PlaneImage] = OrderedDict()
+        self._choice: Choice = getattr(layer.contents, "choice", Choice())
         self._object_ids = layer.files.settings.ids if layer.files.settings else ()
         self.masked = layer.number >= 0 and self._is_part()
 
@@ -243,9 +245,13 @@ class RenderPasses:
 
     def _frame(self, index: int) -> Bytes:
         path = self._paths(FRAMES)[index]
-        found = pixels(self._exr(path)) if self._is_exr(path) else eight_bit(self._raw(path))
+        found = picture(self._planes(path), self._choice) if has_planes(path) else eight_bit(self._raw(path))
         if found is None:
-            raise BadInput("The EXR file contains no picture.", field=path, remedy="Render R, G and B into it.")
+            raise BadInput(
+                "The image contains no picture that is known by its name.",
+                field=path,
+                remedy="Render R, G and B into it.",
+            )
         sized = np.dstack([found] * 3) if found.ndim == 2 else found
         if (sized.shape[1], sized.shape[0]) != self._size:
             raise BadInput(
@@ -302,30 +308,30 @@ class RenderPasses:
             BadInput: the layer has no pass `ids`.
         """
         paths = self._paths("ids")
-        if paths and not self._is_exr(paths[index]):
+        if paths and not has_planes(paths[index]):
             raw = self._raw(paths[index])
             return (raw if raw.ndim == 2 else raw[..., 0]).astype(np.int32)
-        for exr in self._images_of("ids", index):
-            if (found := object_ids(exr)) is not None:
+        for image in self._images_of("ids", index):
+            if (found := object_ids(image)) is not None:
                 return found
         raise BadInput(
             f"{self._layer.where} is defined by object numbers, but the shot has no pass ids.", field="ids",
-            remedy="Put ids/0001.png beside frames/, or render IndexOB into the EXR frames.",
+            remedy="Put ids/0001.png beside frames/, or render IndexOB into the frames.",
         )  # fmt: skip
 
     def _normals(self, index: int) -> Frame:
         paths = self._paths("normals")
-        if paths and not self._is_exr(paths[index]):
+        if paths and not has_planes(paths[index]):
             return as_rgb(eight_bit(self._raw(paths[index])))
-        for exr in self._images_of("normals", index):
-            if (found := normals(exr)) is not None:
+        for image in self._images_of("normals", index):
+            if (found := normals(image)) is not None:
                 return np.asarray(np.rint((np.nan_to_num(found).clip(-1, 1) + 1) * 127.5), np.uint8)
         raise BadInput(f"{self._layer.where} has no normals in frame {index}.", field="normals",
                        remedy="Render the pass for every frame.")  # fmt: skip
 
     def _in_frames(self, kind: str) -> bool:
         find = normals if kind == "normals" else object_ids
-        return any(find(exr) is not None for exr in self._images_of(kind, 0))
+        return any(find(image) is not None for image in self._images_of(kind, 0))
 
     # -- vectors
 
@@ -335,42 +341,33 @@ class RenderPasses:
 
     def vectors(self, index: int) -> tuple[Flow | None, Flow | None]:
         """Vectors as stored: (to the next frame, from the previous frame); None = missing."""
-        for exr in self._images_of("vectors", index):
-            _, forth, back = raw_vectors(exr)
+        for image in self._images_of("vectors", index):
+            _, forth, back = raw_vectors(image)
             if forth is not None or back is not None:
                 return forth, back
         return None, None
 
-    def vector_image(self, index: int) -> Exr:
-        """The EXR image that contains the motion vectors of a frame."""
+    def vector_image(self, index: int) -> PlaneImage:
+        """The image that contains the motion vectors of a frame."""
         return next(
-            exr for exr in self._images_of("vectors", index) if any(f is not None for f in raw_vectors(exr)[1:])
+            image for image in self._images_of("vectors", index) if any(f is not None for f in raw_vectors(image)[1:])
         )
 
-    def _images_of(self, kind: str, index: int) -> list[Exr]:
-        """EXR images that may contain a pass, the most likely first."""
+    def _images_of(self, kind: str, index: int) -> list[PlaneImage]:
+        """Images that may contain a pass, the most likely first."""
         own, whole = self._layer.files.passes, self._layer.whole.passes
         paths = [p[k][index] for p in (own, whole) for k in (kind, FRAMES) if index in p.get(k, {})]
-        return [self._exr(path) for path in dict.fromkeys(paths) if self._is_exr(path)]
+        return [self._planes(path) for path in dict.fromkeys(paths) if has_planes(path)]
 
     # -- files
 
     def _raw(self, path: str) -> AnyArray:
         return guarded_raw(self._layer.contents[path], path)
 
-    @staticmethod
-    def _is_exr(path: str) -> bool:
-        return path.lower().endswith(".exr")
-
-    def _exr(self, path: str) -> Exr:
+    def _planes(self, path: str) -> PlaneImage:
         if path not in self._images:
-            data = self._layer.contents[path]
-            if not data.startswith(EXR_MAGIC):
-                raise BadInput(
-                    "The file is named .exr but is not an OpenEXR file.", field=path, remedy="Save it as OpenEXR."
-                )
-            self._images[path] = guarded_exr(data, path)
-            if len(self._images) > _MAX_CACHED_EXR:
+            self._images[path] = guarded_planes(self._layer.contents[path], path)
+            if len(self._images) > _MAX_CACHED:
                 self._images.popitem(last=False)
         return self._images[path]
 

@@ -55,7 +55,7 @@ class Multistyle(Method):
     paper: ClassVar[str] = "kagaya2011video"
     Params: ClassVar[type[Params]] = MultistyleParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
-        InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to paint."),
+        InputSpec("video", "video", True, "Video", "The video, image (still or animated) or zip of images to paint."),
         InputSpec(
             "design", "json", False, "Design",
             "Regions, their styles and stroke directions at keyframes; format in docs/multistyle.md.",

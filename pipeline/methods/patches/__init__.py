@@ -53,7 +53,7 @@ class Patches(Method):
     paper: ClassVar[str] = "zhang2011patches"
     Params: ClassVar[type[Params]] = PatchesParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (
-        InputSpec("video", "video", True, "Video", "The video, GIF, image or zip of numbered images to paint."),
+        InputSpec("video", "video", True, "Video", "The video, image (still or animated) or zip of images to paint."),
         InputSpec(
             "masks", "images", False, "Foreground masks",
             "White = foreground, black = background, gray or transparent = unknown, so scribbles suffice. A zip of "

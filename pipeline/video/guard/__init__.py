@@ -7,5 +7,5 @@ roles            loop of the server, and the roles of its children
 wire             message format: JSON and bytes, arrays in shared memory; never pickle
 reader           `GuardedReader`: a `VideoReader` in a decoder process
 files            numbered images, and joining with the source's sound
-pictures         pictures of a shot, including EXR
+pictures         pictures of a shot, also with named planes
 """

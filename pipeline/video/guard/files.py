@@ -11,7 +11,6 @@ from pipeline.arrays import AnyArray
 from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits, Note, SourceOptions
-from pipeline.video.writer import Format
 
 _BYTES_A_PIXEL = 8
 """RGBA with 16 bits a channel."""
@@ -26,6 +25,8 @@ class GuardedImages(Mapping[int, AnyArray]):
         self._shared_bytes = _BYTES_A_PIXEL * limits.pixels
         self._child = self._begin()
         self._numbers = [int(number) for number in self._child.began[0]["numbers"]]
+        self.is_single = bool(self._child.began[0]["single"])
+        """Whether this is one image without a number."""
 
     def _begin(self) -> DecoderProcess:
         return start_decoder("images", self._task, self._shared_bytes)
@@ -53,7 +54,7 @@ class GuardedImages(Mapping[int, AnyArray]):
 def guarded_join(
     segments: Sequence[tuple[Fraction, Path]],
     out: Path,
-    container: Format,
+    container: str,
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,

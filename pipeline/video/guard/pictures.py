@@ -1,4 +1,4 @@
-"""`decode_raw` and `read_exr` for untrusted bytes, in a decoder process."""
+"""`decode_raw` and `decode_planes` for untrusted bytes, in a decoder process."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
-from pipeline.video.exr import Exr
+from pipeline.formats.base import PlaneImage
 from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.media import Limits
@@ -50,15 +50,16 @@ _DECODER = _ThreadDecoder()
 
 
 def guarded_raw(data: bytes, name: str) -> AnyArray:
-    """Like `pipeline.video.stills.decode_raw`, in a child process. Raises UnreadableMedia, MediaTooLarge."""
+    """Like `pipeline.formats.decoding.decode_raw`, in a child process. Raises UnreadableMedia, MediaTooLarge."""
     return _decoded("raw", data, name)[1]
 
 
-def guarded_exr(data: bytes, name: str) -> Exr:
-    """Like `pipeline.video.exr.read_exr`, in a child process. Raises UnreadableMedia, MediaTooLarge."""
-    answer, planes = _decoded("exr", data, name)
+def guarded_planes(data: bytes, name: str) -> PlaneImage:
+    """Like `pipeline.formats.decoding.decode_planes`, in a child process. Raises UnreadableMedia, MediaTooLarge."""
+    answer, planes = _decoded("planes", data, name)
     width, height = answer["size"]
-    return Exr((int(width), int(height)), dict(zip(map(str, answer["names"]), planes, strict=True)))
+    found = dict(zip(map(str, answer["names"]), planes, strict=True))
+    return PlaneImage((int(width), int(height)), found, float(answer["aspect"]), tuple(map(str, answer["views"])))
 
 
 def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, AnyArray]:

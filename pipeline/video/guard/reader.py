@@ -17,6 +17,7 @@ from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, st
 from pipeline.video.guard.wire import Message
 from pipeline.video.index import Index
 from pipeline.video.media import Limits, Note, SourceOptions
+from pipeline.video.numbering import numbers_of_runs
 
 FOREVER = 1 << 62
 """End of a read of all frames."""
@@ -142,5 +143,6 @@ def _index(about: Message, data: bytes) -> Index:
     tick, incomplete = Fraction(above, below), frozenset(about["incomplete"])
     missing = tuple((frame, missed) for frame, missed in about["missing"])
     notes = tuple(Note(str(code), str(message)) for code, message in about["notes"])
+    numbers = tuple(numbers_of_runs(about["numbers"]))
     end, exact = int(about["end"]), bool(about["exact"])
-    return Index(times[:count], times[count:], end, tick, exact, missing, incomplete, notes=notes)
+    return Index(times[:count], times[count:], end, tick, exact, missing, incomplete, notes=notes, numbers=numbers)

@@ -21,18 +21,17 @@ import psutil
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
+from pipeline.formats.decoding import decode_planes, decode_raw
 from pipeline.frames import Frame
 from pipeline.kernels.allocator import keep_freed_memory, limit_arenas
 from pipeline.perception.cuts import thumbnail
-from pipeline.video import memory_file
-from pipeline.video.exr import read_exr
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
 from pipeline.video.join import join
 from pipeline.video.media import Limits, SourceOptions
 from pipeline.video.numbered import NumberedImages
+from pipeline.video.numbering import runs_of_numbers
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
-from pipeline.video.stills import decode_raw
 
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
 _KEPT_BYTES = 64 << 20
@@ -84,7 +83,7 @@ def _video(connection: ChildConnection) -> None:
         facts = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
         times = {"tick": (tick.numerator, tick.denominator), "end": index.end, "exact": index.exact}
         times |= {"missing": index.missing, "incomplete": sorted(index.incomplete)}
-        times["notes"] = reader.notes
+        times |= {"notes": reader.notes, "numbers": runs_of_numbers(index.numbers)}
         data = index.pts.astype("<i8").tobytes() + index.keys.astype("<i8").tobytes()
         connection.answer(facts | times | {"frames": len(index.pts), "position": reader.position}, data)
         faults, frames = _Faults(reader), reader.read(0, 0)
@@ -141,13 +140,13 @@ def _images(connection: ChildConnection) -> None:
     """A `NumberedImages`: {"number"} returns an image."""
     task = connection.next()
     found = NumberedImages(Path(task["path"]), task["field"], _limits(task))
-    connection.answer({"numbers": list(found)})
+    connection.answer({"numbers": list(found), "single": found.is_single})
     while True:
         connection.answer(connection.share(found[connection.next()["number"]]))
 
 
 def _pictures(connection: ChildConnection) -> None:
-    """One encoded picture after another: {"kind", "path", "name"} gives it as stored, or every plane of an EXR."""
+    """One encoded picture after another: {"kind", "path", "name"} gives it as displayed, or all its named planes."""
     limits = _limits(connection.next())
     connection.answer({})
     while True:
@@ -157,9 +156,10 @@ def _pictures(connection: ChildConnection) -> None:
             if task["kind"] == "raw":
                 connection.answer(connection.share(decode_raw(path.read_bytes(), limits, name)))
             else:
-                image = read_exr(path, limits, name)
+                image = decode_planes(path.read_bytes(), limits, name)
                 shared = connection.share(np.stack(list(image.planes.values())))
-                connection.answer(shared | {"size": image.size, "names": list(image.planes)})
+                facts = {"size": image.size, "aspect": image.pixel_aspect, "views": image.views}
+                connection.answer(shared | facts | {"names": list(image.planes)})
         except BadInput as error:  # only this picture is bad; the next one may be sound
             connection.answer({"error": _described(error)})
 
@@ -191,7 +191,6 @@ _WRITERS = frozenset({"join"})
 def _run_role(wire: socket.socket, shared_fd: int) -> None:
     """Run one role, from the first message to the end of the process."""
     first, _ = receive(wire)
-    memory_file.reserve()
     _set_limits(first)
     connection = ChildConnection(wire, mmap.mmap(shared_fd, int(first["shared"])))
     connection.answer({"pid": os.getpid()})

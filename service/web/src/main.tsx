@@ -1,5 +1,6 @@
 /** Start of the studio's page: which view belongs to the address, and what passes from one to the next. */
 
+import { under } from "./api/base";
 import "./css/base.css";
 import "./css/controls.css";
 import "./css/stage.css";
@@ -148,7 +149,7 @@ const Works = () => (
 
 const NoWorks = () => (
   <div class="empty">
-    <img src="/static/img/strokes.svg" alt="" />
+    <img src={under("/static/img/strokes.svg")} alt="" />
     <h2>No works yet</h2>
     <p>Drop a video in the studio, choose a method and paint it: the film appears here.</p>
     <a class="button primary" href="#/">

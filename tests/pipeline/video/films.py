@@ -16,7 +16,7 @@ from av.container import OutputContainer
 from pipeline.video.join import join
 from pipeline.video.media import Note, SourceOptions
 from pipeline.video.reader import VideoReader
-from pipeline.video.writer import Format, SegmentSpec, segment_writer
+from pipeline.video.writer import SegmentSpec, segment_writer
 
 WIDTH, HEIGHT, RATE = 96, 64, 48000
 FLASHES = (5, 15, 25, 35)
@@ -97,7 +97,7 @@ def joined(path: Path, *parts: Path) -> Path:
 
 
 def painted(
-    source: Path, out: Path, container: Format = "mp4", options: SourceOptions | None = None,
+    source: Path, out: Path, container: str = "mp4", options: SourceOptions | None = None,
     piece: tuple[int, int] | None = None,
 ) -> tuple[Note, ...]:  # fmt: skip
     """The source's own frames as two segments, joined: what a job does, without painting. Returns the notes."""

@@ -10,21 +10,25 @@ import OpenEXR
 import pytest
 
 from pipeline.errors import MediaTooLarge, UnreadableMedia
+from pipeline.formats.base import PlaneImage
+from pipeline.formats.exr import EXR
 from pipeline.scenes import scene
-from pipeline.video.exr import (
-    Exr,
+from pipeline.video.media import Limits
+from pipeline.video.passes import (
     depth,
     factors_of,
     normals,
     object_ids,
-    pixels,
+    picture,
     raw_vectors,
-    read_exr,
     signed,
 )  # fmt: skip
-from pipeline.video.media import Limits
 
 SIZE = (96, 64)
+
+
+def read_exr(source: bytes | Path, limits: Limits = Limits(), name: str = "image") -> PlaneImage:
+    return EXR.planes(source, limits, name)
 
 
 def write(path: Path, channels: dict[str, np.ndarray], header: dict[str, Any] | None = None) -> Path:
@@ -77,8 +81,8 @@ def test_invalid_truncated_and_too_large_files_are_rejected(tmp_path: Path) -> N
 def test_passes_are_found_by_their_names() -> None:
     plane = np.full((2, 3), 0.5, np.float32)
     names = ["Combined.R", "Combined.G", "Combined.B", "Normal.X", "Normal.Y", "Normal.Z", "Depth.Z", "IndexOB.X"]
-    image = Exr((3, 2), {f"ViewLayer.{name}": plane for name in names})
-    frame = pixels(image)
+    image = PlaneImage((3, 2), {f"ViewLayer.{name}": plane for name in names})
+    frame = picture(image)
     assert frame is not None and (frame == 188).all()
     found = normals(image)
     assert found is not None and found.shape == (2, 3, 3)
@@ -86,7 +90,7 @@ def test_passes_are_found_by_their_names() -> None:
     assert raw_vectors(image) == ("named", None, None)
 
 
-def vectors(index: int, convention: str) -> tuple[Exr, np.ndarray]:
+def vectors(index: int, convention: str) -> tuple[PlaneImage, np.ndarray]:
     """A scene's exact velocities as a renderer would write them."""
     shot = scene("shapes", SIZE, frames=12, fps=12).frame(index)
     minus, plus = shot.velocity_previous, shot.velocity_next
@@ -97,7 +101,7 @@ def vectors(index: int, convention: str) -> tuple[Exr, np.ndarray]:
         sign = -1 if convention == "cycles" else 1
         names = {"V.Vector.X": sign * minus[..., 0], "V.Vector.Y": -sign * minus[..., 1]}
         names |= {"V.Vector.Z": -plus[..., 0], "V.Vector.W": plus[..., 1]}
-    return Exr(SIZE, names), shot.image
+    return PlaneImage(SIZE, names), shot.image
 
 
 @pytest.mark.parametrize("stated", [True, False], ids=["stated", "guessed"])
@@ -117,11 +121,11 @@ def test_velocities_have_the_right_sign_for_each_convention(convention: Any, sta
 def test_velocities_of_a_rendered_box(media: Path) -> None:
     """MANIFEST.md: exact velocities, px, y down; the box moves 6 px and more, so a wrong sign is far off."""
 
-    def read(index: int) -> tuple[Exr, np.ndarray]:
+    def read(index: int) -> tuple[PlaneImage, np.ndarray]:
         folder = media / "cg_aov" / "box"
-        picture = pixels(read_exr(folder / f"beauty_{index:03d}.exr"))
-        assert picture is not None
-        return read_exr(folder / f"velocity_{index:03d}.exr"), picture
+        found = picture(read_exr(folder / f"beauty_{index:03d}.exr"))
+        assert found is not None
+        return read_exr(folder / f"velocity_{index:03d}.exr"), found
 
     factors, message = factors_of("auto", read(2), read(3))
     print(message)

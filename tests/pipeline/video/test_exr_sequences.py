@@ -94,7 +94,7 @@ def test_a_zip_of_images_of_different_length(tmp_path: Path, write: Writer) -> N
     noise = np.random.default_rng(0).random((64, 96)).astype(np.float32)
     with OpenEXR.File({"type": OpenEXR.scanlineimage}, dict.fromkeys("RGB", noise)) as file:
         file.write(str(folder / "f_2.exr"))  # longer than its neighbours in bytes
-    write(folder / "f_10.exr", 0.0)
+    write(folder / "f_03.exr", 0.0)
     path = _zipped(folder, tmp_path / "a.zip")
     info = probe_guarded(path)
     assert (info.kind, info.width, info.height, info.frames) == ("archive", *SIZE, 3)

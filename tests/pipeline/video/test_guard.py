@@ -21,13 +21,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame, Cancelled, MediaTooLarge, UnreadableMedia
+from pipeline.formats.decoding import decode_planes, decode_raw
+from pipeline.formats.exr import write_exr
 from pipeline.perception.cuts import thumbnail
-from pipeline.video.exr import read_exr, write_exr
 from pipeline.video.guard import decoder_process, roles
 from pipeline.video.guard.decoder_process import DecoderProcess
 from pipeline.video.guard.decoder_server import SERVER
 from pipeline.video.guard.files import GuardedImages, guarded_join
-from pipeline.video.guard.pictures import _DECODER, guarded_exr, guarded_raw
+from pipeline.video.guard.pictures import _DECODER, guarded_planes, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.guard.wire import ConnectionBroken, receive, send
 from pipeline.video.join import join
@@ -35,7 +36,6 @@ from pipeline.video.media import Limits
 from pipeline.video.numbered import NumberedImages
 from pipeline.video.probe import probe_guarded
 from pipeline.video.reader import VideoReader
-from pipeline.video.stills import decode_raw
 from pipeline.video.writer import SegmentSpec, segment_writer
 from tests.pipeline.video.making import make_video, make_zip, picture, png_frames
 
@@ -128,7 +128,7 @@ def test_errors_of_a_file_are_those_of_the_plain_reader(tmp_path: Path) -> None:
     with pytest.raises(MediaTooLarge):
         GuardedReader(make_video(tmp_path / "b.mp4", [picture(0)]), Limits(side_px=32))
     frames = png_frames(3)
-    frames["0001.png"] = cv2.imencode(".png", np.zeros((40, 40, 3), np.uint8))[1].tobytes()
+    frames["frame_2.png"] = cv2.imencode(".png", np.zeros((40, 40, 3), np.uint8))[1].tobytes()
     with GuardedReader(make_zip(tmp_path / "c.zip", frames)) as reader, pytest.raises(BadFrame):
         list(reader.read())
 
@@ -379,7 +379,8 @@ def test_guarded_pictures_equal_those_decoded_in_process(tmp_path: Path) -> None
     assert same(guarded_raw(data, "a.png"), decode_raw(data, Limits(), "a.png"))
     planes = {f"ViewLayer.Combined.{name}": np.full((20, 24), i / 4, np.float32) for i, name in enumerate("RGB")}
     write_exr(tmp_path / "a.exr", planes)
-    image, plain = (read((tmp_path / "a.exr").read_bytes(), name="a.exr") for read in (guarded_exr, read_exr))
+    data = (tmp_path / "a.exr").read_bytes()
+    image, plain = guarded_planes(data, "a.exr"), decode_planes(data, Limits(), "a.exr")
     assert image.size == plain.size == (24, 20) and list(image.planes) == list(plain.planes)
     assert all(np.array_equal(image.planes[name], plain.planes[name]) for name in planes)
 

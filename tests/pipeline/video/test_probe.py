@@ -25,7 +25,14 @@ from tests.pipeline.video.making import clicks, make_video, make_zip, picture, p
 
 def png_header(width: int, height: int) -> bytes:
     body = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + body + struct.pack(">I", zlib.crc32(body)) + b"\0" * 64
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + struct.pack(">I", 13)
+        + body
+        + struct.pack(">I", zlib.crc32(body))
+        + b"\0\0\0\x40IDAT"
+        + b"\0" * 64
+    )
 
 
 def jpeg_header(width: int, height: int) -> bytes:

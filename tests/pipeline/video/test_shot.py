@@ -41,7 +41,7 @@ def test_a_shot_is_a_video_of_its_frames_for_any_method(tmp_path: Path, root: st
 
 def test_plain_numbered_images_are_not_a_shot() -> None:
     assert not is_shot(["clip/frames/1.png", "clip/frames/2.png"]) and not is_shot(["1.png"])
-    assert pictures_of(["b/10.png", "b/2.png"]) == ["b/2.png", "b/10.png"]
+    assert pictures_of(["b/10.png", "b/2.png"]) == ["b/10.png", "b/2.png"]
 
 
 def test_frame_numbers_may_start_anywhere() -> None:
@@ -114,7 +114,7 @@ def lonely(files: Files) -> None:
     [
         (lose, ["front", "frame 2", "masks"]),
         (stray, ["front", "keyframes/0009.png", "0 to 3"]),
-        (double, ["front", "0002.png", "number of another picture"]),
+        (double, ["front", "0002.png", "have the number 2"]),
         (unnumbered, ["front", "first.png"]),
         (small, ["masks/0002.png", "30x20", "96x72"]),
         (nowhere, ["notes/0002.png"]),

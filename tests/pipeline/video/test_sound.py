@@ -16,7 +16,6 @@ from pipeline.errors import BadParameter
 from pipeline.video import audio
 from pipeline.video.audio import tracks_of
 from pipeline.video.media import SourceOptions
-from pipeline.video.writer import Format
 from tests.pipeline.video.films import MARKS_S, RATE, click_times, film, flash_times, joined, painted, samples
 
 
@@ -29,7 +28,7 @@ def sound_of(path: Path) -> list[tuple[str, int, str]]:
         ]
 
 
-def assert_heard(source: Path, out: Path, at_s: list[float], container: Format = "mp4", track: int = 0) -> None:
+def assert_heard(source: Path, out: Path, at_s: list[float], container: str = "mp4", track: int = 0) -> None:
     painted(source, out, container)
     seen, heard = flash_times(out), click_times(out, track)
     assert seen == pytest.approx(MARKS_S, abs=0.025)
@@ -52,7 +51,7 @@ HOLES = {
 
 @pytest.mark.parametrize("container", ["mp4", "webm"])
 @pytest.mark.parametrize("which", HOLES)
-def test_sound_after_a_hole_stays_where_it_was(which: str, container: Format, tmp_path: Path) -> None:
+def test_sound_after_a_hole_stays_where_it_was(which: str, container: str, tmp_path: Path) -> None:
     name, codec, holes = HOLES[which]
     lead = 1.4 if name.endswith("ts") else 0.5 if name.endswith("mpg") else 0.0
     path = film(
@@ -79,7 +78,7 @@ CHANGES: dict[str, tuple[tuple[str, str, int], tuple[str, str, int]]] = {
 
 @pytest.mark.parametrize("container", ["mp4", "webm"])
 @pytest.mark.parametrize("which", CHANGES)
-def test_a_change_of_the_sound_in_the_middle_is_survived(which: str, container: Format, tmp_path: Path) -> None:
+def test_a_change_of_the_sound_in_the_middle_is_survived(which: str, container: str, tmp_path: Path) -> None:
     parts = []
     for number, (codec, layout, rate) in enumerate(CHANGES[which]):
         frames = range(20) if number == 0 else range(20, 40)
@@ -138,7 +137,7 @@ def test_a_sound_track_is_chosen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("layout", "kept"), [("5.1", 6), ("7.1", 8), ("4.0", 2), ("stereo", 2), ("mono", 1)])
 @pytest.mark.parametrize("container", ["mp4", "webm"])
 def test_channels_are_kept_where_the_encoder_has_them(
-    layout: str, kept: int, container: Format, tmp_path: Path
+    layout: str, kept: int, container: str, tmp_path: Path
 ) -> None:
     path = film(tmp_path / "c.mkv", sound="flac", layout=layout)
     painted(path, tmp_path / f"out.{container}", container)
@@ -206,7 +205,7 @@ def test_late_sound_begins_late(late_s: float, codec: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", ["e.mkv", "e.mov", "e.ts"])
 @pytest.mark.parametrize("container", ["mp4", "webm"])
-def test_sound_before_the_first_picture_is_kept(name: str, container: Format, tmp_path: Path) -> None:
+def test_sound_before_the_first_picture_is_kept(name: str, container: str, tmp_path: Path) -> None:
     times = [500 + 40 * at for at in range(40)]
     path = film(tmp_path / name, "mpeg4", "libmp3lame", times, options={"bf": "0"})
     painted(path, out := tmp_path / f"out.{container}", container)

@@ -1,5 +1,6 @@
 /** The service's HTTP API as functions, over the client that is generated from its OpenAPI document. */
 
+import { under } from "./base";
 import { blobOf, bodyOf, client } from "./client";
 import { key, request, url } from "./http";
 import type { Asset, Inputs, Job, Method, Output, Page, Params, PreviewRequest, RunState } from "./schemas";
@@ -79,12 +80,12 @@ export async function objectUrl(path: string, signal?: AbortSignal): Promise<str
  * An address that media elements can load: the path itself, or an object URL where a key is needed, for elements send
  * no Authorization header.
  */
-export const mediaUrl = (path: string): Promise<string> => (key() ? objectUrl(path) : Promise.resolve(path));
+export const mediaUrl = (path: string): Promise<string> => (key() ? objectUrl(path) : Promise.resolve(under(path)));
 
 /** Save a file of the service under the name that the service gives it. */
 export async function download(path: string): Promise<void> {
   const link = document.createElement("a");
-  link.href = `${path}?download=true`;
+  link.href = under(`${path}?download=true`);
   link.download = "";
   if (key()) await pointAtBytes(link);
   link.click();

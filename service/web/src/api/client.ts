@@ -2,10 +2,11 @@
 
 import createClient from "openapi-fetch";
 import type { paths } from "../../types/api";
+import { base } from "./base";
 import { request } from "./http";
 
 /** Requests carry the user's key. Every answer with an error status is thrown as a `Problem`. */
-export const client = createClient<paths>({ baseUrl: globalThis.location?.origin ?? "", fetch: request });
+export const client = createClient<paths>({ baseUrl: (globalThis.location?.origin ?? "") + base, fetch: request });
 
 /** The body of an answer. */
 export async function bodyOf<Body>(answer: Promise<{ data?: Body }>): Promise<NonNullable<Body>> {

@@ -1,5 +1,7 @@
 /** Requests to the service, with the key of the user. Every failure is a `Problem` (RFC 9457) with a field and a remedy. */
 
+import { under } from "./base";
+
 const KEY = "impasto.key";
 
 /** Fields of a problem+json answer. */
@@ -104,7 +106,7 @@ export async function request(target: string | Request, options: RequestOptions 
 /** A request that can be sent, with the present key; `target` can be sent again. */
 function attempt(target: string | Request, { headers = {}, ...options }: RequestOptions): Request {
   if (typeof target === "string")
-    return new Request(target, { ...options, headers: { ...authorisation(), ...headers } });
+    return new Request(under(target), { ...options, headers: { ...authorisation(), ...headers } });
   const copy = target.clone();
   for (const [name, value] of Object.entries(authorisation())) copy.headers.set(name, value);
   return copy;

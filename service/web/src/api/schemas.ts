@@ -10,6 +10,8 @@ export type Job = Omit<Schemas["JobOut"], "request"> & { request: JobRequest };
 type JobRequest = Omit<Schemas["JobRequest"], "output"> & { output?: Output };
 export type Step = Schemas["StepView"];
 export type Output = Schemas["OutputIn"];
+/** Name of an output format. */
+export type OutputName = NonNullable<Output["format"]>;
 export type Fault = Schemas["Fault"];
 export type RunState = Schemas["RunState"];
 export type InputSpec = Schemas["InputSpec"];

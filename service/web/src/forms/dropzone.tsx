@@ -2,6 +2,7 @@
 
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { accept } from "../api/formats";
 import type { InputSpec } from "../api/schemas";
 
 /** Call `onfile(file)` for the first file dropped on `element`, until the returned function is called. */
@@ -74,8 +75,8 @@ export function Dropzone({ accept, label, onfile, class: name = "", hidden = fal
 
 /** File types that a file picker offers for an input of a method, by its kind. */
 export const ACCEPT: Record<InputSpec["kind"], string> = {
-  video: "video/*,.mkv,.avi,.mov,.gif,.webm,.mp4,.zip",
-  image: "image/*",
+  video: accept.video,
+  image: accept.image,
   "image-or-video": "image/*,video/*,.mkv",
   images: ".zip,application/zip",
   json: ".json,application/json",

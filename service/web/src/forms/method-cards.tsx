@@ -41,7 +41,7 @@ function Picture({ path }: { path: string }) {
 }
 
 /** One transparent pixel: an image without an address takes no room. */
-const NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
+const NOTHING = "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg'/%3E";
 
 /** The examples of a method, the defaults first. */
 export const presetsOf = (examples: Example[]): Example[] => [

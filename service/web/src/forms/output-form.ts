@@ -1,10 +1,15 @@
 /** The output of the job: the same kind of form as parameters have, from a schema of the page. */
 
 import type { JobBody } from "../api/api";
+import { outputs } from "../api/formats";
 import type { Asset, Output, Params, Schema } from "../api/schemas";
 import { artefactTitle } from "../ui/format";
 
 const GROUP = "Film";
+const withoutQuality = outputs
+  .filter(({ hasQuality }) => !hasQuality)
+  .map(({ title }) => title)
+  .join(" and ");
 
 /** Schema of the form, with the optional artefacts that a method offers. */
 export function outputSchema(artefacts: string[]): Schema {
@@ -22,14 +27,8 @@ export function outputSchema(artefacts: string[]): Schema {
       format: {
         title: "Format",
         default: "mp4",
-        oneOf: [
-          { const: "mp4", title: "MP4" },
-          { const: "webm", title: "WebM" },
-          { const: "png", title: "PNG frames" },
-          { const: "gif", title: "GIF" },
-        ],
-        description:
-          "MP4 plays everywhere, WebM is free of patents, PNG frames are lossless, in a zip; a GIF has 720 px and 256 colours at most.",
+        oneOf: outputs.map(({ name, title }) => ({ const: name, title })),
+        description: outputs.map(({ title, help }) => `${title}: ${help}.`).join(" "),
         group: GROUP,
       },
       quality: {
@@ -38,7 +37,7 @@ export function outputSchema(artefacts: string[]): Schema {
         minimum: 0,
         maximum: 51,
         default: 20,
-        description: "Lower is finer and larger; 0 loses nothing. Not used for PNG and GIF.",
+        description: `Lower is finer and larger; 0 loses nothing. Not used for ${withoutQuality}.`,
         group: GROUP,
       },
       seed: {

@@ -1,6 +1,8 @@
 /** A project that somebody has shared by a link: its video and its finished films, to look at only. */
 
 import * as api from "../api/api";
+import { under } from "../api/base";
+import { outputOf } from "../api/formats";
 import type { Job, Page } from "../api/schemas";
 import { ago } from "../ui/format";
 
@@ -14,8 +16,6 @@ export interface Shared {
   };
   finished: Job[];
 }
-
-const PLAYED = new Set(["mp4", "webm"]);
 
 export async function readShared(token: string): Promise<Shared> {
   const at = api.url`/v1/shared/${token}`;
@@ -56,15 +56,15 @@ export function SharedPage({ at, project, finished }: Shared) {
 }
 
 function Film({ job, title, path }: { job: Job; title: string; path: string }) {
-  const format = job.request.output?.format ?? "mp4";
-  if (PLAYED.has(format)) return <Video src={path} label={title} />;
+  const { shownAs, file } = outputOf(job.request.output?.format);
+  if (shownAs === "video") return <Video src={path} label={title} />;
   return (
-    <a class="button" href={path} download="">
-      {`Download ${format.toUpperCase()}`}
+    <a class="button" href={under(path)} download="">
+      {`Download ${file}`}
     </a>
   );
 }
 
 const Video = ({ src, label }: { src: string; label: string }) => (
-  <video src={src} controls muted playsInline preload="metadata" aria-label={label} />
+  <video src={under(src)} controls muted playsInline preload="metadata" aria-label={label} />
 );

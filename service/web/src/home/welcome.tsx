@@ -2,6 +2,7 @@
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import { asProblem, isAbort, type Problem, request } from "../api/api";
+import { under } from "../api/base";
 import type { Asset } from "../api/schemas";
 import { ACCEPT, Dropzone, useDrops } from "../forms/dropzone";
 import { bytes, percent } from "../ui/format";
@@ -65,7 +66,7 @@ export function Welcome({ onasset, onlearn }: WelcomeProps) {
         </p>
         <div class="starts">
           <button type="button" class="sample" onClick={trySample}>
-            <img src="/static/img/sample.jpg" alt="" width={100} height={72} />
+            <img src={under("/static/img/sample.jpg")} alt="" width={100} height={72} />
             <span>
               No clip at hand?<strong>Try the sample</strong>
             </span>
@@ -78,7 +79,7 @@ export function Welcome({ onasset, onlearn }: WelcomeProps) {
           </button>
         </div>
         <p class="guide-link">
-          <a href="/docs/shot">Guide: paint a shot in ten minutes</a>
+          <a href={under("/docs/shot")}>Guide: paint a shot in ten minutes</a>
         </p>
       </div>
       <div class="welcome-drop">
@@ -103,7 +104,7 @@ const Invitation = () => (
     <span class="button primary" aria-hidden="true">
       Choose a video
     </span>
-    <span class="drop-hint">MP4, WebM, MOV, MKV, AVI, GIF, or a zip of numbered frames</span>
+    <span class="drop-hint">A video, an image, or a zip of numbered frames</span>
   </>
 );
 

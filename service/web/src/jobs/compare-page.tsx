@@ -2,6 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../api/api";
+import { outputOf } from "../api/formats";
 import type { Job } from "../api/schemas";
 import { percent } from "../ui/format";
 import { notify, ProblemBlock } from "../ui/notices";
@@ -86,7 +87,7 @@ function Films({ left, right }: { left: Job; right: Job }) {
   return films && <Player {...films} />;
 }
 
-const playable = (job: Job): boolean => ["mp4", "webm"].includes(job.request.output?.format ?? "mp4");
+const playable = (job: Job): boolean => outputOf(job.request.output?.format).shownAs === "video";
 
 /** The variant's name, which is the last part of the job's. */
 const shortName = (job: Job): string => job.request.name.split(": ").at(-1) || job.request.method;

@@ -2,39 +2,34 @@
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as api from "../api/api";
-import type { Job, Output } from "../api/schemas";
+import { outputOf, outputs } from "../api/formats";
+import type { Job, OutputName } from "../api/schemas";
 import { percent } from "../ui/format";
 import { announce, notify } from "../ui/notices";
 
-type Format = NonNullable<Output["format"]>;
-
 const POLL_MS = 700;
-const FORMATS: [Format, string, string][] = [
-  ["mp4", "MP4", "Plays everywhere"],
-  ["webm", "WebM", "Free of patents"],
-  ["png", "PNG frames", "The film's frames as pictures, in a zip"],
-  ["gif", "GIF", "At most 720 px, 256 colours, without sound"],
-];
 
-/** Formats that a film can be exported in, besides its own: none for a GIF. */
-export const exportsOf = (own: Format): Format[] =>
-  own === "gif" ? [] : FORMATS.map(([format]) => format).filter((format) => format !== own);
+/** Names of formats that a film can be exported in, besides its own: none for a coarse one. */
+export const exportsOf = (own: OutputName | undefined): OutputName[] =>
+  outputOf(own).lossy ? [] : outputs.map(({ name }) => name).filter((name) => name !== outputOf(own).name);
 
 /** Buttons for the other formats. */
 export function Exports({ job }: { job: Job }) {
-  const offered = exportsOf(job.request.output?.format ?? "mp4");
+  const offered = exportsOf(job.request.output?.format);
   if (!offered.length) return null;
   return (
     <div class="exports" role="group" aria-label="Export as">
       <span>Export as</span>
-      {FORMATS.filter(([format]) => offered.includes(format)).map(([format, title, help]) => (
-        <ExportButton key={format} job={job} format={format} title={title} help={help} />
-      ))}
+      {outputs
+        .filter(({ name }) => offered.includes(name))
+        .map(({ name, title, help }) => (
+          <ExportButton key={name} job={job} format={name} title={title} help={help} />
+        ))}
     </div>
   );
 }
 
-function ExportButton({ job, format, title, help }: { job: Job; format: Format; title: string; help: string }) {
+function ExportButton({ job, format, title, help }: { job: Job; format: OutputName; title: string; help: string }) {
   const [done, setDone] = useState<number | null>(null);
   const life = useRef(new AbortController());
   useEffect(() => () => life.current.abort(), []);
@@ -59,7 +54,7 @@ function ExportButton({ job, format, title, help }: { job: Job; format: Format; 
 /** The finished export. Throws a Problem if it fails. */
 async function converted(
   job: Job,
-  format: Format,
+  format: OutputName,
   signal: AbortSignal,
   progress: (done: number) => void,
 ): Promise<Job> {

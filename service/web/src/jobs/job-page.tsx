@@ -2,6 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../api/api";
+import { outputOf } from "../api/formats";
 import type { Job, Method, Page } from "../api/schemas";
 import { hashOfJob } from "../forms/draft";
 import { ago, percent } from "../ui/format";
@@ -193,7 +194,7 @@ function Correction({ job, shown }: { job: Job; shown: number | null }) {
       <button type="button" class="button" onClick={open}>
         Correct this frame
       </button>
-      {job.request.output?.format !== "png" && <p class="hint">{LOSSY}</p>}
+      {outputOf(job.request.output?.format).hasQuality && <p class="hint">{LOSSY}</p>}
     </div>
   );
 }

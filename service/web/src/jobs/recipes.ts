@@ -1,5 +1,6 @@
 /** A job as text that makes it again: with curl, in Python, or by the command. */
 
+import { outputOf } from "../api/formats";
 import type { Job } from "../api/schemas";
 
 /** The body of POST /v1/jobs. */
@@ -25,7 +26,7 @@ export function pythonLine(job: Job, origin: string): string {
     `with Client(${JSON.stringify(origin)}) as impasto:`,
     `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed}${piece}${wanted})`,
     '    impasto.wait(job["id"])',
-    `    impasto.download(job["id"], "film.${output?.format === "png" ? "zip" : (output?.format ?? "mp4")}")`,
+    `    impasto.download(job["id"], "film.${outputOf(output?.format).file.toLowerCase()}")`,
   ].join("\n");
 }
 
@@ -38,7 +39,7 @@ export function commandLine(job: Job): string {
   const files = Object.keys(inputs).filter((name) => name !== "video");
   return [
     "impasto render VIDEO",
-    `-o film.${output?.format === "png" ? "zip" : (output?.format ?? "mp4")}`,
+    `-o film.${outputOf(output?.format).file.toLowerCase()}`,
     `--method ${method}`,
     ...files.map((name) => `--input ${name}=${name.toUpperCase()}`),
     ...Object.entries(params).map(

@@ -2,6 +2,7 @@
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../api/api";
+import { outputOf } from "../api/formats";
 import type { Job } from "../api/schemas";
 import { artefactTitle } from "../ui/format";
 import { Icon } from "../ui/icons";
@@ -30,9 +31,9 @@ export function Result({ job, onframe }: { job: Job; onframe(frame: number): voi
 type FilmProps = { job: Job } & Pick<PlayerProps, "wanted" | "onframe">;
 
 function Film({ job, ...playing }: FilmProps) {
-  const format = job.request.output?.format ?? "mp4";
-  if (format === "gif") return <Sheet path={api.paths.result(job.id)} alt="The painted film" />;
-  if (format !== "png") return <PlayedFilm job={job} {...playing} />;
+  const { shownAs } = outputOf(job.request.output?.format);
+  if (shownAs === "image") return <Sheet path={api.paths.result(job.id)} alt="The painted film" />;
+  if (shownAs === "video") return <PlayedFilm job={job} {...playing} />;
   const name = ["sheet", "poster"].find((file) => job.results.includes(file));
   return name ? <Sheet path={api.paths.file(job.id, name)} alt="Contact sheet of the frames" /> : null;
 }
@@ -64,8 +65,6 @@ async function filmsOf(job: Job): Promise<PlayerProps> {
   return { asset, before, after, poster, first: job.request.frames?.[0] ?? 0 };
 }
 
-const FORMATS = { mp4: "MP4", webm: "WebM", png: "ZIP", gif: "GIF" };
-
 export function Downloads({ job }: { job: Job }) {
   const save = (path: string) => () => api.download(path).catch(notify);
   const others = job.results.filter((name) => !NOT_FILES.includes(name));
@@ -73,7 +72,7 @@ export function Downloads({ job }: { job: Job }) {
     <div class="downloads">
       <button type="button" class="button primary" onClick={save(api.paths.result(job.id))}>
         <Icon name="download" />
-        {`Download ${FORMATS[job.request.output?.format ?? "mp4"]}`}
+        {`Download ${outputOf(job.request.output?.format).file}`}
       </button>
       <Exports job={job} />
       {others.length > 0 && (

@@ -1,5 +1,6 @@
 /** Start of the live page. */
 
+import { under } from "../api/base";
 import "../css/base.css";
 import "../css/controls.css";
 import "../css/stage.css";
@@ -44,7 +45,7 @@ const fail = (error: unknown): void =>
         <button type="button" class="button primary" onClick={start}>
           Try again
         </button>
-        <a class="button" href="/">
+        <a class="button" href={under("/")}>
           To the studio
         </a>
       </ProblemBlock>

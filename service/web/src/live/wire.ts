@@ -1,6 +1,7 @@
 /** The bytes and the address of docs/live.md: a header of 32 bytes before each frame, both ways. */
 
 import { authorisation } from "../api/api";
+import { under } from "../api/base";
 import type { IncomingFrame, OutgoingFrame } from "./types";
 
 const PROTOCOL = "impasto.live.1";
@@ -46,7 +47,8 @@ export const dialView = (session: string, key: string): WebSocket =>
 const storedKey = (): string => authorisation().Authorization?.slice("Bearer ".length) ?? "";
 
 function socketTo(path: string, session: string, key: string): WebSocket {
-  const address = new URL(session ? `${path}?session=${encodeURIComponent(session)}` : path, location.href);
+  const query = session ? `?session=${encodeURIComponent(session)}` : "";
+  const address = new URL(under(path) + query, location.href);
   address.protocol = address.protocol.replace("http", "ws");
   const socket = new WebSocket(address, key ? [PROTOCOL, `impasto.key.${key}`] : [PROTOCOL]);
   socket.binaryType = "arraybuffer";

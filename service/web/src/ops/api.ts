@@ -1,5 +1,6 @@
 /** Requests of operators. All of them need an admin key. */
 
+import { under } from "../api/base";
 import { bodyOf, client } from "../api/client";
 import type { Job, Schemas } from "../api/schemas";
 import type { Bar, Failure, LiveSession, NodeView, Overview, Queue, Snapshot, Worker } from "./types";
@@ -48,7 +49,7 @@ export async function readOverview({ state, search }: JobFilter, signal?: AbortS
 
 /** Part -> "ok" or its fault; the answer is 503 when a part does not work. */
 async function readiness(signal?: AbortSignal): Promise<Record<string, string>> {
-  const response = await fetch("/readyz", { signal: signal ?? null });
+  const response = await fetch(under("/readyz"), { signal: signal ?? null });
   return (await response.json().catch(() => ({}))).parts ?? {};
 }
 

@@ -2,6 +2,7 @@
 
 import { useState } from "preact/hooks";
 import { act, type JobVerb } from "../api/api";
+import { under } from "../api/base";
 import type { Job } from "../api/schemas";
 import { isFinal } from "../jobs/progress";
 import { ActionButton } from "../ui/dialogs";
@@ -199,7 +200,7 @@ function SessionIdentity({ session }: { session: LiveSession }) {
   const size = `${session.width} × ${session.height}`;
   return (
     <>
-      <a href={`/live/view?session=${encodeURIComponent(session.id)}`}>{session.method}</a>
+      <a href={under(`/live/view?session=${encodeURIComponent(session.id)}`)}>{session.method}</a>
       <small>{dotted(session.owner, size, ago(session.opened_at), !session.connected && "waits for its client")}</small>
     </>
   );

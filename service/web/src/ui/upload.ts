@@ -1,6 +1,7 @@
 /** Sending a file to the service: one POST for a small one, resumable tus 1.0.0 for a large one. */
 
 import { asset, authorisation, isAbort, Problem, type ProblemFields, renewKey, request } from "../api/api";
+import { under } from "../api/base";
 import type { Asset } from "../api/schemas";
 import { notifyOf } from "./notices";
 
@@ -66,7 +67,7 @@ function sendOnce(sending: Sending, auth: Record<string, string>): Promise<XMLHt
   const { verb, path, body, headers = {}, onProgress, signal } = sending;
   return new Promise((resolve, reject) => {
     const xhr = new XMLHttpRequest();
-    xhr.open(verb, path);
+    xhr.open(verb, under(path));
     for (const [name, value] of Object.entries({ ...auth, ...headers })) xhr.setRequestHeader(name, value);
     xhr.upload.onprogress = (event) => event.lengthComputable && onProgress(event.loaded / event.total);
     xhr.onload = () => (xhr.status < 300 ? resolve(xhr) : reject(refusal(xhr)));

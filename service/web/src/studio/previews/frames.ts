@@ -1,6 +1,7 @@
 /** Frames of a video or a film for the stage: decoded by the browser where it can, by the service where it cannot. */
 
 import * as api from "../../api/api";
+import { outputOf } from "../../api/formats";
 import type { Asset, Job } from "../../api/schemas";
 import { mayPlay } from "../../ui/stills";
 import type { Size } from "../drawing/geometry";
@@ -57,7 +58,7 @@ export function openFrames(asset: Asset, onshown: () => void): FrameSource {
 
 /** Frames of a finished film, from 0; `of`: its video. */
 export function openFilm(job: Job, of: Asset, onshown: () => void): FilmSource {
-  const plays = ["mp4", "webm"].includes(job.request.output?.format ?? "mp4");
+  const plays = outputOf(job.request.output?.format).shownAs === "video";
   const media = {
     size: sizeOf(of),
     fps: of.info.fps || 25,

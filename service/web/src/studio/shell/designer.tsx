@@ -3,6 +3,7 @@
 import { effect, untracked } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as shared from "../../api/api";
+import { under } from "../../api/base";
 import type { Asset, Method } from "../../api/schemas";
 import { notify } from "../../ui/notices";
 import { ClusterLane } from "../clusters/cluster-lane";
@@ -299,7 +300,7 @@ function DesignerPage({ designer, reload }: { designer: Designer; reload(): void
       <div class="designer-main">
         <header class="designer-head">
           <ProjectName store={store} />
-          <a class="button quiet small guide-link" href="/docs/shot" target="_blank" rel="noopener">
+          <a class="button quiet small guide-link" href={under("/docs/shot")} target="_blank" rel="noopener">
             Guide: paint a shot in ten minutes
           </a>
           <ProjectMenu store={store} saver={designer.saver} saveAll={() => designer.saveAll()} reload={discard} />

@@ -11,7 +11,7 @@ const FILES: FileInput[] = [
     kind: "video",
     required: false,
     title: "Own video",
-    help: "Painted instead of the shot's video: same size, same frames. For example a pass, as a zip of EXR frames.",
+    help: "Painted instead of the shot's video: same size, same frames. For example a pass, as a zip of frames.",
   },
   {
     name: "matte",

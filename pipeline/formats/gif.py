@@ -1,4 +1,5 @@
-"""Animated GIF: one palette of 256 colours for the whole film, ordered dithering, times to a hundredth of a second.
+"""GIF: read with its times; written with one palette of 256 colours for the whole film, ordered dithering, and times to
+a hundredth of a second.
 
 Ordered dithering (a fixed 8 x 8 pattern) leaves still parts of the picture still. Error diffusion would let a change in
 one place alter the pixels of all rows below.
@@ -6,7 +7,7 @@ one place alter the pixels of all rows below.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from av.filter import Graph
 from av.filter.context import FilterContext
 from av.video.stream import VideoStream
 
+from pipeline.formats.base import Carries, OutputFormat, Progress, Segments
+from pipeline.formats.pillow import PillowFormat
 from pipeline.video.container import open_container
 from pipeline.video.media import Limits
 
@@ -26,10 +29,8 @@ _PALETTE_FRAMES = 64
 _DITHER = "dither=bayer:bayer_scale=3"
 _SHARE_OF_PALETTE = 0.3
 
-Segments = Sequence[tuple[Fraction, Path]]
 
-
-def join_gif(segments: Segments, out: Path, progress: Callable[[float], None] = lambda done: None) -> None:
+def join_gif(segments: Segments, out: Path, progress: Progress = lambda done: None) -> None:
     """Write a GIF that is repeated without end.
 
     Args:
@@ -69,7 +70,7 @@ def _frames(segments: Segments) -> Iterator[tuple[int, av.VideoFrame]]:
                     yield at, picture
 
 
-def _palette(segments: Segments, progress: Callable[[float], None]) -> tuple[av.VideoFrame, int]:
+def _palette(segments: Segments, progress: Progress) -> tuple[av.VideoFrame, int]:
     """The palette of at most `_PALETTE_FRAMES` frames, evenly spaced, and the number of all frames."""
     count = 0
     for _start, path in segments:
@@ -141,3 +142,20 @@ def _available(sink: FilterContext) -> Iterator[av.VideoFrame]:
             yield _pulled(sink)
         except (BlockingIOError, EOFError):
             return
+
+
+class Gif(PillowFormat):
+    name, title, media_type, plugin = "gif", "GIF", "image/gif", "GIF"
+    suffixes = (".gif",)
+    magic = (b"GIF87a", b"GIF89a")
+    carries = Carries(alpha=True, animation=True)
+
+
+GIF = Gif()
+GIF_FILM = OutputFormat(
+    name="gif", title="GIF", help="At most 720 px, 256 colours, without sound", media_type="image/gif",
+    suffixes=(".gif",), carries=Carries(animation=True, metadata=False), has_quality=False, lossy=True,
+    shown_as="image", low_bytes_per_pixel=0.1, bytes_per_pixel=0.5, container="gif", segment_container="mov",
+    codec="png", codec_options=lambda quality: {"compression_level": "1"}, pixel_format="rgb24", max_side_px=720,
+    join=join_gif,
+)  # fmt: skip

@@ -1,0 +1,58 @@
+"""Decoding of still images of all formats, after a check of their headers."""
+
+from __future__ import annotations
+
+import io
+
+import cv2
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import BadParameter
+from pipeline.formats import IMAGE_NAMES, IMAGES, image_format
+from pipeline.formats.base import Choice, ImageFormat, PlaneImage
+from pipeline.formats.pillow import eight_bit
+from pipeline.frames import Frame
+from pipeline.video.media import Limits, check_size, unreadable
+from pipeline.video.stills import over_white
+
+
+def decode_rgb(data: bytes, limits: Limits, name: str = "image", choice: Choice = Choice()) -> Frame:
+    """Decode an image to a frame, alpha over white. Raises UnreadableMedia, MediaTooLarge, BadParameter."""
+    picture = eight_bit(_read(data, limits, name, choice))
+    if picture.ndim == 2:
+        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB), np.uint8)
+    return over_white(picture) if picture.shape[2] == 4 else np.ascontiguousarray(picture)
+
+
+def decode_raw(data: bytes, limits: Limits, name: str = "image") -> AnyArray:
+    """Decode an image as displayed: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16; of formats that hold more
+    bits, also float32 0..1. Raises UnreadableMedia, MediaTooLarge."""
+    return _read(data, limits, name, Choice())
+
+
+def _read(data: bytes, limits: Limits, name: str, choice: Choice) -> AnyArray:
+    form = format_of(data, name)
+    if choice != Choice() and not form.carries.planes:
+        raise BadParameter(f"A {form.title} image has one picture.", field="layer, view", value=name,
+                           remedy="Leave the choice of a layer and a view out.")  # fmt: skip
+    header = form.header(io.BytesIO(data))
+    check_size(header.width, header.height, limits, f"The image {name}" if name != "image" else "The image")
+    return form.read(data, limits, name, choice)
+
+
+def format_of(data: bytes, name: str = "image") -> ImageFormat:
+    """The format of an encoded image. Raises UnreadableMedia."""
+    form = image_format(data[:4096])
+    if form is None:
+        unreadable("This is not an image.", name, f"Save it as one of: {IMAGE_NAMES}.")
+    return form
+
+
+def decode_planes(data: bytes, limits: Limits, name: str = "image") -> PlaneImage:
+    """All named planes of an image. Raises UnreadableMedia, also for formats without such planes; MediaTooLarge."""
+    form = format_of(data, name)
+    if not form.carries.planes:
+        with_planes = " or ".join(other.title for other in IMAGES if other.carries.planes)
+        unreadable(f"A {form.title} image has no render passes.", name, f"Save it as {with_planes}.")
+    return form.planes(data, limits, name)

@@ -1,0 +1,191 @@
+"""OpenEXR: every channel of every part as a plane of the display window; the header; writing."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import ImpastoError, UnreadableMedia
+from pipeline.formats.base import Carries, Choice, ImageFormat, ImageHeader, PlaneImage, square_pixels
+from pipeline.frames import Plane
+from pipeline.video.media import Limits, check_window, unreadable
+from pipeline.video.passes import picture, picture_choice
+
+_LINEAR_709 = "lin_rec709_scene"
+
+
+class Exr(ImageFormat):
+    name, title, media_type = "exr", "OpenEXR", "image/x-exr"
+    suffixes = (".exr",)
+    carries = Carries(alpha=True, depth_bits=32, planes=True)
+
+    def sniff(self, head: bytes) -> bool:
+        return head.startswith(b"\x76\x2f\x31\x01")
+
+    def header(self, stream: BinaryIO) -> ImageHeader:
+        first = _headers(stream, "image")[0]
+        return ImageHeader(self.media_type, *_extent(first["displayWindow"]))
+
+    def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
+        headers = _headers(io.BytesIO(data), "image")
+        planes = {name: np.zeros((0, 0), np.float32) for header in headers for name in _names(header)}
+        named = PlaneImage((0, 0), planes, 1.0, _views(headers))
+        return (*picture_choice(named, choice).notes, *_facts(headers[0]))
+
+    def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> NDArray[np.uint8]:
+        image = self.planes(data, limits, name)
+        found = picture(image, choice)
+        if found is None:
+            layers = ", ".join(picture_choice(image, choice).layers)
+            choose = f"Choose one of its layers: {layers}." if layers else "Render the Combined pass, or R, G and B."
+            unreadable("The EXR holds no picture that is known by its name.", name, choose)
+        return np.asarray(square_pixels(found, image.pixel_aspect), np.uint8)
+
+    def planes(self, data: bytes | Path, limits: Limits, name: str = "image") -> PlaneImage:
+        """All channels: half, float or integer; single-part or multi-part. Pixels of the display window outside the
+        data window are 0; channels of less resolution are enlarged.
+
+        Raises:
+            UnreadableMedia: the file is not an EXR, is damaged, or has deep channels.
+            MediaTooLarge: a window is larger than the limits allow.
+        """
+        stream = io.BytesIO(data) if isinstance(data, bytes) else data.open("rb")
+        with stream:
+            headers = _headers(stream, name)
+            for header in headers:
+                for window in ("displayWindow", "dataWindow"):
+                    check_window(*_extent(header[window]), limits, name)
+            try:
+                with OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
+                    planes = _placed(file.parts, headers, name)
+            except (ImpastoError, MemoryError):
+                raise
+            except Exception as error:  # the binding raises what OpenEXR's C++ does
+                raise _unreadable(name, error) from error
+        aspect = float(headers[0].get("pixelAspectRatio", 1.0))
+        return PlaneImage(_extent(headers[0]["displayWindow"]), planes, aspect, _views(headers))
+
+
+EXR = Exr()
+
+
+def _unreadable(name: str, why: object) -> UnreadableMedia:
+    return UnreadableMedia(
+        "The EXR cannot be read.", field=name, value=why, remedy="Save it again as scanlines, with full channels."
+    )
+
+
+def _headers(stream: BinaryIO, name: str) -> list[Mapping[str, Any]]:
+    """The headers of all parts; the stream is at its start before and after."""
+    stream.seek(0)
+    try:
+        with OpenEXR.File(stream, header_only=True, num_threads=0) as file:
+            found: list[Mapping[str, Any]] = [
+                dict(part.header) for part in file.parts
+            ]  # the file empties them at its end
+    except Exception as error:  # the binding raises what OpenEXR's C++ does
+        raise _unreadable(name, error) from error
+    stream.seek(0)
+    if not found or any(min(_extent(header["displayWindow"])) < 1 for header in found):
+        raise _unreadable(name, "no part with a picture")
+    return found
+
+
+def _extent(window: Any) -> tuple[int, int]:
+    (left, top), (right, bottom) = window
+    return int(right) - int(left) + 1, int(bottom) - int(top) + 1
+
+
+def _names(header: Mapping[str, Any]) -> list[str]:
+    """Full names of a part's channels, "part.layer.pass.X"; a part's view becomes a component of the name."""
+    parts = [part for part in (header.get("name"), header.get("view")) if part]
+    return [_named(parts, channel.name) for channel in header["channels"]]
+
+
+def _named(parts: list[str], channel: str) -> str:
+    """The channel's name below its part, without components that it has already."""
+    missing = [part for part in parts if not channel.startswith(f"{part}.") and part not in channel.split(".")[:-1]]
+    return ".".join([*missing, channel])
+
+
+def _views(headers: list[Mapping[str, Any]]) -> tuple[str, ...]:
+    found = [view for header in headers for view in (header.get("multiView") or [header.get("view")]) if view]
+    return tuple(dict.fromkeys(found))
+
+
+def _placed(parts: list[Any], headers: list[Mapping[str, Any]], name: str) -> dict[str, Plane]:
+    planes: dict[str, Plane] = {}
+    for header, part in zip(headers, parts, strict=True):
+        extent, size = _extent(header["dataWindow"]), _extent(header["displayWindow"])
+        shift = np.array(header["dataWindow"][0]) - np.array(header["displayWindow"][0])
+        for full, channel in zip(_names(header), header["channels"], strict=True):
+            if channel.name not in part.channels:
+                continue
+            found = part.channels[channel.name]
+            pixels = _enlarged(found.pixels, (found.xSampling, found.ySampling), extent)
+            if pixels.ndim != 2 or pixels.shape[::-1] != extent:
+                raise _unreadable(name, f"channel {channel.name}: deep, or of another size than its window")
+            planes[full] = _within(pixels, (int(shift[0]), int(shift[1])), size)
+    if not planes or len(parts) != len(headers):  # OpenEXR leaves out a part whose pixels it cannot decode
+        raise _unreadable(name, "its pixels are cut off or damaged")
+    return planes
+
+
+def _enlarged(pixels: AnyArray, sampling: tuple[int, int], extent: tuple[int, int]) -> AnyArray:
+    if sampling == (1, 1) or pixels.ndim != 2:
+        return pixels
+    return pixels.repeat(sampling[1], 0).repeat(sampling[0], 1)[: extent[1], : extent[0]]
+
+
+def _within(pixels: AnyArray, shift: tuple[int, int], size: tuple[int, int]) -> Plane:
+    """Copy the pixels of the data window into the display window."""
+    if shift == (0, 0) and pixels.shape[::-1] == size:
+        return np.ascontiguousarray(pixels, np.float32)
+    out = np.zeros(size[::-1], np.float32)
+    (left, top), (height, width) = shift, pixels.shape
+    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + width, size[0]), min(top + height, size[1])
+    if x1 > x0 and y1 > y0:
+        out[y0:y1, x0:x1] = pixels[y0 - top : y1 - top, x0 - left : x1 - left]
+    return out
+
+
+def _facts(header: Mapping[str, Any]) -> Iterator[str]:
+    data, display = header["dataWindow"], header["displayWindow"]
+    outside = (np.array(data[0]) < np.array(display[0])).any() or (np.array(data[1]) > np.array(display[1])).any()
+    sizes = "{}x{}".format(*_extent(data)), "{}x{}".format(*_extent(display))
+    if outside:
+        yield f"The data window ({sizes[0]}) reaches beyond the display window ({sizes[1]}): the overscan is left out."
+    elif sizes[0] != sizes[1]:
+        yield f"The data window ({sizes[0]}) is smaller than the display window ({sizes[1]}): the rest is empty."
+    aspect = float(header.get("pixelAspectRatio", 1.0))
+    if aspect != 1:
+        yield f"Pixels have the aspect {aspect:g}: pictures are scaled to square pixels."
+    space = _colour_space(header)
+    if space != _LINEAR_709:
+        yield f"The colours are {space}; they are read as linear Rec. 709, without conversion."
+
+
+def _colour_space(header: Mapping[str, Any]) -> str:
+    """The colour interop id of the header or of its chromaticities; Rec. 709 without any."""
+    if interop := header.get("colorInteropID"):
+        return str(interop)
+    primaries = header.get("chromaticities")
+    if primaries is None:
+        return _LINEAR_709
+    known = OpenEXR.chromaticitiesToColorInteropID(primaries)
+    return str(known or "in unknown primaries " + ", ".join(f"{value:.4g}" for value in primaries))
+
+
+def write_exr(path: Path, planes: Mapping[str, Plane], half: bool = False) -> None:
+    """Write planes, by full channel name "pass.X", as a ZIP-compressed EXR in float32, or in float16 if `half`."""
+    kind = np.float16 if half else np.float32
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {name: np.ascontiguousarray(plane, kind) for name, plane in planes.items()}) as file:
+        file.write(str(path))

@@ -1,0 +1,82 @@
+"""TIFF and BigTIFF by Pillow; colours of more than 8 bits a channel, which Pillow reduces or refuses, by OpenCV."""
+
+from __future__ import annotations
+
+import io
+from typing import Any, BinaryIO
+
+import cv2
+import numpy as np
+from PIL import ExifTags, TiffImagePlugin
+
+from pipeline.arrays import AnyArray
+from pipeline.formats.base import Carries, Choice, ImageHeader
+from pipeline.formats.pillow import PillowFormat, faults
+from pipeline.video.media import Limits, check_window, unreadable
+
+_TAG = ExifTags.Base
+_TURNED = (5, 6, 7, 8)
+"""Orientations that exchange width and height."""
+
+
+class Tiff(PillowFormat):
+    name, title, media_type, plugin = "tiff", "TIFF", "image/tiff", "TIFF"
+    suffixes = (".tif", ".tiff")
+    magic = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+    carries = Carries(alpha=True, depth_bits=32)
+
+    def header(self, stream: BinaryIO) -> ImageHeader:
+        tags = _tags(stream)
+        size = int(tags[_TAG.ImageWidth]), int(tags[_TAG.ImageLength])
+        return ImageHeader(self.media_type, *(size[::-1] if tags.get(_TAG.Orientation) in _TURNED else size))
+
+    def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
+        return () if _is_deep(data) else super().notes(data, choice)
+
+    def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> AnyArray:
+        if not _is_deep(data):
+            return super().read(data, limits, name, choice)
+        tags = _tags(io.BytesIO(data))
+        check_window(int(tags[_TAG.ImageWidth]), int(tags[_TAG.ImageLength]), limits, name)
+        flags = cv2.IMREAD_UNCHANGED
+        with faults("The image cannot be decoded", name):
+            stored = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        if stored is None or stored.dtype not in (np.uint16, np.float32, np.float64):
+            unreadable("This kind of TIFF is not read.", name, "Export it as 8 or 16 bit RGB.")
+        code = cv2.COLOR_BGRA2RGBA if stored.shape[2] == 4 else cv2.COLOR_BGR2RGB
+        pixels = stored if stored.dtype == np.uint16 else stored.astype(np.float32)
+        return _turned(np.asarray(cv2.cvtColor(pixels, code)), int(tags.get(_TAG.Orientation, 1)))
+
+
+TIFF = Tiff()
+
+
+def _tags(stream: BinaryIO) -> Any:
+    """The tags of the first picture."""
+    stream.seek(0)
+    with faults("The image's header cannot be read", "image"):
+        head = stream.read(8)
+        found = TiffImagePlugin.ImageFileDirectory_v2(head + (stream.read(8) if head[2:3] == b"+" else b""))
+        stream.seek(found.next)
+        found.load(stream)
+        if _TAG.ImageWidth not in found or _TAG.ImageLength not in found:
+            raise ValueError("no size")
+    stream.seek(0)
+    return found
+
+
+def _is_deep(data: bytes) -> bool:
+    """Whether the picture has colours of more than 8 bits a channel."""
+    tags = _tags(io.BytesIO(data))
+    bits = tags.get(_TAG.BitsPerSample, (1,))
+    return max(bits) > 8 and int(tags.get(_TAG.SamplesPerPixel, 1)) >= 3
+
+
+def _turned(pixels: AnyArray, orientation: int) -> AnyArray:
+    if orientation in _TURNED:
+        pixels = np.swapaxes(pixels, 0, 1)
+    if orientation in (2, 3, 6, 7):
+        pixels = pixels[:, ::-1]
+    if orientation in (3, 4, 7, 8):
+        pixels = pixels[::-1]
+    return np.ascontiguousarray(pixels)

@@ -1,0 +1,63 @@
+"""Animated images (animated PNG, WebP, AVIF, ...) with the same interface as `Clip`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.formats.base import ImageFormat
+from pipeline.frames import Frame
+from pipeline.video.geometry import Geometry
+from pipeline.video.index import Index
+from pipeline.video.media import Limits, Note
+from pipeline.video.stills import over_white
+
+
+class AnimatedImage:
+    """The pictures of an animated image as the frames of a video with their own times. Reading backwards decodes from
+    the first picture on.
+
+    Raises: UnreadableMedia, MediaTooLarge.
+    """
+
+    def __init__(self, path: Path, form: ImageFormat, limits: Limits) -> None:
+        self._pictures = form.animation(path, limits)
+        self.errors: list[str] = []
+        self.unreadable: list[int] = []
+        self.notes: tuple[Note, ...] = ()
+        self.pixel_format = "rgba"
+        starts = np.asarray(self._pictures.starts, np.int64)
+        self.index = Index(
+            starts, np.zeros(1, np.int64), self._pictures.end, Fraction(1, 1000), True,
+            incomplete=self._pictures.incomplete,
+        )  # fmt: skip
+        self.position: int | None = 0
+        self._frames: Iterator[AnyArray] = self._pictures.frames(0)
+        first = _frame(next(self._frames))
+        self.geometry = Geometry((first.shape[1], first.shape[0]))
+        self.position = 1
+
+    def close(self) -> None:
+        self._pictures.close()
+
+    def read(self, start: int, stop: int) -> Iterator[Frame]:
+        """Yield the frames [start, stop); fewer if the animation ends earlier."""
+        if start != self.position:
+            self._frames, self.position = self._pictures.frames(start), start
+        for at in range(start, min(stop, len(self.index.pts))):
+            picture = next(self._frames)
+            self.position = at + 1
+            if at in self.index.incomplete:
+                self.unreadable.append(at)
+            yield _frame(picture)
+
+
+def _frame(picture: AnyArray) -> Frame:
+    """The picture over white; gray pictures as RGB."""
+    if picture.ndim == 2:
+        return np.ascontiguousarray(np.dstack([picture] * 3))
+    return over_white(picture) if picture.shape[2] == 4 else np.ascontiguousarray(picture)

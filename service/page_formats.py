@@ -1,0 +1,34 @@
+"""The formats that the pages name, for `web/src/api/formats.json`; `python -m service.page_formats` writes it."""
+
+from __future__ import annotations
+
+import json
+import pathlib
+
+from pipeline.formats import IMAGES, OUTPUTS
+from pipeline.formats.base import OutputFormat
+from workers.model import Json
+
+FILE = pathlib.Path(__file__).parent / "web" / "src" / "api" / "formats.json"
+_VIDEO = "video/*,.mkv,.avi,.mov,.webm,.mp4,.zip"
+
+
+def document() -> str:
+    """The file's contents."""
+    suffixes = ",".join(suffix for form in IMAGES for suffix in form.suffixes)
+    facts: Json = {
+        "outputs": [_output(form) for form in OUTPUTS.values()],
+        "accept": {"video": f"{_VIDEO},{suffixes}", "image": f"image/*,{suffixes}"},
+    }
+    return json.dumps(facts, indent=2) + "\n"
+
+
+def _output(form: OutputFormat) -> Json:
+    return {
+        "name": form.name, "title": form.title, "help": form.help, "file": "ZIP" if form.encode else form.title,
+        "hasQuality": form.has_quality, "lossy": form.lossy, "shownAs": form.shown_as,
+    }  # fmt: skip
+
+
+if __name__ == "__main__":
+    FILE.write_text(document(), "utf-8")

@@ -1,0 +1,64 @@
+"""The path prefix under which a proxy serves the service, for example "/paint".
+
+It comes from the proxy's header X-Forwarded-Prefix or from uvicorn's root path. A proxy may remove it from addresses or
+leave it. Pages, redirects, `Location` and the servers of the OpenAPI document carry it.
+"""
+
+from __future__ import annotations
+
+import re
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+HEADER = "X-Forwarded-Prefix"
+_PREFIX = re.compile(r"(?:/[A-Za-z0-9._~-]{1,64}){1,8}")
+_LINK = re.compile(r'((?:href|src)=")/(?!/)')
+
+
+def prefix_of(scope: Scope) -> str:
+    """The prefix of a request, without a slash at its end; "" = none, or one that is no path."""
+    given = Headers(scope=scope).get(HEADER, "") or str(scope.get("root_path", ""))
+    prefix = given.split(",")[0].strip().rstrip("/")
+    return prefix if _PREFIX.fullmatch(prefix) and ".." not in prefix.split("/") else ""
+
+
+class OutsidePrefix:
+    """The outermost layer: takes the prefix off the address, and puts it before the paths of `Location`."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        prefix = prefix_of(scope) if scope["type"] in ("http", "websocket") else ""
+        if not prefix:
+            await self._app(scope, receive, send)
+            return
+
+        async def send_with_prefix(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                if headers.get("location", "").startswith("/"):
+                    headers["Location"] = prefix + headers["Location"]
+                headers.add_vary_header(HEADER)
+            await send(message)
+
+        path = scope["path"].removeprefix(prefix) if scope["path"].startswith(f"{prefix}/") else scope["path"]
+        await self._app({**scope, "path": path, "root_path": "", "prefix": prefix}, receive, send_with_prefix)
+
+
+class InsidePrefix:
+    """The innermost layer: tells routes the prefix as ASGI does, as the root path at the beginning of the path."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if prefix := scope.get("prefix"):
+            scope = {**scope, "root_path": prefix, "path": prefix + scope["path"]}
+        await self._app(scope, receive, send)
+
+
+def with_prefix(page: str, prefix: str) -> str:
+    """The text of a page, its links to this host behind the prefix."""
+    return _LINK.sub(rf"\g<1>{prefix}/", page)
