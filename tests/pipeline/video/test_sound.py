@@ -136,9 +136,7 @@ def test_a_sound_track_is_chosen(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("layout", "kept"), [("5.1", 6), ("7.1", 8), ("4.0", 2), ("stereo", 2), ("mono", 1)])
 @pytest.mark.parametrize("container", ["mp4", "webm"])
-def test_channels_are_kept_where_the_encoder_has_them(
-    layout: str, kept: int, container: str, tmp_path: Path
-) -> None:
+def test_channels_are_kept_where_the_encoder_has_them(layout: str, kept: int, container: str, tmp_path: Path) -> None:
     path = film(tmp_path / "c.mkv", sound="flac", layout=layout)
     painted(path, tmp_path / f"out.{container}", container)
     assert sound_of(tmp_path / f"out.{container}")[0][1] == kept
