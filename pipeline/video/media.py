@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, Self
 
 from pipeline.errors import MediaTooLarge, UnreadableMedia
@@ -100,8 +100,8 @@ class MediaInfo:
     """Width, height, frames and so on of each video stream, if there are several: see `SourceOptions.picture`."""
     numbers: Sequence[Sequence[int]] = ()
     """Numbers of the images of a sequence or archive, as runs (first, last, step); empty: frames are counted from 0."""
-    fault: str = ""
-    """Why the images of an archive are no video, with the remedy. Painted keys and masks need not be one."""
+    fault: Mapping[str, str] = field(default_factory=dict)
+    """Why the images of an archive are no video: "message", "value", "remedy". Keys and masks need not be one."""
 
     def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)

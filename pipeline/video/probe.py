@@ -31,7 +31,7 @@ from pipeline.video.media import (
     check_size,
     unreadable,
 )
-from pipeline.video.numbering import frame_numbers, runs_of_numbers
+from pipeline.video.numbering import frame_numbers, runs_of_numbers, sequence_numbers
 from pipeline.video.reader import Source, open_source
 from pipeline.video.sequence import open_zip
 from pipeline.video.shot_files import ShotFiles, is_shot
@@ -79,12 +79,16 @@ def _probe_json(path: Path, limits: Limits) -> MediaInfo:
 
 
 def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
-    size = _check_members(path, limits)
     found = MediaInfo("archive", "application/zip", codec="images")
+    size = _check_members(path, limits)
     try:
         return _described(open_zip(path, limits), found, limits)
     except NotASequence as fault:
-        return replace(_loose(path, limits, size, found), fault=str(fault))
+        return replace(_loose(path, limits, size, found), fault=_described_fault(fault))
+
+
+def _described_fault(error: NotASequence) -> dict[str, str]:
+    return {"message": error.message, "value": error.value or "", "remedy": error.remedy}
 
 
 def _loose(path: Path, limits: Limits, size: tuple[int, int], found: MediaInfo) -> MediaInfo:
@@ -121,6 +125,7 @@ def _check_members(path: Path, limits: Limits) -> tuple[int, int]:
             check_size(*size, limits, f"The image {member.filename}")
             first = first or size
             if size != first:
+                sequence_numbers(m.filename for m in members)  # several sequences, each of its own size, are a question
                 value = f"{member.filename}: {size[0]}x{size[1]} instead of {first[0]}x{first[1]}"
                 unreadable("The images of the archive differ in size.", value, "Make all frames one size.")
     assert first is not None

@@ -115,7 +115,14 @@ def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | N
         if kind == "images":
             _check_numbers(name, asset, assets.get("video"))
         elif fault := asset.info.get("fault"):
-            raise BadParameter(str(fault), field=f"inputs.{name}", value=asset.filename)
+            raise _not_a_sequence(name, fault)
+
+
+def _not_a_sequence(name: str, fault: Mapping[str, str]) -> BadParameter:
+    return BadParameter(
+        fault["message"], field=f"inputs.{name}", value=fault.get("value"),
+        remedy=fault.get("remedy") or "Number the images by the frames they belong to.",
+    )  # fmt: skip
 
 
 def _check_numbers(name: str, asset: Asset, video: Asset | None) -> None:
@@ -123,8 +130,7 @@ def _check_numbers(name: str, asset: Asset, video: Asset | None) -> None:
     if asset.kind != "archive" or video is None or "numbers" not in asset.info:
         return
     if not asset.info["numbers"]:
-        raise BadParameter(str(asset.info["fault"]) or "The images have no numbers.", field=f"inputs.{name}",
-                           value=asset.filename, remedy="Number them by the frames they belong to.")  # fmt: skip
+        raise _not_a_sequence(name, asset.info["fault"] or {"message": "The images have no numbers."})
     count = int(video.info.get("frames", 0))
     runs = video.info.get("numbers") or ([[0, count - 1, 1]] if count else [])
     valid = set(numbers_of_runs(runs))
