@@ -126,7 +126,7 @@ def frame(index: int) -> bytes:
 
 
 def marks(path: Path, **options: object) -> list[int]:
-    with VideoReader(path, options=options_of(options)) as reader:
+    with VideoReader(path, sequence=options_of(options)) as reader:
         return [int(np.flatnonzero(shown[16, :, 0] > 150)[0]) // 4 for shown in reader.read()]
 
 
