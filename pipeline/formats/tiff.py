@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from typing import Any, BinaryIO
+from dataclasses import dataclass
+from typing import BinaryIO
 
 import cv2
 import numpy as np
@@ -26,50 +27,50 @@ class Tiff(PillowFormat):
     carries = Carries(alpha=True, depth_bits=32)
 
     def header(self, stream: BinaryIO) -> ImageHeader:
-        tags = _tags(stream)
-        size = int(tags[_TAG.ImageWidth]), int(tags[_TAG.ImageLength])
-        return ImageHeader(self.media_type, *(size[::-1] if tags.get(_TAG.Orientation) in _TURNED else size))
+        facts = _facts(stream)
+        return ImageHeader(self.media_type, *(facts.size[::-1] if facts.orientation in _TURNED else facts.size))
 
     def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
-        return () if _is_deep(data) else super().notes(data, choice)
+        return () if _facts(io.BytesIO(data)).is_deep else super().notes(data, choice)
 
     def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> AnyArray:
-        if not _is_deep(data):
+        facts = _facts(io.BytesIO(data))
+        if not facts.is_deep:
             return super().read(data, limits, name, choice)
-        tags = _tags(io.BytesIO(data))
-        check_window(int(tags[_TAG.ImageWidth]), int(tags[_TAG.ImageLength]), limits, name)
-        flags = cv2.IMREAD_UNCHANGED
+        check_window(*facts.size, limits, name)
         with faults("The image cannot be decoded", name):
-            stored = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        if stored is None or stored.dtype not in (np.uint16, np.float32, np.float64):
+            stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        if stored is None or stored.ndim != 3 or stored.dtype not in (np.uint16, np.float32, np.float64):
             unreadable("This kind of TIFF is not read.", name, "Export it as 8 or 16 bit RGB.")
         code = cv2.COLOR_BGRA2RGBA if stored.shape[2] == 4 else cv2.COLOR_BGR2RGB
         pixels = stored if stored.dtype == np.uint16 else stored.astype(np.float32)
-        return _turned(np.asarray(cv2.cvtColor(pixels, code)), int(tags.get(_TAG.Orientation, 1)))
+        return _turned(np.asarray(cv2.cvtColor(pixels, code)), facts.orientation)
 
 
 TIFF = Tiff()
 
 
-def _tags(stream: BinaryIO) -> Any:
-    """The tags of the first picture."""
+@dataclass(frozen=True)
+class _Facts:
+    """Facts of the first picture. `is_deep`: it has colours of more than 8 bits a channel."""
+
+    size: tuple[int, int]
+    orientation: int
+    is_deep: bool
+
+
+def _facts(stream: BinaryIO) -> _Facts:
     stream.seek(0)
     with faults("The image's header cannot be read", "image"):
         head = stream.read(8)
-        found = TiffImagePlugin.ImageFileDirectory_v2(head + (stream.read(8) if head[2:3] == b"+" else b""))
-        stream.seek(found.next)
-        found.load(stream)
-        if _TAG.ImageWidth not in found or _TAG.ImageLength not in found:
-            raise ValueError("no size")
+        tags = TiffImagePlugin.ImageFileDirectory_v2(head + (stream.read(8) if head[2:3] == b"+" else b""))
+        stream.seek(tags.next)
+        tags.load(stream)
+        size = int(tags[_TAG.ImageWidth]), int(tags[_TAG.ImageLength])
+        deep = max(tags.get(_TAG.BitsPerSample, (1,))) > 8 and int(tags.get(_TAG.SamplesPerPixel, 1)) >= 3
+        facts = _Facts(size, int(tags.get(_TAG.Orientation, 1)), deep)
     stream.seek(0)
-    return found
-
-
-def _is_deep(data: bytes) -> bool:
-    """Whether the picture has colours of more than 8 bits a channel."""
-    tags = _tags(io.BytesIO(data))
-    bits = tags.get(_TAG.BitsPerSample, (1,))
-    return max(bits) > 8 and int(tags.get(_TAG.SamplesPerPixel, 1)) >= 3
+    return facts
 
 
 def _turned(pixels: AnyArray, orientation: int) -> AnyArray:

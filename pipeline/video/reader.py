@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import BadParameter
 from pipeline.formats import image_format_of
 from pipeline.frames import Frame
 from pipeline.video.animated import AnimatedImage
@@ -39,7 +40,8 @@ class VideoReader:
         options: how a video container is read; other kinds of files have no such choices.
         sequence: how a folder, pattern or still is read; a zip has its own `sequence.json`.
 
-    Raises: UnreadableMedia, NoVideoStream, MediaTooLarge, BadParameter (the file has no such stream).
+    Raises: UnreadableMedia, NoVideoStream, MediaTooLarge, BadParameter (the file has no such stream, or cannot be
+    read so).
     """
 
     def __init__(
@@ -146,4 +148,11 @@ def open_source(
         media_type = sniff(stream)
     if media_type == "application/json":
         unreadable("The file is JSON, not pictures.")
-    return open_zip(path, limits, sequence) if media_type == "application/zip" else Clip(path, limits, options)
+    if media_type == "application/zip":
+        return open_zip(path, limits, sequence)
+    if sequence.given:
+        raise BadParameter(
+            "Options of image sequences are given for a video.", field=", ".join(sequence.given), value=path.name,
+            remedy="Leave them out: a video has its own times.",
+        )  # fmt: skip
+    return Clip(path, limits, options)

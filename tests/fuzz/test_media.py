@@ -46,3 +46,8 @@ def test_the_ledger_sums_its_runs(tmp_path: Path) -> None:
         ledger.append(run, file)
     assert [run.cases for run in ledger.runs(file)] == [2, 2]
     assert "| media | 2 | 4 | 0 | 0.4 |" in ledger.table(ledger.runs(file))
+
+
+def test_a_tiff_with_tags_of_wrong_types_is_refused(tmp_path: Path) -> None:
+    """Found by a run of the fuzzer: bits per sample as bytes instead of numbers."""
+    assert media.outcome(media.Case("tiff", 31, 102), tmp_path).startswith("refused")

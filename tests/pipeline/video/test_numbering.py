@@ -126,7 +126,7 @@ def frame(index: int) -> bytes:
 
 
 def marks(path: Path, **options: object) -> list[int]:
-    with VideoReader(path, options=options_of(options)) as reader:
+    with VideoReader(path, sequence=options_of(options)) as reader:
         return [int(np.flatnonzero(shown[16, :, 0] > 150)[0]) // 4 for shown in reader.read()]
 
 
@@ -143,9 +143,9 @@ def test_a_folder_with_a_gap(gap: Path) -> None:
     with pytest.raises(UnreadableMedia, match="1003 to 1004"):
         VideoReader(gap)
     assert marks(gap, missing="hold") == [0, 1, 1, 1, 4] and marks(gap, missing="skip") == [0, 1, 4]
-    with VideoReader(gap, options=SequenceOptions(missing="skip", fps="24000/1001")) as reader:
+    with VideoReader(gap, sequence=SequenceOptions(missing="skip", fps="24000/1001")) as reader:
         assert reader.index.numbers == (1001, 1002, 1005) and reader.fps == pytest.approx(23.976, abs=1e-3)
-        assert "1003 to 1004 are missing" in reader.notes[0]
+        assert "1003 to 1004 are missing" in reader.notes[0].message
     assert marks(gap / "shot_v02.####.png", missing="skip") == [0, 1, 4]
     assert marks(gap / "shot_v02.[1001-1002].png") == [0, 1]
     with pytest.raises(UnreadableMedia, match="1003"):
@@ -179,8 +179,8 @@ def test_wrong_options_are_refused(text: str, gap: Path, tmp_path: Path) -> None
 def test_foreign_and_empty_files(gap: Path) -> None:
     (gap / "notes.txt").write_text("hello")
     (gap / "desktop.ini").write_text("[x]")
-    with VideoReader(gap, options=SequenceOptions(missing="skip")) as reader:
-        assert reader.notes[-1] == "Files that are no images are left out: notes.txt."
+    with VideoReader(gap, sequence=SequenceOptions(missing="skip")) as reader:
+        assert reader.notes[-1].message == "Files that are no images are left out: notes.txt."
     (gap / "shot_v02.1003.png").touch()
     with pytest.raises(UnreadableMedia, match=r"shot_v02\.1003\.png"):
         VideoReader(gap)
