@@ -16,9 +16,11 @@ from typing import Any
 from sqlalchemy import insert, select
 
 from pipeline.methods.base import Task
+from workers.contract.order import TaskOutcome
+from workers.contract.record import Asset
+from workers.contract.request import JobRequest
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import Asset, JobRequest, TaskOutcome
 from workers.store import Accepted, Store, schema
 
 SIZES = ((10, 100), (1_000, 10_000), (10_000, 100_000))

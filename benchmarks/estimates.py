@@ -19,8 +19,8 @@ from pipeline.methods import methods
 from pipeline.methods.base import Method
 from pipeline.methods.local import LocalContext, required_inputs, run_plan
 from pipeline.video.reader import VideoReader
+from workers.contract.request import JobRequest, Json
 from workers.execution.renderer import prepare_process
-from workers.model import JobRequest, Json
 from workers.projects.estimates import Estimate, MeasuredJob, estimate_from
 
 Job = tuple[tuple[int, int], int]

@@ -37,8 +37,8 @@ from benchmarks.clips import clip
 from impasto.live.client import LiveClient, now_us
 from impasto.live.wire import SUBPROTOCOL, pack
 from pipeline.errors import ImpastoError
+from workers.contract.request import Json
 from workers.live.statistics import Histogram
-from workers.model import Json
 
 SIZES = (((352, 288), 60.0), ((640, 480), 30.0), ((1280, 720), 30.0))
 CLIP_FRAMES = 150

@@ -80,8 +80,8 @@ def measure(name: str, clip: Path, home: Path) -> Run:
     """Times of a job in seconds: wall time, CPU time of the process, CPU time of the overhead by part."""
     from impasto.cli import private_farm
     from pipeline.methods import method, parse_params
+    from workers.contract.request import JobRequest
     from workers.execution.warm_up import warm_up
-    from workers.model import JobRequest
 
     warm_up(method(name), parse_params(method(name), {}))
     counted = _count_stores()

@@ -208,7 +208,7 @@ def record(name: str) -> Recorded:
 
 
 def submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
-    from workers.model import JobRequest
+    from workers.contract.request import JobRequest
 
     return str(farm.jobs.submit(JobRequest(name, inputs)).id)
 

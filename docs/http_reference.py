@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 
 from service.app import openapi_document
-from workers.model import Json
+from workers.contract.request import Json
 
 
 def http_reference() -> str:

@@ -26,8 +26,8 @@ from impasto.ops import Ops
 from impasto.problems import ServiceUnreachable, error_of, job_failed
 from impasto.settings import DEFAULT_SERVER
 from pipeline.errors import BadInput
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json
 
 FINAL = frozenset({"succeeded", "failed", "cancelled"})
 SMALL_BYTES = 8 << 20

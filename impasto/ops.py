@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from urllib.parse import quote
 
-from workers.model import Json
+from workers.contract.request import Json
 
 
 class Ops:

@@ -27,8 +27,8 @@ from pipeline.errors import (
     StorageFull,
     UnreadableMedia,
 )
+from workers.contract.request import Json
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
-from workers.model import Json
 
 if TYPE_CHECKING:
     import httpx

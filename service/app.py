@@ -55,8 +55,8 @@ from service.styles.routes import router as styles
 from service.uploads.routes import router as uploads
 from service.webhooks.routes import router as webhooks
 from service.webhooks.secrets import WebhookSecrets
+from workers.contract.request import Json
 from workers.farm import Farm
-from workers.model import Json
 
 ROUTERS = (
     methods,

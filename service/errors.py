@@ -26,9 +26,9 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
 from pipeline.errors import BadParameter, ImpastoError, together
+from workers.contract.request import Json
 from workers.errors import NotFound
 from workers.live.worker import NoLiveWorker
-from workers.model import Json
 from workers.projects.faults import BadProject
 from workers.projects.model import VersionMismatch
 from workers.strict_json import BadJson

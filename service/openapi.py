@@ -15,7 +15,7 @@ from fastapi import FastAPI
 
 from service.errors import Problem
 from service.openapi_examples import EXAMPLES
-from workers.model import Json
+from workers.contract.request import Json
 from workers.projects.document import json_schema
 
 TITLE = "Impasto"

@@ -7,7 +7,7 @@ import pathlib
 
 from pipeline.formats import IMAGES, OUTPUTS
 from pipeline.formats.base import OutputFormat
-from workers.model import Json
+from workers.contract.request import Json
 
 FILE = pathlib.Path(__file__).parent / "web" / "src" / "api" / "formats.json"
 _VIDEO = "video/*,.mkv,.avi,.mov,.webm,.mp4,.zip"

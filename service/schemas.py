@@ -7,7 +7,7 @@ from typing import Annotated, Generic, TypeVar
 
 from fastapi import Path, Query
 
-from workers.model import Json
+from workers.contract.request import Json
 
 Item = TypeVar("Item")
 Responses = dict[int | str, Json]

@@ -18,6 +18,7 @@ from pipeline.methods.base import PROCESS_BYTES
 from pipeline.video.probe import probe_guarded
 from workers.blobs.base import Blobs
 from workers.blobs.open import open_blobs
+from workers.contract.request import Json
 from workers.execution.lru_cache import LruCache
 from workers.extras import check_installed
 from workers.farm_parts.assets import FarmAssets, Probe
@@ -31,7 +32,6 @@ from workers.live.local_workers import LocalLiveWorkers
 from workers.live.renderer import LiveRenderer
 from workers.live.sessions import LiveSessions
 from workers.live.worker import LiveWorkers
-from workers.model import Json
 from workers.operations import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
 from workers.pools.machine import THREADS_HERE, Machine, most_processes, this_machine

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from pipeline.errors import BadInput, Cancelled, ImpastoError, StorageError, StorageFull
 from workers.blobs.keys import NoBlob
 from workers.blobs.verified import hash_of_key
+from workers.contract.order import TaskOutcome
+from workers.contract.record import Fault
 from workers.errors import DamagedBlob, NoCapacity, NotFound
-from workers.model import Fault, TaskOutcome
 
 RESOURCES_EXHAUSTED = "resources-exhausted"
 """Code: the operating system refused descriptors, processes or memory."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from workers.model import Json
+from workers.contract.request import Json
 
 
 class DrainScope(StrEnum):

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from impasto.problems import BY_CODE
 from pipeline.errors import BadInput, ImpastoError
-from workers.model import Json
+from workers.contract.request import Json
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 

@@ -19,7 +19,7 @@ import typer
 
 from impasto.cli.console import FAILED, emit, out
 from impasto.cli.options import HomeOption, JsonFlag, home_of
-from workers.model import Json
+from workers.contract.request import Json
 from workers.process.starting import readable_by_others
 from workers.version import version as impasto_version
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe_guarded
+from workers.contract.record import Job
+from workers.contract.request import JobRequest, Json
 from workers.jobs.frame_window import window_info
-from workers.model import Job, JobRequest, Json
 from workers.projects.estimates import MeasuredJob, estimate_from
 
 HISTORY = "render-history.json"

@@ -42,8 +42,8 @@ from impasto.cli.options import (
 )
 from pipeline.errors import BadInput
 from pipeline.video.media import SourceOptions
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json
 
 if TYPE_CHECKING:
     from impasto.client import Client

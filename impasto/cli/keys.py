@@ -13,11 +13,11 @@ import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, table
 from impasto.cli.options import DatabaseOption, HomeOption, JsonFlag, home_of
-from workers.model import Json
+from workers.contract.request import Json
 from workers.process.starting import keep_files_private
 
 if TYPE_CHECKING:
-    from workers.model import ApiKey
+    from workers.contract.record import ApiKey
     from workers.store.keys import Keys
 
 app = typer.Typer(no_args_is_help=True, help="Create, list, replace and revoke API keys of the service with this home.")

@@ -32,7 +32,7 @@ from impasto.cli.options import (
     takes_options,
 )
 from pipeline.errors import BadInput
-from workers.model import Json
+from workers.contract.request import Json
 
 if TYPE_CHECKING:
     from impasto.live.client import LiveClient

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from impasto.cli.console import emit, out, print_table, table
 from impasto.cli.options import JsonFlag
-from workers.model import Json
+from workers.contract.request import Json
 
 if TYPE_CHECKING:
     from pipeline.methods.base import Method

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from impasto.cli.console import FAILED, emit, out, print_status, print_table, table
 from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
-from workers.model import Json
+from workers.contract.request import Json
 
 app = typer.Typer(no_args_is_help=True, help="Look at a service's queue, workers and failures; pause, drain, requeue.")
 

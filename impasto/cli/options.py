@@ -16,7 +16,7 @@ from pydantic import JsonValue
 from impasto.delivery import expanded
 from pipeline.errors import BadInput, BadParameter
 from pipeline.video.media import SourceOptions
-from workers.model import Json
+from workers.contract.request import Json
 
 if TYPE_CHECKING:
     from impasto.client import Client

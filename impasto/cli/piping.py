@@ -17,7 +17,7 @@ from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
 from pipeline.video.media import Limits, SourceOptions, check_size
 from pipeline.video.sequence_options import USUAL, SequenceOptions
-from workers.model import FAIL, WARN, Json
+from workers.contract.request import FAIL, WARN, Json
 
 PIPE = "-"
 DEFAULT_FPS = Fraction(25)

@@ -27,9 +27,10 @@ from impasto.cli.input_files import InputFile
 from impasto.cli.supervisor import pulse
 from impasto.problems import JobFailed
 from pipeline.video.media import MediaInfo
+from workers.contract.record import Job, TaskView
+from workers.contract.request import JobRequest, Json
 from workers.errors import Conflict
 from workers.farm import Farm
-from workers.model import Job, JobRequest, Json, TaskView
 
 KEPT_S = 30 * 24 * 3600.0
 """Time after which an interrupted render is deleted, seconds."""

@@ -9,7 +9,8 @@ from impasto.cli.rendering import RenderOrder
 from impasto.delivery import Target
 from pipeline.errors import BadInput
 from pipeline.video.numbering import numbers_of_runs
-from workers.model import Asset, JobRequest, OutputSpec
+from workers.contract.record import Asset
+from workers.contract.request import JobRequest, OutputSpec
 from workers.projects.archive import open_project
 from workers.projects.checking import problems
 from workers.projects.document import Document

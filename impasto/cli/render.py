@@ -212,7 +212,7 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     from impasto.cli.project import project_order
     from impasto.cli.rendering import RenderOrder
     from impasto.delivery import target
-    from workers.model import JobRequest, OutputSpec
+    from workers.contract.request import JobRequest, OutputSpec
     from workers.projects.archive import is_project
 
     output = options.output or str(scratch / "estimate.mp4")

@@ -21,12 +21,13 @@ from pipeline.methods.base import Method, Params, missing_inputs
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
 from pipeline.video.sequence_options import USUAL, SequenceOptions
+from workers.contract.record import Job, TaskView
+from workers.contract.request import JobRequest, Json
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
 from workers.jobs.frame_window import stream_info
 from workers.jobs.job_warnings import note_warning
-from workers.model import Job, JobRequest, Json, TaskView
 from workers.version import version
 
 

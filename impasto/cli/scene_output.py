@@ -31,7 +31,7 @@ from pipeline.errors import BadInput
 from pipeline.scenes import Scene, SceneFrame
 from pipeline.video.join import join
 from pipeline.video.writer import SegmentSpec, segment_writer
-from workers.model import Json
+from workers.contract.request import Json
 
 MANIFEST = "scene.json"
 QUALITY = 12

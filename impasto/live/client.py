@@ -34,10 +34,10 @@ from impasto.problems import BY_CODE, ServiceUnreachable, error_of
 from impasto.settings import DEFAULT_SERVER
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame
+from workers.contract.request import Json
 from workers.live.codecs import Decoder, Encoder, decoder, encoder
 from workers.live.model import WireFormat
 from workers.live.worker import NoLiveWorker
-from workers.model import Json
 
 MAX_MESSAGE_BYTES = 128 << 20
 MAX_SIDE_PX = 16384

@@ -13,8 +13,8 @@ from impasto.live.sink import Sink
 from impasto.live.sources import Source
 from impasto.live.wire import Answer
 from pipeline.frames import Frame
+from workers.contract.request import Json
 from workers.live.statistics import PERCENTILES, Histogram
-from workers.model import Json
 
 REMEMBERED = 120
 """Maximum number of unanswered frames whose times are kept."""

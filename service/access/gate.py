@@ -16,7 +16,7 @@ from service.access.keys import EVERYONE, OPERATOR, Principal
 from service.access.rates import Rates
 from service.errors import BadRequest, Forbidden, RateLimited, Unauthorized, respond, retry_after
 from service.settings import Settings, is_address, is_loopback
-from workers.model import ApiKey
+from workers.contract.record import ApiKey
 from workers.store.keys import Keys
 
 GUARDED = ("/v1/", "/metrics")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from workers.model import ANY_OWNER, AnyOwner
+from workers.contract.record import ANY_OWNER, AnyOwner
 
 
 class Scope(StrEnum):

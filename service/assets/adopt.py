@@ -13,8 +13,8 @@ from pipeline.errors import StorageFull
 from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.uploads.store import UploadStore
+from workers.contract.record import Asset
 from workers.errors import NotFound, QuotaExceeded
-from workers.model import Asset
 
 STORAGE_FULL_REMEDY = "Try again later, or ask the operator to free space."
 

@@ -19,9 +19,9 @@ from service.bodies import chunks
 from service.routing import Router
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
 from service.serving import serve
+from workers.contract.record import Asset
 from workers.errors import NotFound
 from workers.farm_parts.stored_file import asset_file
-from workers.model import Asset
 
 router = Router(prefix="/v1/assets", tags=["assets"])
 

@@ -29,8 +29,8 @@ from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, Responses
 from service.streaming import StreamedResponse
+from workers.contract.record import Event
 from workers.errors import NotFound
-from workers.model import Event
 
 router = Router(prefix="/v1/jobs", tags=["events"])
 

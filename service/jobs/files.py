@@ -12,8 +12,8 @@ from service.jobs.schemas import FileOut
 from service.routing import Router
 from service.schemas import Download, FileName, JobId, Listing, binary
 from service.serving import serve
+from workers.contract.record import Job
 from workers.errors import Conflict, NotFound
-from workers.model import Job
 
 router = Router(prefix="/v1/jobs/{job_id}", tags=["files"])
 

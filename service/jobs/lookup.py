@@ -7,8 +7,8 @@ from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.routes import visible
 from service.jobs.schemas import Work
+from workers.contract.record import Job, TaskView
 from workers.errors import NotFound
-from workers.model import Job, TaskView
 
 
 def find_job(context: ServiceContext, caller: Principal, job_id: str) -> Job:

@@ -9,8 +9,8 @@ from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId
+from workers.contract.record import RunState
 from workers.errors import NotFound
-from workers.model import RunState
 from workers.store.queue_position import MOST, MethodAhead
 
 router = Router(prefix="/v1/jobs/{job_id}", tags=["jobs"])

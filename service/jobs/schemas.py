@@ -9,7 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.formats import OutputName
 from pipeline.video.media import Fields, SourceOptions
-from workers.model import (
+from workers.contract.record import Job
+from workers.contract.request import (
     MAX_LABEL_NAME,
     MAX_LABEL_VALUE,
     MAX_LABELS,
@@ -18,7 +19,6 @@ from workers.model import (
     MAX_QUALITY,
     MAX_SEED,
     MAX_URL,
-    Job,
     JobRequest,
     Json,
     OutputSpec,

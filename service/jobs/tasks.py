@@ -7,7 +7,7 @@ from service.jobs.lookup import find_job, find_task, max_reopened_jobs
 from service.jobs.schemas import LogOut
 from service.routing import Router
 from service.schemas import Cursor, JobId, Limit, Listing, TaskId
-from workers.model import TaskState, TaskView
+from workers.contract.record import TaskState, TaskView
 
 router = Router(prefix="/v1", tags=["tasks"])
 

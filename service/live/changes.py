@@ -11,11 +11,12 @@ from service.live.closing import Ending
 from service.live.message_sender import MessageSender
 from service.live.messages import FilterIn, FilterOut, ParamsIn, ParamsOut
 from service.live.sessions import LiveSession
+from workers.contract.record import Asset
+from workers.contract.request import Json
 from workers.errors import NotFound
 from workers.live.model import FilterOrder
 from workers.live.sessions import LiveSessions
 from workers.live.stream import Stream
-from workers.model import Asset, Json
 
 MAX_WAITING = 64
 

@@ -50,12 +50,12 @@ from service.live.messages import (
 )
 from service.live.sessions import LiveSession, Sessions
 from service.live.viewers import ViewedFrame, ViewFormat
+from workers.contract.record import Asset
 from workers.errors import NotFound
 from workers.live.codecs import BUILT_ON
 from workers.live.model import LiveOrder, Packet, WireFormat
 from workers.live.resolution import deadline_s
 from workers.live.stream import Answer, Item, KeyframeNeeded, Replaced, Resized, Stream
-from workers.model import Asset
 
 MAX_FRAMES_PER_S = 240
 

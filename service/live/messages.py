@@ -8,8 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from pipeline.errors import BadParameter, ImpastoError
 from service.errors import BadMessage, Problem
+from workers.contract.request import MAX_SEED, Json
 from workers.live.codecs import webcodecs_name
-from workers.model import MAX_SEED, Json
 from workers.strict_json import BadJson, strict_json
 
 VERSION = 1

@@ -15,10 +15,10 @@ from service.access.keys import EVERYONE, LIVE_SESSIONS, Principal, Scope
 from service.live.closing import Ending
 from service.live.viewers import Viewers
 from service.ops.metrics import LiveMetrics
+from workers.contract.request import Json
 from workers.ids import new_id
 from workers.live.sessions import LiveSessions, SessionSlot
 from workers.live.stream import Stream
-from workers.model import Json
 from workers.operations import LiveView
 
 log = logging.getLogger(__name__)

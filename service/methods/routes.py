@@ -18,8 +18,8 @@ from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
 from service.routing import Router
 from service.schemas import Responses
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json
 
 T = TypeVar("T")
 

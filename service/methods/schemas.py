@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.methods.base import Example, InputSpec, Method, Studio
-from workers.model import Json
+from workers.contract.request import Json
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from service.access.depends import Admin, Context
 from service.access.keys import Scope
 from service.routing import Router
 from service.schemas import ID, Listing
-from workers.model import ApiKey
+from workers.contract.record import ApiKey
 
 router = Router(prefix="/v1/keys", tags=["ops"])
 

@@ -12,8 +12,8 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Summa
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
+from workers.contract.request import Json
 from workers.farm import Farm
-from workers.model import Json
 from workers.operations import DrainScope
 
 log = logging.getLogger(__name__)

@@ -15,8 +15,9 @@ from service.jobs.lookup import find_job, max_reopened_jobs
 from service.jobs.schemas import JobOut, job_out
 from service.routing import Router
 from service.schemas import ID, JobId
+from workers.contract.record import Fault
+from workers.contract.request import MAX_PRIORITY
 from workers.faults import fault_from
-from workers.model import MAX_PRIORITY, Fault
 
 router = Router(prefix="/v1/ops/jobs", tags=["ops"])
 

@@ -12,7 +12,7 @@ from service.access.admission import Cost, costs
 from service.access.depends import Admin, Context, Reader
 from service.routing import Router
 from service.schemas import Cursor
-from workers.model import Json
+from workers.contract.request import Json
 from workers.operations import Violation
 
 router = Router(tags=["ops"])

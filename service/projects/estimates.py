@@ -13,7 +13,8 @@ from service.jobs.lookup import check_inputs
 from service.jobs.schemas import JobIn
 from service.projects.lookup import find_project
 from service.routing import Router
-from workers.model import AnyOwner, JobRequest
+from workers.contract.record import AnyOwner
+from workers.contract.request import JobRequest
 from workers.projects.document import FrameRange, Id
 from workers.projects.estimates import Estimate
 from workers.projects.faults import refuse_if_any

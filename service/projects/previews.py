@@ -29,8 +29,8 @@ from service.routing import Router
 from service.schemas import JobId, Responses
 from service.streaming import StreamedResponse, in_threads
 from workers.blobs.keys import NoBlob
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import SLOT_POLL_S, PreviewRun
 from workers.projects.document import FrameNumber, FrameRange, Id

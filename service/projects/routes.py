@@ -17,7 +17,7 @@ from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectO
 from service.routing import Router
 from service.schemas import Cursor, Limit, Listing, Responses
 from service.serving import not_modified
-from workers.model import Json
+from workers.contract.request import Json
 from workers.projects.document import empty, json_schema
 from workers.projects.model import Project, VersionMismatch
 from workers.projects.parsing import parse_document

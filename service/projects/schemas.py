@@ -9,7 +9,8 @@ from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.jobs.schemas import JobOut, job_out
-from workers.model import Job, Json
+from workers.contract.record import Job
+from workers.contract.request import Json
 from workers.projects.document import FrameRange, Id, Output
 from workers.projects.faults import DocumentFault
 from workers.projects.model import Project, ProjectJob

@@ -13,7 +13,7 @@ import hmac
 import json
 from dataclasses import asdict, dataclass
 
-from workers.model import Json
+from workers.contract.request import Json
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pipeline.video.writer import SegmentSpec, segment_writer
 from service.access.depends import Context, Submitter
 from service.assets.adopt import adopt_made
 from service.routing import Router
-from workers.model import Asset
+from workers.contract.record import Asset
 
 router = Router(prefix="/v1/scenes", tags=["assets"])
 

@@ -8,7 +8,7 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.scenes import scene
-from workers.model import Json
+from workers.contract.request import Json
 
 SIZE = (960, 640)
 """(width, height), px."""

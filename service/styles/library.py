@@ -17,9 +17,9 @@ from pipeline.video.stills import encode_png
 from service.page_pictures import painted
 from service.styles import exemplars
 from service.styles.exemplars import EXEMPLARS, Exemplar
+from workers.contract.record import Asset
 from workers.errors import NotFound
 from workers.farm import Farm
-from workers.model import Asset
 
 OWNER = "styles"
 """Owner of the library's assets, so that they count for no user's quota."""

@@ -13,8 +13,8 @@ from service.assets.adopt import check_quota
 from service.routing import Router
 from service.schemas import Listing, Responses
 from service.styles.library import StyleOut
+from workers.contract.record import Asset
 from workers.errors import NotFound
-from workers.model import Asset
 
 router = Router(prefix="/v1/styles", tags=["styles"])
 

@@ -22,8 +22,8 @@ from service.bodies import chunks
 from service.errors import OffsetMismatch
 from service.uploads.headers import Checksum, sequence_options
 from service.uploads.store import Upload, UploadStore
+from workers.contract.record import Asset
 from workers.errors import NotFound
-from workers.model import Asset
 
 
 async def append(request: Request, context: ServiceContext, store: UploadStore, upload: Upload, at: int) -> int:

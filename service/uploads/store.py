@@ -20,8 +20,8 @@ from typing import BinaryIO
 
 from pipeline.errors import ImpastoError
 from service.errors import Gone, Locked, retry_after
+from workers.contract.record import Fault
 from workers.errors import NotFound
-from workers.model import Fault
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from service.access.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, Listing
-from workers.model import Delivery
+from workers.contract.record import Delivery
 
 router = Router(prefix="/v1", tags=["webhooks"])
 

@@ -18,8 +18,8 @@ from starlette.concurrency import run_in_threadpool
 from service.settings import Settings
 from service.webhooks.connect import open_pool
 from service.webhooks.secrets import WebhookSecrets
+from workers.contract.record import Delivery
 from workers.errors import NotFound
-from workers.model import Delivery
 from workers.process.log_context import log_extra
 from workers.store.webhooks import Webhooks
 

@@ -25,8 +25,9 @@ from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.hangs import HANGS
 from tests.workers.real_farm import Accepting, Worker
+from workers.contract.order import TaskOutcome
+from workers.contract.request import JobRequest
 from workers.farm import Farm
-from workers.model import JobRequest, TaskOutcome
 from workers.settings import FarmSettings
 from workers.store import Store
 

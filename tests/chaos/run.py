@@ -19,8 +19,9 @@ from tests.chaos.retries import with_retries
 from tests.real.postgres import Postgres
 from tests.real.swift import Swift
 from tests.workers.real_farm import ForkedWorker, Worker
+from workers.contract.record import Job
+from workers.contract.request import JobRequest
 from workers.farm import Farm
-from workers.model import Job, JobRequest
 from workers.settings import FarmSettings
 
 _THREADS = ThreadPoolExecutor(8)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import time
 
-from workers.model import TaskOutcome
+from workers.contract.order import TaskOutcome
 from workers.store import Store
 
 LEASE_S = 1.0

@@ -21,9 +21,11 @@ from sqlalchemy import func, select
 from pipeline.methods.base import Task
 from tests.contracts.farm_model import FAILED_CODE, FINAL, ModelJob, ModelTurns
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOutcome
+from workers.contract.record import Asset, Fault, Job
+from workers.contract.request import JobRequest
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.jobs import state_machine as machine
-from workers.model import Asset, Fault, Job, JobRequest, TaskOutcome
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.store import Accepted, Claim, Heartbeat, Store, schema
 

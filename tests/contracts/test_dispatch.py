@@ -20,9 +20,9 @@ from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.test_stores import STEPS, Clock, _answer, _asset, _claim, _job, _plan
 from tests.real.postgres import Postgres
+from workers.contract.request import JobRequest
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import Limits
-from workers.model import JobRequest
 from workers.store import Accepted, Store, StorePolicy
 
 ROOT = Path(__file__).resolve().parents[2]

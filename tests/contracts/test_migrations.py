@@ -19,7 +19,7 @@ from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.released import RELEASED
 from tests.real.postgres import Postgres
-from workers.model import TaskOutcome
+from workers.contract.order import TaskOutcome
 from workers.store import Store, schema
 from workers.store.migrate import FOLDER, newest_version
 

@@ -9,8 +9,9 @@ import pytest
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
 from tests.contracts.test_stores import STEPS, Clock, _answer, _asset, _claim, _job, _plan
+from workers.contract.record import RunState
+from workers.contract.request import JobRequest
 from workers.jobs import state_machine as machine
-from workers.model import JobRequest, RunState
 from workers.store import Accepted, Store, queue_position
 
 

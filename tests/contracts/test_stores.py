@@ -15,10 +15,12 @@ from sqlalchemy import event, select
 from pipeline.errors import BadParameter, StorageError
 from pipeline.methods.base import Task
 from tests.contracts.databases import DATABASES
+from workers.contract.order import TaskOutcome
+from workers.contract.record import ANY_OWNER, Asset, Fault
+from workers.contract.request import JobRequest
 from workers.errors import Conflict, NotFound, QuotaExceeded
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import Limits
-from workers.model import ANY_OWNER, Asset, Fault, JobRequest, TaskOutcome
 from workers.store import Accepted, Claim, Heartbeat, Store, StorePolicy, schema
 
 STEPS = (("analyze", "Analyze"), ("draw", "Draw"), ("assemble", "Join"))

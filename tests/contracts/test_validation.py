@@ -10,8 +10,10 @@ from sqlalchemy import Connection, delete, insert, select, text, update
 
 from pipeline.methods.base import Task
 from tests.contracts.databases import COPIES, DATABASES
+from workers.contract.order import TaskOutcome
+from workers.contract.record import Asset, Fault, RunState, TaskState
+from workers.contract.request import JobRequest
 from workers.jobs import state_machine as machine
-from workers.model import Asset, Fault, JobRequest, RunState, TaskOutcome, TaskState
 from workers.store import Accepted, Store, schema
 
 ASSET = Asset("ast_" + "a" * 64, "a" * 64, 10, "cat.mp4", "video/mp4", "video", {"frames": 4}, 1.0, "anna")

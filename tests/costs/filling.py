@@ -13,7 +13,7 @@ from typing import Any
 from sqlalchemy import Connection, func, insert, select, text
 
 from workers.blobs.base import Blobs
-from workers.model import RunState, TaskState
+from workers.contract.record import RunState, TaskState
 from workers.store import Store, schema
 
 OWNERS = 20

@@ -12,7 +12,8 @@ from service.app import ROUTERS
 from tests.costs.budgets import READS, UNMEASURED, WRITES, Ask
 from tests.costs.filling import ASSET, Size
 from tests.costs.measuring import Measured, measured
-from workers.model import JobRequest, TaskOutcome
+from workers.contract.order import TaskOutcome
+from workers.contract.request import JobRequest
 from workers.store import Accepted, schema
 
 SMALL, LARGE = Size(5000, 250, 2500), Size(20_000, 1000, 10_000)

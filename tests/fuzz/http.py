@@ -18,8 +18,8 @@ from service.app import create_app
 from service.settings import Settings
 from tests.fuzz.ledger import Run
 from tests.fuzz.samples import samples
+from workers.contract.request import JobRequest
 from workers.farm import open_farm
-from workers.model import JobRequest
 
 HEADERS = {"Host": "127.0.0.1"}
 CHECKS = [not_a_server_error, response_schema_conformance, content_type_conformance]

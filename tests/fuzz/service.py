@@ -12,8 +12,8 @@ from service.app import create_app
 from service.settings import Settings
 from tests.fuzz.asgi import Application, Header, Reply
 from tests.fuzz.samples import samples
+from workers.contract.request import JobRequest
 from workers.farm import open_farm
-from workers.model import JobRequest
 
 JSON: Header = ("content-type", "application/json")
 Known = dict[str, list[str]]

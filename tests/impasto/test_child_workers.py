@@ -8,8 +8,8 @@ import pytest
 
 from pipeline.methods.base import PROCESS_BYTES
 from tests.impasto.test_frame_window import rendered
+from workers.contract.request import JobRequest
 from workers.farm import open_farm
-from workers.model import JobRequest
 from workers.pools.machine import most_processes
 from workers.settings import FarmSettings
 

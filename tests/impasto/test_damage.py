@@ -20,8 +20,8 @@ from pipeline.errors import DamagedMedia
 from service.app import create_app
 from service.settings import Settings
 from tests.pipeline.video.making import make_video, picture
+from workers.contract.request import JobRequest
 from workers.farm import Farm, open_farm
-from workers.model import JobRequest
 from workers.settings import FarmSettings
 from workers.store.records import request_of, request_to_json
 

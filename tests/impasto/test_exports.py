@@ -13,8 +13,9 @@ from pipeline.frames import Frame
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
 from tests.pipeline.video.making import make_video, picture
+from workers.contract.record import Job
+from workers.contract.request import JobRequest, OutputSpec
 from workers.farm import Farm, open_farm
-from workers.model import Job, JobRequest, OutputSpec
 from workers.settings import FarmSettings
 
 FRAMES = 20

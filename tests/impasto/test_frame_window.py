@@ -18,9 +18,9 @@ from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
 from pipeline.video.shot_files import files_of_frames
 from tests.conftest import TINY_FPS
+from workers.contract.request import JobRequest, OutputSpec
 from workers.farm import Farm, open_farm
 from workers.jobs.frame_window import WindowImages, window_info
-from workers.model import JobRequest, OutputSpec
 from workers.settings import FarmSettings
 
 PIECE = (6, 14)

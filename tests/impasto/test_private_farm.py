@@ -14,8 +14,9 @@ from impasto.cli import private_farm
 from impasto.cli.console import Interrupted
 from impasto.cli.input_files import gather
 from impasto.problems import JobFailed
+from workers.contract.record import RunState
+from workers.contract.request import JobRequest
 from workers.farm import Farm, open_farm
-from workers.model import JobRequest, RunState
 from workers.settings import FarmSettings
 
 REQUEST = JobRequest("abstraction", {}, {"lines": "off"})

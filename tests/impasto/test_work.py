@@ -15,8 +15,9 @@ import pytest
 from impasto.cli import console
 from impasto.cli.private_farm import forget, key_of, sweep, workspace
 from impasto.cli.rendering import Timing, overlap
+from workers.contract.record import Job, RunState, StepView, TaskState, TaskView
+from workers.contract.request import JobRequest
 from workers.errors import Conflict
-from workers.model import Job, JobRequest, RunState, StepView, TaskState, TaskView
 
 # -- timing
 

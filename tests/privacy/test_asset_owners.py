@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from tests.privacy.actors import ADMIN, Caller, one_shot, service
+from workers.contract.request import JobRequest
 from workers.errors import NotFound
 from workers.farm import Farm
-from workers.model import JobRequest
 
 ROOT = Path(__file__).parents[2]
 OPERATORS = {

@@ -22,8 +22,8 @@ from tests.privacy.matrix import BECOMES_AN_INPUT, LINK, OPERATORS, Operation, U
 from tests.privacy.world import ANNA, BEN, SECRET, Actor, World
 from tests.service.driven_farm import DrivenFarm
 from tests.service.toy_method import Toy
+from workers.contract.record import ANY_OWNER, Asset
 from workers.farm_parts.assets import FarmAssets
-from workers.model import ANY_OWNER, Asset
 
 TUS = {"Tus-Resumable": "1.0.0", "Upload-Length": "8", "Upload-Offset": "0", "If-Match": "*"}
 

@@ -13,8 +13,8 @@ from pipeline.video.guard.decoder_process import DecoderNotStarted
 from pipeline.video.probe import probe
 from service.errors import problem
 from workers.blobs.keys import NoBlob
+from workers.contract.record import asset_key
 from workers.faults import fault_from, is_resource_away
-from workers.model import asset_key
 
 
 def test_the_text_of_a_file_that_is_no_media_is_not_quoted(tmp_path: Path) -> None:

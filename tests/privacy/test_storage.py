@@ -19,9 +19,9 @@ from service.settings import Settings
 from tests.privacy.actors import Caller, service
 from workers.blobs.disk import DiskBlobs
 from workers.blobs.verified import is_sound
+from workers.contract.record import asset_key
 from workers.errors import DamagedBlob
 from workers.farm import Farm, open_farm
-from workers.model import asset_key
 from workers.settings import FarmSettings
 
 

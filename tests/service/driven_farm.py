@@ -13,9 +13,11 @@ from pipeline.errors import UnreadableMedia
 from pipeline.methods.base import Task
 from pipeline.video.media import Limits, MediaInfo
 from tests.databases import migrated_sqlite
+from workers.contract.order import TaskOutcome
+from workers.contract.record import AnyOwner, Delivery, Fault, Job, RunState, TaskState, TaskView
+from workers.contract.request import JobRequest
 from workers.farm import Farm
 from workers.jobs.state_machine import Failed
-from workers.model import AnyOwner, Delivery, Fault, Job, JobRequest, RunState, TaskOutcome, TaskState, TaskView
 from workers.settings import FarmSettings
 
 MAGIC = b"CLIP"

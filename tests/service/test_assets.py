@@ -20,7 +20,7 @@ from tests.service.conftest import CLIP
 from tests.service.driven_farm import DrivenFarm
 from tests.service.live import running
 from tests.waiting import HTTP, until
-from workers.model import Asset
+from workers.contract.record import Asset
 
 
 def test_an_upload_is_addressed_by_its_content(client: TestClient, settings: Settings) -> None:

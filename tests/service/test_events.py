@@ -20,7 +20,7 @@ from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm
 from tests.service.live import running
 from tests.waiting import SLOWER
-from workers.model import RunState
+from workers.contract.record import RunState
 
 ServerEvent = dict[str, Any]
 

@@ -8,8 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from tests.service.driven_farm import MAGIC, DrivenFarm
+from workers.contract.record import ANY_OWNER, RunState
 from workers.errors import NotFound
-from workers.model import ANY_OWNER, RunState
 
 FILM = MAGIC + b" painted"
 

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from tests.service.driven_farm import DrivenFarm
-from workers.model import Fault, RunState, TaskState
+from workers.contract.record import Fault, RunState, TaskState
 
 
 def test_a_job_document_has_the_fields_of_the_dataclass_and_links(

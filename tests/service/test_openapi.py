@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 from openapi_spec_validator import OpenAPIV31SpecValidator
 
 from service.app import openapi_document
-from workers.model import Json
+from workers.contract.request import Json
 
 
 @pytest.fixture(scope="module")

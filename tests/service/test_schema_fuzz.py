@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 
 from service.app import create_app
 from service.settings import Settings
+from workers.contract.request import JobRequest
 from workers.farm import open_farm
-from workers.model import JobRequest
 
 if TYPE_CHECKING:  # imported where it is used: each process of a run imports this file, and one of them runs it
     from schemathesis import Case, GenerationMode

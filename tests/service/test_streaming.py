@@ -24,9 +24,9 @@ from tests.service.driven_farm import MAGIC, DrivenFarm
 from tests.service.live import running
 from tests.service.records import records, types
 from tests.waiting import until
+from workers.contract.request import Json
 from workers.farm import open_farm
 from workers.farm_parts.stored_file import StoredFile
-from workers.model import Json
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record
 from workers.previews.service import PreviewRun, PreviewService

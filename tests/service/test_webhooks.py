@@ -22,7 +22,7 @@ from service.webhooks.secrets import WebhookSecrets
 from service.webhooks.targets import check_target, is_public
 from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm
-from workers.model import Delivery
+from workers.contract.record import Delivery
 
 
 class Receiver:

@@ -13,8 +13,9 @@ from tests.databases import migrated_sqlite
 from tests.waiting import until
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.contract.record import Job
+from workers.contract.request import JobRequest
 from workers.farm import Farm
-from workers.model import Job, JobRequest
 from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 

@@ -10,8 +10,8 @@ from pipeline.video.probe import probe
 from tests.workers.toy import Toy, ToyRunner
 from workers import farm as farm_module
 from workers.blobs.disk import DiskBlobs
+from workers.contract.request import JobRequest
 from workers.farm import Farm
-from workers.model import JobRequest
 from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings
 

@@ -22,8 +22,8 @@ from tests.workers.toy import Toy, ToyRunner
 from workers import farm as farm_module
 from workers.blobs.base import Blobs
 from workers.blobs.open import open_blobs
+from workers.contract.request import JobRequest
 from workers.farm import Farm
-from workers.model import JobRequest
 from workers.pools.base import Pool
 from workers.pools.child_runner import ChildRunner
 from workers.pools.local_pool import LocalPool

@@ -12,10 +12,10 @@ from tests.workers.conftest import finished, request_on
 from tests.workers.test_dispatcher import ManualPool
 from tests.workers.toy import Toy
 from workers.blobs.disk import DiskBlobs
+from workers.contract.request import JobRequest
 from workers.errors import NoCapacity
 from workers.farm import Farm
 from workers.faults import failed_outcome
-from workers.model import JobRequest
 from workers.pools.base import Report
 from workers.pools.capacity import Capacity, capacity_for, default_capacity, has_capacity, machines_with, shortage
 from workers.scheduling.planning import plan_step

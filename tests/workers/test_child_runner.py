@@ -22,10 +22,11 @@ from tests.waiting import until
 from tests.workers.conftest import finished, request_on, result
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.request import OutputSpec
 from workers.farm import Farm
-from workers.model import OutputSpec, TaskOrder, TaskOutcome
 from workers.pools import child_runner
-from workers.pools.base import Report, Tell
+from workers.pools.base import Report
 from workers.pools.child_runner import ChildDied, ChildRunner
 from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from tests.workers.conftest import finished, result
 from tests.workers.crash_child import KEY, PARAMS
+from workers.contract.request import JobRequest
 from workers.farm import Farm
-from workers.model import JobRequest
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -15,8 +15,8 @@ from tests.waiting import until
 from tests.workers.conftest import finished, request_on
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOrder, TaskOutcome
 from workers.farm import Farm
-from workers.model import TaskOrder, TaskOutcome
 from workers.operations import Slot
 from workers.pools.base import Report
 from workers.pools.local_pool import Listen

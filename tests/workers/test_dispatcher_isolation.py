@@ -10,8 +10,8 @@ import pytest
 
 from tests.waiting import until
 from tests.workers.conftest import finished, request_on
+from workers.contract.record import Job, RunState
 from workers.farm import Farm
-from workers.model import Job, RunState
 from workers.pools.local_pool import LocalPool
 from workers.scheduling.step_planner import StepPlanner
 from workers.store import plans, task_queue

@@ -12,9 +12,9 @@ import pytest
 
 from pipeline.errors import ImpastoError
 from tests.waiting import until
+from workers.contract.request import Json
 from workers.live.sessions import LiveSessions
 from workers.live.worker import NoLiveWorker
-from workers.model import Json
 from workers.previews.model import PreviewQuery, Record
 from workers.previews.service import PreviewService
 from workers.process.fair_slots import FairSlots

@@ -16,9 +16,8 @@ from tests.workers.conftest import finished, request_on
 from tests.workers.hangs import HANGS
 from tests.workers.toy import METHODS, Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
 from workers.farm import Farm
-from workers.model import TaskOrder, TaskOutcome
-from workers.pools.base import Tell
 from workers.pools.child_runner import ChildRunner
 from workers.pools.local_pool import LocalPool
 from workers.settings import FarmSettings

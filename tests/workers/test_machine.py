@@ -18,9 +18,10 @@ from tests.conftest import ROOT
 from tests.workers.conftest import request_on
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.request import OutputSpec
 from workers.farm import Farm
-from workers.model import OutputSpec, TaskOrder, TaskOutcome
-from workers.pools.base import Report, Tell
+from workers.pools.base import Report
 from workers.pools.local_pool import LocalPool
 from workers.pools.machine import Machine, most_processes, this_machine
 from workers.settings import FarmSettings

@@ -22,7 +22,8 @@ from pipeline.methods.patches import Patches
 from pipeline.video.stills import encode_png
 from tests.conftest import tiny_frame
 from workers.blobs.disk import DiskBlobs
-from workers.model import Asset, JobRequest, asset_key
+from workers.contract.record import Asset, asset_key
+from workers.contract.request import JobRequest
 from workers.previews import painting, single
 from workers.previews.byte_cache import ByteCache
 from workers.previews.single import PreviewAsk, PreviewJob, frame_png

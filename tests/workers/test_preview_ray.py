@@ -18,8 +18,9 @@ from pipeline.errors import BadParameter
 from tests.waiting import until
 from tests.workers.watched_engine import Watched
 from workers.blobs.disk import DiskBlobs
+from workers.contract.record import Asset, asset_key
+from workers.contract.request import JobRequest
 from workers.farm import open_farm
-from workers.model import Asset, JobRequest, asset_key
 from workers.previews.byte_cache import ByteCache
 from workers.previews.local_runner import LocalRunner
 from workers.previews.model import LayerSources, PreviewQuery, Record

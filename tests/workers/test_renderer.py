@@ -32,10 +32,11 @@ from pipeline.video.stills import encode_png
 from tests.conftest import TINY_FRAMES
 from tests.e2e.pages import CHROMIUM_ARGS, SHELL
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import CPU, PEAK_MEMORY, TaskOrder, TaskOutcome
+from workers.contract.request import OutputSpec
 from workers.execution.decoders import Decoders
 from workers.execution.handover import Handover
 from workers.execution.renderer import Renderer, Shared
-from workers.model import CPU, PEAK_MEMORY, OutputSpec, TaskOrder, TaskOutcome
 
 RUN = 10
 LOG = logging.getLogger("pipeline.methods.toy")

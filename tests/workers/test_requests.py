@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from pipeline.errors import BadParameter
-from workers.model import Asset, JobRequest, OutputSpec
+from workers.contract.record import Asset
+from workers.contract.request import JobRequest, OutputSpec
 from workers.scheduling.requests import check_request
 
 

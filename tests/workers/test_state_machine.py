@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from workers.contract.record import Fault, RunState, TaskState
 from workers.errors import Conflict
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, TaskSnapshot, advance
-from workers.model import Fault, RunState, TaskState
 
 FAULT = Fault("internal-error", "It broke.")
 TASKS = 5

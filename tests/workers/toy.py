@@ -32,10 +32,9 @@ from tests.workers.hangs import HANGS
 from tests.workers.relay_method import Relay
 from workers.blobs.base import Blobs
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
 from workers.faults import failed_outcome
 from workers.jobs.state_machine import ASSEMBLE
-from workers.model import TaskOrder, TaskOutcome
-from workers.pools.base import Tell
 
 
 class ToyParams(Params):

@@ -23,11 +23,12 @@ from pipeline.video.media import Note
 from pipeline.video.reader import VideoReader
 from pipeline.video.writer import zip_entry
 from workers.blobs.base import Blobs
+from workers.contract.order import CPU, PEAK_MEMORY, TaskOrder
+from workers.contract.request import Json
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
 from workers.execution.result_quality import ResultQuality
 from workers.jobs.frame_window import window_index
-from workers.model import CPU, PEAK_MEMORY, Json, TaskOrder
 
 Files = dict[str, tuple[str, str]]
 """Downloadable name -> (blob key, media type)."""

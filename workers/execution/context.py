@@ -27,6 +27,8 @@ from pipeline.video.numbering import numbers_of_runs
 from pipeline.video.shot_files import ShotFiles, files_of_frames
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
+from workers.contract.order import TaskOrder, Tell
+from workers.contract.request import FAIL
 from workers.execution.arrays import read_arrays
 from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
@@ -39,8 +41,6 @@ from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.reuse import Reads, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
 from workers.jobs.frame_window import WindowImages, window_document, window_index
-from workers.model import FAIL, TaskOrder
-from workers.pools.base import Tell
 from workers.process.heartbeat import current_heartbeat
 from workers.process.log_context import belong
 from workers.process.logs import attempt_facts

@@ -10,8 +10,8 @@ from pipeline.errors import DamagedMedia
 from pipeline.video.damage import damage_of
 from pipeline.video.index import Index
 from pipeline.video.media import Note
+from workers.contract.record import JobWarning
 from workers.jobs.job_warnings import DAMAGE_REMEDY, damage_warning, describe_damage, note_warning
-from workers.model import JobWarning
 
 
 def within(index: Index, span: tuple[int, int | None]) -> Index:

@@ -22,6 +22,7 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, Params, Step, Task
 from pipeline.video.guard.decoder_server import start_decoder_server
 from workers.blobs.base import Blobs
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
 from workers.errors import NotFound, WrongVersion
 from workers.execution.assembly import Assembly
 from workers.execution.context import AttemptContext
@@ -35,8 +36,6 @@ from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
 from workers.jobs.job_warnings import note_warning
 from workers.jobs.state_machine import ASSEMBLE
-from workers.model import TaskOrder, TaskOutcome
-from workers.pools.base import Tell
 from workers.process.heartbeat import heartbeats
 from workers.process.logs import AttemptLog, captured, set_up_logs
 from workers.process.starting import HUNG_STATUS

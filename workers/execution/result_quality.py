@@ -16,11 +16,11 @@ from pipeline.quality.sampling import SampleSize, affordable_sample, job_pairs
 from pipeline.video.contact import SHEET_TILE_PX, fit, sheet_frames
 from pipeline.video.reader import VideoReader
 from workers.blobs.base import Blobs
+from workers.contract.order import TaskOrder
 from workers.execution.arrays import read_arrays
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
 from workers.execution.pair_recorder import pair_name
-from workers.model import TaskOrder
 from workers.scheduling.planning import video_info
 
 

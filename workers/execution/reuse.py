@@ -22,7 +22,8 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError
 from pipeline.methods.base import Arrays
 from workers.blobs.base import Blobs
-from workers.model import EarlierTask, Json, TaskOrder, TaskOutcome
+from workers.contract.order import EarlierTask, TaskOrder, TaskOutcome
+from workers.contract.request import Json
 
 ABSENT = "-"
 """Digest of something that does not exist."""

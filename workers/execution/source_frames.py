@@ -5,8 +5,8 @@ from __future__ import annotations
 from pipeline.video.contact import fit
 from pipeline.video.stills import encode_jpeg
 from workers.blobs.base import Blobs
+from workers.contract.record import Asset, asset_key
 from workers.execution.decoders import Decoders, frame_at
-from workers.model import Asset, asset_key
 
 
 class SourceFrames:

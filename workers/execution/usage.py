@@ -10,7 +10,7 @@ from pathlib import Path
 
 import psutil
 
-from workers.model import CPU, PEAK_MEMORY
+from workers.contract.order import CPU, PEAK_MEMORY
 
 _CLEAR_REFS, _STATUS = Path("/proc/self/clear_refs"), Path("/proc/self/status")
 _RESET_PEAK = "5"

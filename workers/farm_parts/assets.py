@@ -10,11 +10,11 @@ from pathlib import Path
 from pipeline.video.media import Limits, MediaInfo
 from workers.blobs.base import Blobs
 from workers.blobs.verified import is_sound
+from workers.contract.record import ANY_OWNER, AnyOwner, Asset, Page, asset_key
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.source_frames import SourceFrames
 from workers.farm_parts.stored_file import StoredFile, asset_file
-from workers.model import ANY_OWNER, AnyOwner, Asset, Page, asset_key
 from workers.operations import Violation
 from workers.store import Store
 

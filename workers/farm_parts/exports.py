@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from pipeline.formats import OUTPUTS
+from workers.contract.record import Job, RunState
+from workers.contract.request import EXPORT_LABEL, MAX_NAME, JobRequest, OutputSpec
 from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.jobs import FarmJobs
-from workers.model import EXPORT_LABEL, MAX_NAME, Job, JobRequest, OutputSpec, RunState
 
 CONVERT, FILM = "convert", "film"
 SOURCES = tuple(form.name for form in OUTPUTS.values() if not form.lossy)

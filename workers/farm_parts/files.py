@@ -9,10 +9,10 @@ from pathlib import Path
 from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
 from workers.blobs.verified import compared, hash_of_key
+from workers.contract.record import Job
 from workers.errors import Conflict, NotFound
 from workers.execution.decoders import Decoders
 from workers.farm_parts.stored_file import StoredFile, job_file
-from workers.model import Job
 from workers.store import Store
 
 _CHUNK_BYTES = 1 << 20

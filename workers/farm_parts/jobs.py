@@ -12,10 +12,11 @@ from typing import Literal
 from pipeline.errors import StorageError
 from pipeline.methods import method
 from workers.blobs.base import Blobs
+from workers.contract.record import AnyOwner, Asset, Event, Job, Page, Submitted
+from workers.contract.request import EXPORT_LABEL, JobRequest, Json
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.jobs import state_machine as machine
-from workers.model import EXPORT_LABEL, AnyOwner, Asset, Event, Job, JobRequest, Json, Page, Submitted
 from workers.previews.service import PreviewService
 from workers.previews.single import PreviewAsk, PreviewJob
 from workers.process.log_context import log_extra

@@ -7,7 +7,7 @@ import mimetypes
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
-from workers.model import Asset, Job, asset_key
+from workers.contract.record import Asset, Job, asset_key
 from workers.store.records import Row
 
 _SUFFIXES = {"video/mp4": ".mp4", "video/webm": ".webm", "application/zip": ".zip", "image/jpeg": ".jpg"}

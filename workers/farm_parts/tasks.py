@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from workers.model import Page, TaskView
+from workers.contract.record import Page, TaskView
 from workers.store import Store
 
 

@@ -20,7 +20,7 @@ from pydantic import JsonValue
 from pipeline.errors import BadParameter
 from pipeline.video.index import Index
 from pipeline.video.media import SourceOptions
-from workers.model import Json
+from workers.contract.request import Json
 
 T = TypeVar("T")
 Span = tuple[int, int]

@@ -7,7 +7,8 @@ from dataclasses import asdict
 
 from pipeline.video.damage import Damage
 from pipeline.video.media import Note
-from workers.model import JobWarning, Json
+from workers.contract.record import JobWarning
+from workers.contract.request import Json
 
 DAMAGED_INPUT = "damaged-input"
 """Code: frames of an input are missing or unreadable."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from workers.model import Fault, RunState
+from workers.contract.record import Fault, RunState
 
 # -- events
 

@@ -43,6 +43,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from workers.contract.record import Fault, RunState, TaskState
 from workers.errors import Conflict
 from workers.jobs.state_events import (
     AnnounceState,
@@ -69,7 +70,6 @@ from workers.jobs.state_events import (
     SetError,
     StateEvent,
 )
-from workers.model import Fault, RunState, TaskState
 
 __all__ = [
     "ASSEMBLE",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from workers.model import Json
+from workers.contract.request import Json
 
 Size = tuple[int, int]
 """(width, height), px."""

@@ -11,11 +11,12 @@ from pipeline.errors import BadParameter
 from pipeline.frames import MIN_SIDE_PX
 from pipeline.methods import method, methods, parse_params
 from pipeline.methods.base import InputKind, Method
+from workers.contract.record import Asset, asset_key
+from workers.contract.request import Json
 from workers.live.codecs import CODECS
 from workers.live.model import FilterOrder, LiveOrder, Size, WireFormat
 from workers.live.stream import Stream
 from workers.live.worker import LiveWorkers, NoLiveWorker
-from workers.model import Asset, Json, asset_key
 from workers.process.fair_slots import fair_share
 from workers.settings import FarmSettings
 

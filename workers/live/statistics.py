@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from workers.model import Json
+from workers.contract.request import Json
 
 FIRST_S, LAST_S, GROWTH = 1e-4, 20.0, 1.02
 """Edges of a histogram's bins; percentiles have an error of at most 2 %."""

@@ -13,13 +13,13 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
+from workers.contract.request import Json
 from workers.live.codecs import BUILT_ON
 from workers.live.model import FrameRequest, LiveOrder, Packet, RenderedFrame, Size, WireFormat
 from workers.live.policy import FramePolicy, Start
 from workers.live.resolution import FrameCost, FrameRateMeter, ResolutionLadder, SizeReason, scaled
 from workers.live.statistics import FrameStatistics
 from workers.live.worker import LiveWorker, LiveWorkerLost, LiveWorkers, NoLiveWorker
-from workers.model import Json
 
 log = logging.getLogger(__name__)
 

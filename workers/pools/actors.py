@@ -17,10 +17,11 @@ from ray.exceptions import RayError
 
 from pipeline.errors import Cancelled
 from workers.blobs.base import Blobs
+from workers.contract.order import TaskOrder, TaskOutcome
+from workers.contract.request import Json
 from workers.live.channel import Address, LiveWorkerServer
 from workers.live.local_workers import SessionRenderer
 from workers.live.model import LiveOrder
-from workers.model import Json, TaskOrder, TaskOutcome
 from workers.pools.artefact_cache import ArtefactCache
 from workers.pools.attempt_monitor import AttemptMonitor
 from workers.pools.local_pool import TaskRunner

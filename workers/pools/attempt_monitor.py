@@ -6,7 +6,7 @@ import os
 import threading
 from collections import OrderedDict
 
-from workers.model import TaskOrder, TaskOutcome
+from workers.contract.order import TaskOrder, TaskOutcome
 from workers.pools.local_pool import TaskRunner
 from workers.process.vital_signs import moved_bytes
 

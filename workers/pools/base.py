@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Protocol
 
-from workers.model import TaskOrder, TaskOutcome
+from workers.contract.order import TaskOrder, TaskOutcome
 from workers.operations import Slot
 
 
@@ -27,18 +27,6 @@ class Report:
     worker: str = ""
     preview: str = ""
     """Blob key of the newest frame, JPEG; empty: none, or as before."""
-
-
-class Tell(Protocol):
-    """Reports progress, a few times a second."""
-
-    def __call__(self, done: float, preview: str = "") -> None:
-        """
-        Args:
-            done: 0..1
-            preview: blob key of the newest frame, JPEG; empty: as before.
-        """
-        ...
 
 
 class Pool(Protocol):

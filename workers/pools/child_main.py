@@ -12,10 +12,10 @@ from multiprocessing.connection import Connection
 
 from pipeline.video.guard.decoder_server import adopt_decoder_server
 from workers.blobs.base import Blobs
+from workers.contract.order import TaskOrder
 from workers.execution.decoders import Decoders
 from workers.execution.handover import Handover
 from workers.execution.renderer import Renderer, Shared
-from workers.model import TaskOrder
 from workers.pools.child_runner import Cancel, Progress, WarmUp
 from workers.pools.local_pool import TaskRunner
 from workers.process.free_memory import keep_free_memory, limit_free_memory

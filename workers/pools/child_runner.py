@@ -20,8 +20,7 @@ from pathlib import Path
 import workers
 from pipeline.errors import Cancelled, ImpastoError
 from pipeline.video.guard.decoder_server import share_decoder_server
-from workers.model import TaskOrder, TaskOutcome
-from workers.pools.base import Tell
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
 from workers.pools.local_pool import TaskRunner
 
 _ROOT = Path(workers.__file__).parent.parent

@@ -19,11 +19,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from pipeline.methods import method
+from workers.contract.order import TaskOrder, TaskOutcome, Tell
 from workers.faults import failed_outcome
 from workers.jobs.state_machine import ASSEMBLE
-from workers.model import TaskOrder, TaskOutcome
 from workers.operations import Slot
-from workers.pools.base import Report, Tell
+from workers.pools.base import Report
 from workers.pools.machine import Machine
 from workers.process.starting import WARM_UP_THREAD
 from workers.process.vital_signs import diagnose_hang, moved_bytes

@@ -9,7 +9,7 @@ import ray
 from ray.exceptions import RayError
 
 from pipeline.errors import StorageError
-from workers.model import Json
+from workers.contract.request import Json
 from workers.settings import FarmSettings
 
 _OBJECT_STORE_BYTES = 256 << 20

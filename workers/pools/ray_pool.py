@@ -24,10 +24,11 @@ from ray.exceptions import RayError
 from pipeline.errors import StorageError
 from workers.blobs.base import Blobs
 from workers.blobs.disk import DiskBlobs
+from workers.contract.order import TaskOrder, TaskOutcome
+from workers.contract.request import Json
 from workers.errors import NoCapacity
 from workers.execution.renderer import remote_renderer
 from workers.faults import failed_outcome
-from workers.model import Json, TaskOrder, TaskOutcome
 from workers.operations import Slot
 from workers.pools.actors import RenderActor
 from workers.pools.artefact_cache import SharedArtefacts

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pipeline.frames import Frame
 from pipeline.video.stills import encode_jpeg, encode_png
-from workers.model import Json
+from workers.contract.request import Json
 from workers.previews.byte_cache import ByteCache
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record

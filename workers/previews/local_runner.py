@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workers.blobs.base import Blobs
-from workers.model import Json
+from workers.contract.request import Json
 from workers.previews.engine import PreviewEngine
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record

@@ -13,7 +13,7 @@ from pydantic import JsonValue
 
 from pipeline.compositing import Blend
 from pipeline.errors import ImpastoError
-from workers.model import Json
+from workers.contract.request import Json
 
 SINGLE = "single"
 """Kind of a preview of one frame of a job that is not submitted: without a project and layers."""

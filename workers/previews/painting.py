@@ -13,8 +13,8 @@ from pipeline.compositing import covers, lay_over
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, PreviewRequest, Session
+from workers.contract.request import Json
 from workers.jobs.frame_window import window_document
-from workers.model import Json
 from workers.previews.memory import Check, painted
 from workers.previews.model import LayerSources
 from workers.previews.warm import WarmFrames

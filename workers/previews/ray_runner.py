@@ -25,7 +25,7 @@ from ray.exceptions import RayError, RayTaskError
 
 from pipeline.errors import Cancelled, ImpastoError
 from workers.blobs.base import Blobs
-from workers.model import Json
+from workers.contract.request import Json
 from workers.pools.actors import PreviewActor
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.previews.engine import PreviewEngine

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from pipeline.errors import Cancelled
-from workers.model import Json
+from workers.contract.request import Json
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 from workers.previews.single import PreviewJob

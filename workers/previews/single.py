@@ -14,7 +14,8 @@ from pipeline.methods.base import Method
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.stills import encode_png
 from workers.blobs.base import Blobs
-from workers.model import Asset, JobRequest, Json, asset_key
+from workers.contract.record import Asset, asset_key
+from workers.contract.request import JobRequest, Json
 from workers.previews.memory import Check
 from workers.previews.model import LayerSources
 from workers.previews.painting import LayerPainter

@@ -26,8 +26,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from pipeline.errors import UnreadableMedia
 from pipeline.video.writer import zip_entry
+from workers.contract.record import Asset
+from workers.contract.request import Json
 from workers.filenames import check_filename
-from workers.model import Asset, Json
 from workers.projects.document import MAX_DOCUMENT_BYTES
 from workers.strict_json import MAX_VALUES, BadJson, strict_json
 

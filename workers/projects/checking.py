@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pipeline.methods import methods, param_faults
 from pipeline.methods.base import InputSpec, Method, missing_inputs
-from workers.model import Asset
+from workers.contract.record import Asset
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
 from workers.projects.submissions import Pick, Selection, images_of, is_plain, parts_used, picks

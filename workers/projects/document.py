@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.compositing import Blend, covers
 from pipeline.formats import OutputName
-from workers.model import MAX_SEED, Json
+from workers.contract.request import MAX_SEED, Json
 
 SCHEMA = 1
 MAX_DOCUMENT_BYTES = 4 << 20

@@ -10,9 +10,10 @@ from pipeline.formats import output_format
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import PROCESS_BYTES, PlanContext
 from pipeline.methods.layers import LAYERS
+from workers.contract.record import Asset, Job
+from workers.contract.request import JobRequest, Json
 from workers.errors import NotFound
 from workers.jobs.frame_window import window_info
-from workers.model import Asset, Job, JobRequest, Json
 from workers.projects.cost_fit import Work, fitted
 from workers.scheduling.planning import video_info
 

@@ -9,7 +9,7 @@ from jsonpointer import JsonPointerException, resolve_pointer
 from pydantic import JsonValue
 
 from pipeline.errors import BadInput
-from workers.model import Json
+from workers.contract.request import Json
 from workers.projects.document import MAX_DOCUMENT_BYTES
 from workers.strict_json import MAX_DEPTH, BadJson, Budget, check_value
 

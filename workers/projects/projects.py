@@ -11,11 +11,12 @@ from typing import Any
 
 from pipeline.errors import BadInput
 from pipeline.video.numbering import numbers_of_runs
+from workers.contract.record import Asset, Job, Page, Submitted
+from workers.contract.request import JobRequest, Json
 from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.jobs import FarmJobs
-from workers.model import Asset, Job, JobRequest, Json, Page, Submitted
 from workers.previews.model import LayerSources
 from workers.projects.archive import ProjectArchive, open_project, write_archive
 from workers.projects.checking import problems, shot_problems

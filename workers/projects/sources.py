@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pipeline.methods import methods
+from workers.contract.record import Asset, asset_key
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Asset, Json, asset_key
 from workers.previews.model import LayerSources
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.submissions import parts_used

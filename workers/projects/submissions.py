@@ -13,7 +13,7 @@ from pipeline.methods import methods
 from pipeline.methods.base import InputSpec, Method
 from pipeline.methods.layers import LAYERS
 from pipeline.methods.layers.names import MATTE, VIDEO, input_name
-from workers.model import WARN, JobRequest, Json, OutputSpec
+from workers.contract.request import WARN, JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
 from workers.projects.faults import BadProject, Path, fault
 from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded

@@ -14,9 +14,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from pipeline.errors import StorageError
+from workers.contract.order import TaskOutcome
+from workers.contract.record import Fault
 from workers.faults import failed_outcome, is_final, is_resource_away
 from workers.jobs import state_machine as machine
-from workers.model import Fault, TaskOutcome
 from workers.operations import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
 from workers.process.log_context import log_extra

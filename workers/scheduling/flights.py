@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from workers.model import Fault, TaskOrder, TaskOutcome
+from workers.contract.order import TaskOrder, TaskOutcome
+from workers.contract.record import Fault
 from workers.pools.base import Report
 from workers.process.log_context import LogContext, log_extra
 

@@ -13,7 +13,7 @@ from itertools import groupby
 
 from pipeline.errors import StorageError, StorageFull
 from workers.blobs.base import Blobs
-from workers.model import asset_key
+from workers.contract.record import asset_key
 from workers.store import Store
 from workers.store.projects import Retention
 

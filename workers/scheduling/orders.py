@@ -6,10 +6,12 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 from pipeline.methods.base import Resources
+from workers.contract.order import EarlierTask, TaskOrder
+from workers.contract.record import asset_key
+from workers.contract.request import JobRequest, Json
 from workers.execution.lru_cache import LruCache
 from workers.jobs.frame_window import window_inputs
 from workers.jobs.state_machine import ASSEMBLE
-from workers.model import EarlierTask, JobRequest, Json, TaskOrder, asset_key
 from workers.store import Claim, Store
 from workers.store.records import emitted_run, request_of
 

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, PlanContext, Task, TaskResult, VideoInfo, resources_per_pixel
 from pipeline.methods.plan_check import check_plan
+from workers.contract.request import JobRequest, Json
 from workers.jobs.plan_versions import StepVersion
 from workers.jobs.state_machine import ASSEMBLE
-from workers.model import JobRequest, Json
 
 _ASSEMBLE_TITLE = "Join frames and sound"
 _ASSEMBLE_VERSION = 1

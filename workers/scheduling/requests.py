@@ -14,9 +14,8 @@ from pipeline.methods.base import InputKind, Method, Params, missing_inputs
 from pipeline.video.media import Fields, SourceOptions
 from pipeline.video.numbered import no_such_frame
 from pipeline.video.numbering import described, numbers_of_runs
-from workers.jobs.frame_window import stream_info, window_info
-from workers.jobs.job_warnings import DAMAGE_REMEDY
-from workers.model import (
+from workers.contract.record import Asset
+from workers.contract.request import (
     FAIL,
     MAX_LABEL_NAME,
     MAX_LABEL_VALUE,
@@ -27,10 +26,11 @@ from workers.model import (
     MAX_SEED,
     MAX_URL,
     WARN,
-    Asset,
     JobRequest,
     OutputSpec,
 )
+from workers.jobs.frame_window import stream_info, window_info
+from workers.jobs.job_warnings import DAMAGE_REMEDY
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
 

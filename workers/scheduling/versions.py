@@ -7,10 +7,11 @@ import logging
 from pipeline.errors import BadParameter, ImpastoError
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params
+from workers.contract.record import JobWarning
+from workers.contract.request import Json
 from workers.jobs.frame_window import window_inputs
 from workers.jobs.job_warnings import PLANNED_AGAIN
 from workers.jobs.plan_versions import StepVersion, first_unreadable, is_newer
-from workers.model import JobWarning, Json
 from workers.process.log_context import log_extra
 from workers.scheduling.planning import expected_weights, step_versions, steps_of, versions_of
 from workers.store import Accepted, StepToPlan, Store

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from workers.model import JobRequest, Json
+from workers.contract.request import JobRequest, Json
 from workers.store.records import Values
 
 

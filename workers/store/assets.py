@@ -21,8 +21,8 @@ from sqlalchemy import (
     select,
 )
 
+from workers.contract.record import ANY_OWNER, AnyOwner, Asset, Page, RunState
 from workers.errors import Conflict, NotFound
-from workers.model import ANY_OWNER, AnyOwner, Asset, Page, RunState
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import asset_of, pack_cursor, unpack_cursor

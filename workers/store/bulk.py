@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from sqlalchemy import bindparam, select
 
 from pipeline.errors import ImpastoError
+from workers.contract.record import RunState
 from workers.errors import Conflict, NotFound
 from workers.jobs import state_machine as machine
-from workers.model import RunState
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE

@@ -8,9 +8,10 @@ from typing import cast
 from sqlalchemy import Connection, bindparam, func, insert, select, update
 
 from pipeline.errors import ImpastoError
+from workers.contract.record import TaskState
+from workers.contract.request import Json
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import Json, TaskState
 from workers.store import fair_scheduler, schema
 from workers.store.job_transaction import ACTIVE, RUNNING, JobTransaction
 from workers.store.records import TaskRow

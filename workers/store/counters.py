@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import Counter
 
-from workers.model import Json
+from workers.contract.request import Json
 
 MEASURES = ("flicker", "detail", "structure", "edge_width_px", "faces_kept")
 """Measures of a quality report, see docs/quality.md."""

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager
 
 from sqlalchemy import Connection, func, select
 
+from workers.contract.record import Event
 from workers.errors import NotFound
-from workers.model import Event
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import event_of

@@ -19,7 +19,7 @@ from typing import Any
 
 from sqlalchemy import CTE, Connection, RowMapping, ScalarSelect, Select, bindparam, exists, func, or_, select, text
 
-from workers.model import TaskState
+from workers.contract.record import TaskState
 from workers.store import schema, shares
 from workers.store.job_transaction import LONGEST_WAIT_S, RUNNING
 

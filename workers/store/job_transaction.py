@@ -13,12 +13,13 @@ from typing import cast
 
 from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, insert, or_, select, update
 
+from workers.contract.record import JobWarning, RunState, TaskState
+from workers.contract.request import Json
 from workers.errors import NotFound
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
 from workers.jobs.job_warnings import merged_warnings
 from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
-from workers.model import JobWarning, Json, RunState, TaskState
 from workers.store import schema, shares, task_states
 from workers.store.accepted import Accepted, step_rows
 from workers.store.records import TaskRow, Values, counts_of, fault_to_json

@@ -8,7 +8,8 @@ from typing import Any
 
 from sqlalchemy import BindParameter, Connection, bindparam, func, select
 
-from workers.model import CPU, PEAK_MEMORY, Job, RunState, StepView, TaskState
+from workers.contract.order import CPU, PEAK_MEMORY
+from workers.contract.record import Job, RunState, StepView, TaskState
 from workers.store import schema
 from workers.store.progress import StepMeter, job_eta_s, job_progress
 from workers.store.records import AnySelect, Row, fault_of, request_of, warnings_of

@@ -11,10 +11,11 @@ from sqlalchemy import ColumnElement, Connection, Table, bindparam, func, insert
 from sqlalchemy.exc import IntegrityError
 
 from pipeline.errors import BadParameter
+from workers.contract.record import Job, Page, RunState, Submitted, TaskState
+from workers.contract.request import MAX_PRIORITY, JobRequest
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import MAX_PRIORITY, Job, JobRequest, Page, RunState, Submitted, TaskState
 from workers.store import bulk, schema, task_states
 from workers.store.accepted import Accepted, step_rows
 from workers.store.base import StorePart

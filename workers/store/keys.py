@@ -11,9 +11,9 @@ from collections.abc import Collection, Mapping
 from sqlalchemy import Connection, func, insert, select, update
 
 from pipeline.errors import BadParameter
+from workers.contract.record import SCOPES, ApiKey
 from workers.errors import Conflict, NotFound
 from workers.ids import new_id
-from workers.model import SCOPES, ApiKey
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.jobs import ACTIVE_JOBS, MOST_COUNTED

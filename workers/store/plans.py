@@ -11,9 +11,10 @@ from typing import Any
 from sqlalchemy import Connection, and_, bindparam, func, insert, select, text, update
 
 from pipeline.methods.base import Task
+from workers.contract.record import Fault, JobWarning, RunState, TaskState
+from workers.contract.request import JobRequest, Json
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
-from workers.model import Fault, JobRequest, JobWarning, Json, RunState, TaskState
 from workers.store import fair_scheduler, schema
 from workers.store.accepted import Accepted
 from workers.store.base import StorePart

@@ -12,20 +12,9 @@ from sqlalchemy import RowMapping, Select
 
 from pipeline.errors import BadParameter
 from pipeline.video.media import SourceOptions
+from workers.contract.record import ApiKey, Asset, Delivery, Event, Fault, JobWarning, TaskState
+from workers.contract.request import WARN, JobRequest, Json, OutputSpec
 from workers.jobs.state_machine import Counts
-from workers.model import (
-    WARN,
-    ApiKey,
-    Asset,
-    Delivery,
-    Event,
-    Fault,
-    JobRequest,
-    JobWarning,
-    Json,
-    OutputSpec,
-    TaskState,
-)
 from workers.strict_json import BadJson, strict_json
 
 Row: TypeAlias = RowMapping | dict[str, Any]

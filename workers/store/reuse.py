@@ -11,7 +11,8 @@ from typing import Any
 
 from sqlalchemy import and_, select, text
 
-from workers.model import EarlierTask, RunState
+from workers.contract.order import EarlierTask
+from workers.contract.record import RunState
 from workers.store import schema
 from workers.store.base import StorePart
 

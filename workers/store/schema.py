@@ -50,7 +50,7 @@ from sqlalchemy import (
     text,
 )
 
-from workers.model import RunState, TaskState
+from workers.contract.record import RunState, TaskState
 
 metadata = MetaData(
     naming_convention={

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from sqlalchemy import Connection, func, select
 
-from workers.model import Json, RunState
+from workers.contract.record import RunState
+from workers.contract.request import Json
 from workers.store import schema, tallies
 from workers.store.base import Clock, StorePart
 from workers.store.counters import AttemptCounters

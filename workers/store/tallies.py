@@ -11,7 +11,7 @@ from zlib import crc32
 
 from sqlalchemy import Connection, func, select
 
-from workers.model import RunState, TaskState
+from workers.contract.record import RunState, TaskState
 from workers.store import schema
 
 SHARDS = 16

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from sqlalchemy import and_, bindparam, select
 
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json
 from workers.store import schema
 from workers.store.base import StorePart
 

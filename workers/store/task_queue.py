@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, RowMapping, bindparam, delete, func, insert, or_, select, update
 
 from pipeline.errors import StorageError
+from workers.contract.order import PEAK_MEMORY, TaskOutcome
+from workers.contract.record import TaskState
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import StateEvent
-from workers.model import PEAK_MEMORY, TaskOutcome, TaskState
 from workers.operations import DrainScope
 from workers.process.log_context import log_extra
 from workers.store import fair_scheduler, schema

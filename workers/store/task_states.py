@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from sqlalchemy import ColumnElement, case
 
-from workers.model import RunState, TaskState
+from workers.contract.record import RunState, TaskState
 from workers.store import schema
 
 UNBEGUN = (TaskState.WAITING, TaskState.READY)

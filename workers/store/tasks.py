@@ -7,8 +7,9 @@ from collections.abc import Collection, Sequence
 
 from sqlalchemy import ColumnElement, CompoundSelect, Connection, select, union_all
 
+from workers.contract.record import Page, RunState, TaskState, TaskView
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json, Page, RunState, TaskState, TaskView
 from workers.store import schema, task_states
 from workers.store.base import StorePart
 from workers.store.jobs import known_state

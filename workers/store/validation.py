@@ -11,7 +11,7 @@ from typing import Any
 
 from sqlalchemy import Connection, bindparam, func, or_, select, text
 
-from workers.model import RunState, TaskState
+from workers.contract.record import RunState, TaskState
 from workers.operations import Violation
 from workers.store import schema, tallies, task_states
 from workers.store.base import StorePart

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from sqlalchemy import select, update
 
+from workers.contract.record import Delivery
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Delivery, Json
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import delivery_of

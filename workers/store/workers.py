@@ -9,8 +9,9 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, insert, or_, select, tuple_, update
 
+from workers.contract.record import Page
+from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.model import Json, Page
 from workers.operations import (
     AttemptLogView,
     Drain,

@@ -19,9 +19,9 @@ from service.live.frames import Header
 from service.live.sessions import LiveSession, Sessions
 from service.live.viewers import ViewedFrame, ViewFormat
 from service.live.webrtc.peers import Peer
+from workers.contract.request import Json
 from workers.live.model import FilterOrder, LiveOrder, Packet, WireFormat
 from workers.live.stream import Answer, Stream
-from workers.model import Json
 
 log = logging.getLogger(__name__)
 

@@ -15,9 +15,9 @@ from service.errors import NotInstalled, UnsupportedMediaType
 from service.live.messages import MAX_VALUES
 from service.live.sessions import Sessions
 from service.routing import Router
+from workers.contract.request import MAX_SEED, Json
 from workers.errors import NotFound
 from workers.ids import new_id
-from workers.model import MAX_SEED, Json
 from workers.strict_json import BadJson, strict_json
 
 if TYPE_CHECKING:

@@ -52,7 +52,7 @@ def begin(home: Path, folder: Path) -> None:
     except ImportError:
         from workers.studio import open_farm
     import pipeline.methods
-    from workers.model import JobRequest
+    from workers.contract.request import JobRequest
     from workers.settings import FarmSettings
 
     farm = open_farm(FarmSettings(home=home, workers=2, reserve_bytes=0))

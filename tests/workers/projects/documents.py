@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from workers.model import Asset
+from workers.contract.record import Asset
 
 SIZE, FRAMES = (96, 64), 24
 

@@ -10,7 +10,8 @@ import pytest
 from pipeline.methods import method
 from pipeline.methods.base import PROCESS_BYTES
 from tests.workers.projects.documents import asset
-from workers.model import AnyOwner, Asset, Job, JobRequest, RunState, StepView
+from workers.contract.record import AnyOwner, Asset, Job, RunState, StepView
+from workers.contract.request import JobRequest
 from workers.projects.estimates import Estimate, MeasuredJob, estimate_from, measured
 
 ASSETS = {found.id: found for found in (

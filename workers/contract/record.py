@@ -1,4 +1,4 @@
-"""Data types of a render farm: asset, job, step, task, attempt, event. The store keeps them, the API shows them.
+"""What the farm keeps and shows: assets, jobs, tasks, events, keys, deliveries.
 
 The terms are those of Open Job Description. Times are seconds since the epoch, UTC, as floats. Ids are sortable strings
 with a prefix: `ast_`, `job_`, `tsk_`, `att_`.
@@ -6,26 +6,11 @@ with a prefix: `ast_`, `job_`, `tsk_`, `att_`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import Any, Final
 
-from pipeline.methods.base import Resources
-from pipeline.video.media import SourceOptions
-
-Json = dict[str, Any]
-
-MAX_SEED = 2**53 - 1
-"""The largest integer that every JSON parser represents exactly."""
-MAX_LABELS, MAX_LABEL_NAME, MAX_LABEL_VALUE = 32, 80, 200
-"""Maximum number of labels of a job; maximum characters of a label's name and value."""
-MAX_NAME, MAX_URL = 200, 2000
-"""Maximum characters of a job's name and of a webhook's URL."""
-MAX_PRIORITY = 100
-EXPORT_LABEL = "export"
-"""Label of an export (`farm.exports`): the id of the job whose film it converts."""
-MAX_QUALITY = 51
-"""Largest constant rate factor."""
+from workers.contract.request import JobRequest, Json
 
 
 class RunState(StrEnum):
@@ -89,48 +74,6 @@ def asset_key(asset_id: str) -> str:
 
 
 @dataclass(frozen=True)
-class OutputSpec:
-    """The output of a job."""
-
-    format: str = "mp4"
-    """Name of an output format: see `pipeline.formats`."""
-    quality: int = 20
-    """Constant rate factor of the codec, 0 (lossless) to 51."""
-    artefacts: tuple[str, ...] = ()
-    """Optional artefacts of the method, for example "svg"."""
-    report: bool = False
-    """Whether the result is measured against the source (`pipeline.quality`)."""
-
-
-WARN, FAIL = "warn", "fail"
-"""Values of `JobRequest.on_damage`."""
-
-
-@dataclass(frozen=True)
-class JobRequest:
-    """A submitted job. `inputs` maps input names of the method to asset ids."""
-
-    method: str
-    inputs: dict[str, str]
-    params: Json = field(default_factory=dict)
-    seed: int = 0
-    output: OutputSpec = field(default_factory=OutputSpec)
-    priority: int = 0
-    """-100..100, higher first."""
-    name: str = ""
-    labels: dict[str, str] = field(default_factory=dict)
-    webhook: str = ""
-    """URL that receives a message when the job ends, or empty."""
-    frames: tuple[int, int] | None = None
-    """[first, end) of the video; None: all. The job's inputs number frames as the whole video does."""
-    on_damage: str = WARN
-    """Behaviour if frames of an input are missing or unreadable: "warn" (use the readable frames, and add a warning to
-    the job) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
-    source: SourceOptions = field(default_factory=SourceOptions)
-    """How the input `video` is read: which of its streams, and its fields."""
-
-
-@dataclass(frozen=True)
 class Fault:
     """Why something failed: a stable code, a message, and a remedy."""
 
@@ -154,10 +97,6 @@ class JobWarning:
     damage: Json
     """"frames": number of frames of the undamaged file; "unreadable", "missing": runs [start, stop) of such frames.
     Empty, unless the code is "damaged-input"."""
-
-
-CPU, PEAK_MEMORY = "cpu", "peak_bytes"
-"""Names of an attempt's CPU seconds and peak memory, which are stored beside the seconds of its stages."""
 
 
 @dataclass(frozen=True)
@@ -240,91 +179,6 @@ class Event:
     type: str
     """"job.state", "job.progress", "job.warning", "job.replanned", "job.waits", "step.planned", "task.state", "log"."""
     data: Json
-
-
-@dataclass(frozen=True)
-class EarlierTask:
-    """A finished task of the job on which a job is based, and its recorded reads: see `workers.execution.reuse`."""
-
-    trace: Json
-    result: Json
-    artefacts: dict[str, str]
-    """"step/name" -> blob key."""
-    segment: str | None
-    """Blob key of its emitted frames."""
-
-
-@dataclass(frozen=True)
-class TaskOrder:
-    """Everything that a worker needs to run one attempt. Can be written as JSON."""
-
-    attempt_id: str
-    job_id: str
-    task_id: str
-    step: str
-    method: str
-    """A method's name; the step "assemble" is the platform's own last step of every job."""
-    key: str
-    args: Json
-    emits: tuple[int, int] | None
-    params: Json
-    seed: int
-    inputs: dict[str, str]
-    """Input name -> blob key."""
-    input_info: dict[str, Json]
-    """Input name -> the asset's info."""
-    output: OutputSpec
-    results: dict[str, dict[str, Json]]
-    """Results of the tasks of finished steps: step -> key -> result."""
-    artefacts: dict[str, str]
-    """"step/name" -> blob key of every artefact that the task may load: see `pipeline.methods.tasks.Task.after`."""
-    after: tuple[str, ...] = ()
-    """Tasks on which it depends, in plan order: "key" in this step, "step/key" in an earlier one."""
-    segments: tuple[tuple[int, int, str], ...] = ()
-    """For "assemble": (start, stop, blob key) of every emitted run, in order."""
-    stages: dict[str, dict[str, float]] = field(default_factory=dict)
-    """For "assemble": step -> stage -> seconds, summed over the step's tasks."""
-    resources: Resources | None = None
-    """Resources of a machine; None: the farm's settings for every task."""
-    frames: tuple[int, int] | None = None
-    """Rendered piece of the video, as in the request. All other frame numbers of the order count from its start."""
-    leads: bool = False
-    """Whether later tasks of this step depend on it."""
-    on_damage: str = WARN
-    """Same values as in `JobRequest`."""
-    source: SourceOptions = field(default_factory=SourceOptions)
-    """As in `JobRequest`."""
-    earlier: EarlierTask | None = None
-    """The same task of an earlier job, whose result is used if none of its recorded reads has changed."""
-    traced: bool = False
-    """Whether later jobs may use the result: the task records its reads, and artefacts are named after their values."""
-    versions: tuple[tuple[str, int], ...] = ()
-    """(Name, version) of the job's steps up to this one: see `workers.jobs.plan_versions`."""
-
-
-@dataclass(frozen=True)
-class TaskOutcome:
-    """Result of one attempt. Its blobs are committed; it counts only once the store has accepted it."""
-
-    attempt_id: str
-    result: Json
-    artefacts: dict[str, str]
-    """"step/name" -> blob key."""
-    files: dict[str, tuple[str, str]]
-    """Downloadable name -> (blob key, media type)."""
-    segment: str | None
-    """Blob key of the encoded run of frames, if the task emits."""
-    stages: dict[str, float]
-    """Stage -> wall seconds; "decode", "encode" and "method" (wall of the method itself, overlaps counted once); and
-    "cpu" (CPU seconds) and "peak_bytes" (memory) of the attempt."""
-    log: str
-    fault: Fault | None = None
-    cancelled: bool = False
-    warnings: tuple[JobWarning, ...] = ()
-    trace: Json | None = None
-    """Record of what the task has read; None: its result cannot be reused."""
-    reused: bool = False
-    """Whether the result was taken from an earlier job's task."""
 
 
 @dataclass(frozen=True)

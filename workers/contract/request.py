@@ -1,0 +1,69 @@
+"""What a user asks for: a job and its output. Free of HTTP and of the database."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pipeline.video.media import SourceOptions
+
+Json = dict[str, Any]
+
+MAX_SEED = 2**53 - 1
+"""The largest integer that every JSON parser represents exactly."""
+
+MAX_LABELS, MAX_LABEL_NAME, MAX_LABEL_VALUE = 32, 80, 200
+"""Maximum number of labels of a job; maximum characters of a label's name and value."""
+
+MAX_NAME, MAX_URL = 200, 2000
+"""Maximum characters of a job's name and of a webhook's URL."""
+
+MAX_PRIORITY = 100
+
+EXPORT_LABEL = "export"
+"""Label of an export (`farm.exports`): the id of the job whose film it converts."""
+
+MAX_QUALITY = 51
+"""Largest constant rate factor."""
+
+
+@dataclass(frozen=True)
+class OutputSpec:
+    """The output of a job."""
+
+    format: str = "mp4"
+    """Name of an output format: see `pipeline.formats`."""
+    quality: int = 20
+    """Constant rate factor of the codec, 0 (lossless) to 51."""
+    artefacts: tuple[str, ...] = ()
+    """Optional artefacts of the method, for example "svg"."""
+    report: bool = False
+    """Whether the result is measured against the source (`pipeline.quality`)."""
+
+
+WARN, FAIL = "warn", "fail"
+"""Values of `JobRequest.on_damage`."""
+
+
+@dataclass(frozen=True)
+class JobRequest:
+    """A submitted job. `inputs` maps input names of the method to asset ids."""
+
+    method: str
+    inputs: dict[str, str]
+    params: Json = field(default_factory=dict)
+    seed: int = 0
+    output: OutputSpec = field(default_factory=OutputSpec)
+    priority: int = 0
+    """-100..100, higher first."""
+    name: str = ""
+    labels: dict[str, str] = field(default_factory=dict)
+    webhook: str = ""
+    """URL that receives a message when the job ends, or empty."""
+    frames: tuple[int, int] | None = None
+    """[first, end) of the video; None: all. The job's inputs number frames as the whole video does."""
+    on_damage: str = WARN
+    """Behaviour if frames of an input are missing or unreadable: "warn" (use the readable frames, and add a warning to
+    the job) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    """How the input `video` is read: which of its streams, and its fields."""
