@@ -21,7 +21,7 @@ from pipeline.methods.local import LocalContext, required_inputs, run_plan
 from pipeline.video.reader import VideoReader
 from workers.contract.request import JobRequest, Json
 from workers.execution.renderer import prepare_process
-from workers.projects.estimates import Estimate, MeasuredJob, estimate_from
+from workers.jobs.estimates import Estimate, MeasuredJob, estimate_from
 
 Job = tuple[tuple[int, int], int]
 """(width, height) px, and frames."""

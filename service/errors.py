@@ -26,11 +26,11 @@ from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse, Response
 
 from pipeline.errors import BadParameter, ImpastoError, together
+from workers.contract.project import VersionMismatch
 from workers.contract.request import Json
 from workers.errors import NotFound
 from workers.live.worker import NoLiveWorker
 from workers.projects.faults import BadProject
-from workers.projects.model import VersionMismatch
 from workers.strict_json import BadJson
 
 log = logging.getLogger(__name__)

@@ -11,8 +11,8 @@ from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe_guarded
 from workers.contract.record import Job
 from workers.contract.request import JobRequest, Json
+from workers.jobs.estimates import MeasuredJob, estimate_from
 from workers.jobs.frame_window import window_info
-from workers.projects.estimates import MeasuredJob, estimate_from
 
 HISTORY = "render-history.json"
 """File of finished renders in the home folder."""

@@ -15,8 +15,8 @@ from service.projects.lookup import find_project
 from service.routing import Router
 from workers.contract.record import AnyOwner
 from workers.contract.request import JobRequest
+from workers.jobs.estimates import Estimate
 from workers.projects.document import FrameRange, Id
-from workers.projects.estimates import Estimate
 from workers.projects.faults import refuse_if_any
 from workers.projects.materials import Uploaded
 from workers.projects.parsing import parse_document

@@ -10,7 +10,7 @@ from service.projects.lookup import find_project
 from service.projects.schemas import ProjectId, ProjectJobOut, ProjectJobsIn, project_job_out
 from service.routing import Router
 from service.schemas import Listing
-from workers.projects.model import ProjectJob
+from workers.contract.project import ProjectJob
 
 router = Router(prefix="/v1/projects/{project_id}/jobs", tags=["projects"])
 

@@ -10,8 +10,8 @@ from fastapi import Header
 from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.errors import BadRequest, Gone, PreconditionRequired
+from workers.contract.project import Project
 from workers.errors import NotFound
-from workers.projects.model import Project
 
 IfMatch = Annotated[
     str | None,

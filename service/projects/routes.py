@@ -17,9 +17,9 @@ from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectO
 from service.routing import Router
 from service.schemas import Cursor, Limit, Listing, Responses
 from service.serving import not_modified
+from workers.contract.project import Project, VersionMismatch
 from workers.contract.request import Json
 from workers.projects.document import empty, json_schema
-from workers.projects.model import Project, VersionMismatch
 from workers.projects.parsing import parse_document
 from workers.projects.patching import merged, patched
 from workers.strict_json import BadJson

@@ -9,11 +9,11 @@ from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.jobs.schemas import JobOut, job_out
+from workers.contract.project import Project, ProjectJob
 from workers.contract.record import Job
 from workers.contract.request import Json
 from workers.projects.document import FrameRange, Id, Output
 from workers.projects.faults import DocumentFault
-from workers.projects.model import Project, ProjectJob
 from workers.projects.submissions import Selection
 
 ProjectId = Annotated[str, Path(pattern=r"^[A-Za-z0-9_-]{1,100}$", description="A project's id (`prj_...`).")]

@@ -25,8 +25,8 @@ from service.projects.tokens import Claims, fingerprint, sign, verify
 from service.routing import Router
 from service.schemas import AssetId, JobId, Listing, binary
 from service.serving import serve
+from workers.contract.project import Project
 from workers.errors import NotFound
-from workers.projects.model import Project
 
 router = Router(tags=["projects"])
 

@@ -12,7 +12,7 @@ from service.projects.lookup import IfMatch, document_quota, etag, expected_vers
 from service.projects.schemas import LabelIn, ProjectId, ProjectOut, Version, VersionOut, project_out
 from service.routing import Router
 from service.schemas import Cursor, Limit, Listing
-from workers.projects.model import ProjectVersion
+from workers.contract.project import ProjectVersion
 
 router = Router(prefix="/v1/projects/{project_id}/versions", tags=["projects"])
 

@@ -11,9 +11,9 @@ import pytest
 from sqlalchemy import event
 
 from tests.contracts.databases import DATABASES
+from workers.contract.project import ProjectJob, VersionMismatch
 from workers.contract.record import Asset
 from workers.errors import Conflict, NotFound, QuotaExceeded
-from workers.projects.model import ProjectJob, VersionMismatch
 from workers.store import Store
 from workers.store.projects import Draft, Retention
 

@@ -110,7 +110,7 @@ def test_a_service_container_runs_jobs_on_its_ray_cluster(containers: Containers
     job = client.submit("abstraction", {"video": asset})
     until(lambda: client.job(job["id"])["state"] == "succeeded", 60)
     _check_logs(containers, job["id"])
-    assert {actor.nice() for actor in _render_actors(containers)} == {10}, "NICENESS of workers/pools/actors.py"
+    assert {actor.nice() for actor in _render_actors(containers)} == {10}, "NICENESS of workers/process/starting.py"
     service.send_signal(signal.SIGTERM)
     assert service.wait(40) == 0
     assert not containers.ready()

@@ -16,7 +16,7 @@ from workers.farm import Farm
 
 ROOT = Path(__file__).parents[2]
 OPERATORS = {
-    "workers/model.py": "defines it",
+    "workers/contract/record.py": "defines it",
     "service/access/keys.py": "callers with the scope admin",
     "workers/store/assets.py": "serves it",
     "workers/farm_parts/assets.py": "compares the stored bytes of all assets",

@@ -40,11 +40,10 @@ from workers.execution.pair_recorder import keep_pairs
 from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.reuse import Reads, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
-from workers.jobs.frame_window import WindowImages, window_document, window_index
+from workers.jobs.frame_window import WindowImages, video_info, window_document, window_index
 from workers.process.heartbeat import current_heartbeat
 from workers.process.log_context import belong
 from workers.process.logs import attempt_facts
-from workers.scheduling.planning import video_info
 
 Picture = TypeVar("Picture")
 PART = "part:"

@@ -21,7 +21,7 @@ from workers.execution.arrays import read_arrays
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
 from workers.execution.pair_recorder import pair_name
-from workers.scheduling.planning import video_info
+from workers.jobs.frame_window import video_info
 
 
 def report_pairs(order: TaskOrder, chosen: Method) -> list[int]:

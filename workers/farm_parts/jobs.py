@@ -16,12 +16,12 @@ from workers.contract.record import AnyOwner, Asset, Event, Job, Page, Submitted
 from workers.contract.request import EXPORT_LABEL, JobRequest, Json
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
+from workers.jobs import estimates
 from workers.jobs import state_machine as machine
+from workers.jobs.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from, measured, summed
 from workers.previews.service import PreviewService
 from workers.previews.single import PreviewAsk, PreviewJob
 from workers.process.log_context import log_extra
-from workers.projects import estimates
-from workers.projects.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from, measured, summed
 from workers.scheduling.garbage_collector import GarbageCollector
 from workers.scheduling.requests import check_request
 from workers.store import Store

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from pipeline.errors import BadParameter
+from pipeline.methods.base import VideoInfo
 from pipeline.video.index import Index
 from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
@@ -126,3 +127,14 @@ def _list_within(items: list[Any], frames: Span) -> list[JsonValue]:
         if start < item["frame"] < stop or (item["frame"] <= start and item["frame"] == latest[item.get("region")])
     ]  # fmt: skip
     return [{**_members(item, frames), "frame": max(0, item["frame"] - start)} for item in kept]
+
+
+def video_info(info: Json) -> VideoInfo:
+    """Facts about a video for planning, from its asset's info."""
+    return VideoInfo(
+        int(info.get("width", 0)),
+        int(info.get("height", 0)),
+        int(info.get("frames", 0)),
+        float(info.get("fps", 0.0)),
+        float(info.get("duration_s", 0.0)),
+    )

@@ -24,9 +24,9 @@ from workers.blobs.base import Blobs
 from workers.live.channel import SECRET_BYTES, LiveWorkerClient
 from workers.live.local_workers import SessionRenderer
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
+from workers.live.ray_actor import LiveActor
 from workers.live.renderer import LiveRenderer
 from workers.live.worker import LiveWorker, LiveWorkerLost
-from workers.pools.actors import LiveActor
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 
 log = logging.getLogger(__name__)

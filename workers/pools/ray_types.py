@@ -12,3 +12,6 @@ Actor: TypeAlias = Any
 """Handle of an actor, or its class before `options` and `remote`."""
 RAY: Any = ray
 """The module `ray`, unchecked."""
+
+CONTROL = "control"
+"""Concurrency group of calls that are answered while another call runs."""

@@ -26,11 +26,11 @@ from ray.exceptions import RayError, RayTaskError
 from pipeline.errors import Cancelled, ImpastoError
 from workers.blobs.base import Blobs
 from workers.contract.request import Json
-from workers.pools.actors import PreviewActor
 from workers.pools.ray_types import RAY, Actor, ObjectRef
 from workers.previews.engine import PreviewEngine
 from workers.previews.memory import Check
 from workers.previews.model import Overtaken, PreviewQuery, Record
+from workers.previews.ray_actor import PreviewActor
 
 log = logging.getLogger(__name__)
 

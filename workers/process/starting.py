@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import os
 import stat
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,3 +47,14 @@ def without_garbage_collection() -> Iterator[None]:
 
 HUNG_STATUS = 75
 """Exit status of a process that has ended itself because an attempt hung in one of its threads (EX_TEMPFAIL)."""
+
+NICENESS = 10
+"""Least niceness of processes that render and of threads that load kernels, so that frames of live sessions and the
+service's answers go first. Ray adds 15 on nodes where RAY_worker_niceness is not 0."""
+
+
+def lower_priority() -> None:
+    """Raise the niceness of this thread, and of threads that it starts, to `NICENESS`."""
+    thread = threading.get_native_id()
+    with contextlib.suppress(OSError):  # Linux sets the priority of a thread; other systems may refuse
+        os.setpriority(os.PRIO_PROCESS, thread, max(NICENESS, os.getpriority(os.PRIO_PROCESS, thread)))

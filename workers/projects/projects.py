@@ -11,6 +11,7 @@ from typing import Any
 
 from pipeline.errors import BadInput
 from pipeline.video.numbering import numbers_of_runs
+from workers.contract.project import Project, ProjectJob, ProjectVersion
 from workers.contract.record import Asset, Job, Page, Submitted
 from workers.contract.request import JobRequest, Json
 from workers.errors import Conflict, NotFound
@@ -23,7 +24,6 @@ from workers.projects.checking import problems, shot_problems
 from workers.projects.document import MAX_DOCUMENT_BYTES, Document
 from workers.projects.faults import BadProject, DocumentFault, refuse_if_any
 from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded, write_material
-from workers.projects.model import Project, ProjectJob, ProjectVersion
 from workers.projects.parsing import parse_document
 from workers.projects.sources import layer_sources
 from workers.projects.submissions import Selection, Submission, submissions

@@ -9,6 +9,7 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, PlanContext, Task, TaskResult, VideoInfo, resources_per_pixel
 from pipeline.methods.plan_check import check_plan
 from workers.contract.request import JobRequest, Json
+from workers.jobs.frame_window import video_info
 from workers.jobs.plan_versions import StepVersion
 from workers.jobs.state_machine import ASSEMBLE
 
@@ -75,17 +76,6 @@ def plan_step(
     tasks = [task if task.resources else replace(task, resources=default) for task in step.plan(context)]
     check_plan(tasks, step.name, results, [step.name for step in steps])
     return tasks
-
-
-def video_info(info: Json) -> VideoInfo:
-    """Facts about a video for planning, from its asset's info."""
-    return VideoInfo(
-        int(info.get("width", 0)),
-        int(info.get("height", 0)),
-        int(info.get("frames", 0)),
-        float(info.get("fps", 0.0)),
-        float(info.get("duration_s", 0.0)),
-    )
 
 
 def _video(info: Mapping[str, Json]) -> VideoInfo:

@@ -14,11 +14,11 @@ from functools import cached_property
 
 from sqlalchemy import ColumnElement, Connection, delete, func, insert, select, update
 
+from workers.contract.project import Project, ProjectJob, ProjectVersion, VersionMismatch
 from workers.contract.record import Page
 from workers.contract.request import Json
 from workers.errors import NotFound, QuotaExceeded
 from workers.ids import new_id
-from workers.projects.model import Project, ProjectJob, ProjectVersion, VersionMismatch
 from workers.store import schema
 from workers.store.base import StorePart
 from workers.store.records import Row, pack_cursor, unpack_cursor

@@ -13,9 +13,8 @@ from pipeline.methods.layers import LAYERS
 from workers.contract.record import Asset, Job
 from workers.contract.request import JobRequest, Json
 from workers.errors import NotFound
-from workers.jobs.frame_window import window_info
-from workers.projects.cost_fit import Work, fitted
-from workers.scheduling.planning import video_info
+from workers.jobs.cost_fit import Work, fitted
+from workers.jobs.frame_window import video_info, window_info
 
 SAMPLES = 20
 """Maximum number of finished jobs that are considered, the newest first."""

@@ -12,7 +12,7 @@ from pipeline.methods.base import PROCESS_BYTES
 from tests.workers.projects.documents import asset
 from workers.contract.record import AnyOwner, Asset, Job, RunState, StepView
 from workers.contract.request import JobRequest
-from workers.projects.estimates import Estimate, MeasuredJob, estimate_from, measured
+from workers.jobs.estimates import Estimate, MeasuredJob, estimate_from, measured
 
 ASSETS = {found.id: found for found in (
     asset("a", "video", frames=100, width=640, height=360), asset("b", "video", frames=50, width=1280, height=720),
