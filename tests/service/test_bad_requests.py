@@ -110,7 +110,7 @@ def frames_named(*names: str) -> bytes:
 
 
 def half_lost(clip: Path) -> bytes:
-    """An H.264 stream without timestamps, so that frames are counted by packets; its second half cannot be decoded."""
+    """An H.264 stream without timestamps, so that frames are counted; its second half cannot be decoded."""
     with av.open(str(clip)) as source, av.open(out := io.BytesIO(), "w", format="h264") as sink:
         stream = sink.add_stream_from_template(source.streams.video[0])
         for packet in source.demux(video=0):
@@ -295,19 +295,19 @@ def test_superscript_digits_in_a_zip_are_letters(server: Server) -> None:
     server.client.delete(f"/v1/assets/{answer.json()['id']}")
 
 
-def test_a_frame_that_does_not_decode_is_422(server: Server, tiny_clip: Path) -> None:
+def test_pictures_that_do_not_decode_are_no_frames_of_a_stream_without_times(server: Server, tiny_clip: Path) -> None:
     sent = server.upload(half_lost(tiny_clip), "clip.h264")
     assert sent.status_code == 201, sent.text
     asset = sent.json()["id"]
-    last = sent.json()["info"]["frames"] - 1
-    assert server.client.get(f"/v1/assets/{asset}/frame?index=0").status_code == 200
-    request = {"method": "abstraction", "inputs": {"video": asset}, "frame": last, "max_side_px": 64}
+    frames = sent.json()["info"]["frames"]
+    whole = server.client.get(f"/v1/assets/{server.asset}").json()["info"]["frames"]
+    assert 0 < frames < whole
+    request = {"method": "abstraction", "inputs": {"video": asset}, "frame": frames - 1, "max_side_px": 64}
     for answer in (
-        server.client.get(f"/v1/assets/{asset}/frame?index={last}"),
+        server.client.get(f"/v1/assets/{asset}/frame?index={frames - 1}"),
         server.client.post("/v1/previews", json=request),
     ):
-        assert (answer.status_code, answer.json()["code"], answer.json()["field"]) == (422, "unreadable-media", "frame")
-        assert answer.json()["remedy"]
+        assert answer.status_code == 200, answer.text
     server.client.delete(f"/v1/assets/{asset}")
 
 

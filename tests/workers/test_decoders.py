@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pipeline.errors import UnreadableMedia
+from pipeline.frames import Frame
 from workers.blobs.disk import DiskBlobs
 from workers.execution.arrays import read_arrays, write_arrays
-from workers.execution.decoders import Decoders
+from workers.execution.decoders import Decoders, frame_at
 from workers.execution.stage_timer import StageTimer
 
 
@@ -19,6 +23,23 @@ def blobs(home: Path, tiny_clip: Path) -> DiskBlobs:
     for name in ("a", "b", "c"):
         made.put(name, tiny_clip)
     return made
+
+
+class ShortReader:
+    """A reader that lists ten frames and ends after five."""
+
+    frames = 10
+
+    def read(self, start: int, stop: int) -> Iterator[Frame]:
+        yield from (np.zeros((16, 16, 3), np.uint8) for _ in range(start, min(stop, 5)))
+
+
+def test_a_frame_that_is_not_there_is_refused() -> None:
+    reader: Any = ShortReader()
+    assert frame_at(reader, 4).shape == (16, 16, 3)
+    with pytest.raises(UnreadableMedia) as caught:
+        frame_at(reader, 9)
+    assert caught.value.field == "frame" and caught.value.remedy
 
 
 def test_a_reader_is_reused_for_the_next_contiguous_range(blobs: DiskBlobs) -> None:
