@@ -16,7 +16,8 @@ from pipeline.frames import Frame
 from pipeline.video.decoder import DamagedPass, NotAKey, Pass
 from pipeline.video.fields import EarlierNeeded, Numbered, is_interlaced
 from pipeline.video.geometry import Geometry, geometry_of, to_frame
-from pipeline.video.index import Index, build_index
+from pipeline.video.index import Index
+from pipeline.video.index_builder import build_index
 from pipeline.video.media import Limits, Note, SourceOptions, check_size, unreadable
 
 

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import av
 import av.logging
@@ -19,12 +18,8 @@ from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
 from pipeline.video.container import AVI, MATROSKA, MOV
+from pipeline.video.index import Gap, Index
 
-if TYPE_CHECKING:
-    from pipeline.video.index import Index
-
-Gap = tuple[int, int]
-"""(frame, count): `count` frames are missing before frame number `frame` of the file."""
 _FLV = "flv"
 _GAP_FRAMES = 1.5
 _STEADY = 0.9
