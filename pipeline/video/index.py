@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.video.media import Note
+from pipeline.video.media import SEQUENCE_FPS, Note
 
 Gap = tuple[int, int]
 """(frame, count): `count` frames are missing before frame number `frame` of the file."""
