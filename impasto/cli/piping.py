@@ -11,6 +11,7 @@ from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
+from impasto.cli.console import print_warnings
 from impasto.library import DamagedSource, ImageSequence, SourceFile, opened, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter, DamagedMedia
@@ -55,6 +56,7 @@ class PipeOrder:
         Raises: DamagedMedia at the end if frames of a file are missing or unreadable and `on_damage` is "fail".
         """
         with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_: print_warnings([{"message": str(message)}])
             if self.on_damage == FAIL:
                 warnings.simplefilter("error", DamagedSource)
             try:

@@ -73,6 +73,6 @@ def output_of_suffix(suffix: str) -> tuple[OutputFormat, bool] | None:
     for form in OUTPUTS.values():
         if suffix in form.suffixes:
             return form, False
-        if form.folder_suffix == suffix:
+        if suffix and form.folder_suffix == suffix:
             return form, True
     return None
