@@ -1,6 +1,6 @@
 /** The quick page: a video, a method, its parameters, one painted frame, and the button that submits the job. */
 
-import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import * as api from "../api/api";
 import type { Asset, Inputs as Given, Method, Params } from "../api/schemas";
 import { type Draft, draftHash } from "../forms/draft";
@@ -60,7 +60,8 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
     seed: made.seed,
   };
   const present: Draft = { ...set, method: set.method.name, video: asset.id, frame };
-  useEffect(() => history.replaceState(null, "", draftHash(present)), [JSON.stringify(present)]);
+  // Before the next paint, so that a reload at any time restores what is shown.
+  useLayoutEffect(() => history.replaceState(null, "", draftHash(present)), [JSON.stringify(present)]);
 
   const change = (part: Partial<Settings>) => {
     setSet((old) => ({ ...old, ...part }));
