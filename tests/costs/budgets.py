@@ -77,7 +77,7 @@ READS = (
     Ask("GET /v1/jobs/{job_id}/artefacts/{name}", "GET /v1/jobs/{job}/artefacts/result", 12),
     Ask("GET /v1/jobs/{job_id}/artefacts/{name}/{entry:path}", "GET /v1/jobs/{job}/artefacts/result/0000.png", 12),
     Ask("GET /v1/jobs/{job_id}/frames/{index}", "GET /v1/jobs/{job}/frames/0", 12),
-    Ask("GET /v1/jobs/{job_id}/queue", "GET /v1/jobs/{waiting}/queue", 23),
+    Ask("GET /v1/jobs/{job_id}/queue", "GET /v1/jobs/{waiting}/queue", 25),
     Ask("GET /v1/jobs/{job_id}/queue", "GET /v1/jobs/{waiting}/queue", 17, who="root"),
     Ask("GET /v1/tasks/{task_id}", "GET /v1/tasks/{task}", 9),
     Ask("GET /v1/tasks/{task_id}/log", "GET /v1/tasks/{task}/log", 14),
@@ -129,12 +129,12 @@ WRITES = (
         body={"request": {"method": "multistyle", "inputs": {"video": "{asset}"}}},
     ),
     Ask(
-        "POST /v1/jobs", "POST /v1/jobs", 18, who="cleo", body={"method": "multistyle", "inputs": {"video": "{asset}"}}
+        "POST /v1/jobs", "POST /v1/jobs", 20, who="cleo", body={"method": "multistyle", "inputs": {"video": "{asset}"}}
     ),
     Ask("POST /v1/jobs/{job_id}/pause", "POST /v1/jobs/{first}/pause", 18),
     Ask("POST /v1/jobs/{job_id}/resume", "POST /v1/jobs/{first}/resume", 18),
     Ask("POST /v1/jobs/{job_id}/cancel", "POST /v1/jobs/{second}/cancel", 20),
-    Ask("POST /v1/jobs/{job_id}/retry", "POST /v1/jobs/{second}/retry", 23, who="root"),
+    Ask("POST /v1/jobs/{job_id}/retry", "POST /v1/jobs/{second}/retry", 30, who="root"),
     Ask("DELETE /v1/jobs/{job_id}", "DELETE /v1/jobs/{old}", 23),
     Ask(
         "POST /v1/ops/jobs/{job_id}/priority",
@@ -151,9 +151,9 @@ WRITES = (
         who="root",
         body={"action": "delete", "jobs": "{several}"},
     ),
-    Ask("POST /v1/projects", "POST /v1/projects", 6, body={"name": "x"}),
+    Ask("POST /v1/projects", "POST /v1/projects", 8, "linear", body={"name": "x"}),
     Ask("POST /v1/projects/{project_id}/share", "POST /v1/projects/{project}/share", 6, body={}),
-    Ask("POST /v1/keys", "POST /v1/keys", 4, who="root", body={"name": "new", "scopes": ["read"]}),
+    Ask("POST /v1/keys", "POST /v1/keys", 5, who="root", body={"name": "new", "scopes": ["read"]}),
 )
 """The main routes that write."""
 UNMEASURED = frozenset({
@@ -165,7 +165,9 @@ UNMEASURED = frozenset({
     "PUT /v1/projects/{project_id}/versions/{version}/label",
     "POST /v1/projects/{project_id}/versions/{version}/restore", "POST /v1/projects/{project_id}/jobs",
     "DELETE /v1/projects/{project_id}/share", "POST /v1/live/whip", "POST /v1/live/whep",
-    "DELETE /v1/live/peers/{peer_id}", "DELETE /v1/keys/{key_id}", "POST /v1/ops/queue/pause",
+    "DELETE /v1/live/peers/{peer_id}", "DELETE /v1/keys/{key_id}", "POST /v1/keys/{key_id}/rotate",
+    "GET /v1/ops/check/blobs",
+    "POST /v1/ops/queue/pause",
     "POST /v1/ops/queue/resume", "POST /v1/ops/workers/{worker_id}/drain", "POST /v1/ops/workers/{worker_id}/resume",
     "POST /v1/ops/nodes/{node}/drain", "POST /v1/ops/nodes/{node}/resume", "POST /v1/ops/live/{session_id}/end",
     *(f"POST /v1/projects/{{project_id}}/previews/{what}" for what in (

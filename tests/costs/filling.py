@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import zipfile
 import zlib
@@ -13,7 +14,7 @@ from typing import Any
 from sqlalchemy import Connection, func, insert, select, text
 
 from workers.blobs.base import Blobs
-from workers.contract.record import RunState, TaskState
+from workers.contract.record import RunState, TaskState, asset_key
 from workers.store import Store, schema
 
 OWNERS = 20
@@ -22,7 +23,8 @@ FEW = 5
 STEPS = ("scan", "paint", "assemble")
 ZIP = "application/zip"
 BEGAN = 1_700_000_000.0
-ASSET = "ast_" + "0" * 64
+MOVIE = b"movie"
+ASSET = f"ast_{hashlib.sha256(MOVIE).hexdigest()}"
 Rows = Iterable[dict[str, Any]]
 
 
@@ -64,7 +66,7 @@ def fill(store: Store, blobs: Blobs, owners: Owners, size: Size) -> None:
     blobs.put("jobs/result", _archive())
     for name in ("poster", "sheet", "preview"):
         blobs.put(f"jobs/{name}", b"picture")
-    blobs.put(f"assets/{'0' * 64}", b"movie")
+    blobs.put(asset_key(ASSET), MOVIE)
 
 
 def job_id(number: int) -> str:
@@ -97,8 +99,13 @@ def _insert(connection: Connection, table: Any, rows: Rows) -> None:
         connection.execute(insert(table), some)
 
 
+def _asset_id(number: int) -> str:
+    """The first asset is the one that jobs and projects use; only its bytes are stored."""
+    return f"ast_{number:064x}" if number else ASSET
+
+
 def _asset(number: int) -> dict[str, Any]:
-    sha = f"{number:064x}"
+    sha = _asset_id(number).removeprefix("ast_")
     info = {"width": 64, "height": 36, "frames": 48, "fps": 24.0, "duration_s": 2.0}
     return {
         "id": f"ast_{sha}", "sha256": sha, "size_bytes": 5, "filename": f"clip-{number}.mp4", "media_type": "video/mp4",
@@ -107,7 +114,7 @@ def _asset(number: int) -> dict[str, Any]:
 
 
 def _asset_owner(owners: Owners, number: int) -> dict[str, Any]:
-    named = {"asset_id": f"ast_{number:064x}", "filename": f"clip-{number}.mp4", "created_at": BEGAN + number}
+    named = {"asset_id": _asset_id(number), "filename": f"clip-{number}.mp4", "created_at": BEGAN + number}
     return {"owner": owners.anna, **named}
 
 

@@ -21,7 +21,7 @@ from sqlalchemy import event
 from service.app import create_app
 from service.settings import Settings
 from tests.costs.budgets import Ask
-from tests.costs.filling import Owners, Size, fill, job_id, project_id
+from tests.costs.filling import ASSET, Owners, Size, fill, job_id, project_id
 from workers.farm import Farm
 from workers.settings import FarmSettings
 
@@ -120,7 +120,7 @@ class Measured:
         return {
             "job": job_id(0), "waiting": job_id(jobs - 13), "first": job_id(jobs - 2 - 2 * number),
             "second": job_id(jobs - 8 - 2 * number), "old": job_id(10 + number), "several": ",".join(several),
-            "task": f"tsk_{0:026d}", "attempt": f"att_{0:026d}", "asset": "ast_" + "0" * 64, "project": project_id(0),
+            "task": f"tsk_{0:026d}", "attempt": f"att_{0:026d}", "asset": ASSET, "project": project_id(0),
             "token": self._token,
         }  # fmt: skip
 

@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, suppress
+from functools import cache
 from typing import Literal
 
 from pipeline.errors import StorageError
@@ -143,7 +144,7 @@ class FarmJobs:
     def _measured(self, method: str) -> list[MeasuredJob]:
         def read() -> list[MeasuredJob]:
             finished = self._store.jobs.page(state="succeeded", method=method, limit=SAMPLES).items
-            find = self._store.assets.get
+            find = cache(self._store.assets.get)
             found = (measured(job, find) for job in finished)
             return [each for each in found if each is not None]
 
