@@ -56,11 +56,16 @@ def patched(document: Json, operations: object) -> JsonValue:
 
 def _spend(budget: Budget, document: JsonValue, operation: Json) -> None:
     """Refuse pointers that are deeper than a document, and count what `copy` copies."""
-    for pointer in (operation["path"], operation.get("from", "")):
+    if not isinstance(operation, dict):
+        raise ValueError("an operation is an object")
+    for name in ("path", "from"):
+        pointer = operation.get(name, "")
+        if not isinstance(pointer, str):
+            raise ValueError(f"{name!r} is not a text")
         if pointer.count("/") > MAX_DEPTH:
             raise ValueError(f"a location is deeper than {MAX_DEPTH} levels")
     if operation.get("op") == "copy":
-        budget.spend(resolve_pointer(document, operation["from"]))
+        budget.spend(resolve_pointer(document, operation.get("from", "")))
 
 
 def merged(document: JsonValue, patch: JsonValue) -> JsonValue:
