@@ -24,6 +24,7 @@ from tests.service.driven_farm import DrivenFarm
 from tests.service.toy_method import Toy
 from workers.contract.record import ANY_OWNER, Asset
 from workers.farm_parts.assets import FarmAssets
+from workers.ids import new_id
 
 TUS = {"Tus-Resumable": "1.0.0", "Upload-Length": "8", "Upload-Offset": "0", "If-Match": "*"}
 
@@ -213,7 +214,7 @@ def test_live_sockets_are_for_owners_with_the_scope(world: World, client: TestCl
     for path, (scope, foreign) in SOCKETS.items():
         for name, actor in world.actors.items():
             sessions = app.state.live
-            session = LiveSession(sessions.live.place(), world.owner_id)
+            session = LiveSession(sessions.live.place(), world.owner_id, new_id("liv_"))
             session.stream = SimpleNamespace(
                 figures=lambda: dict.fromkeys(("received", "painted", "dropped"), 0),
                 aclose=_nothing,
