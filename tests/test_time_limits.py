@@ -46,7 +46,7 @@ LIMITS = {
     ("workers/pools/ray_pool.py", "connect"): "",  # Ray's own limits
 }
 """(File, call) -> a pattern of the limit in its arguments; empty: it is set elsewhere."""
-X
+LOCAL_FILES = re.compile(r"""av\.open\(\s*(f["']file:|str\(|io\.BytesIO\()""")
 
 
 def _clients() -> Iterator[tuple[str, str, str]]:
