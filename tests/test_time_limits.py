@@ -33,7 +33,6 @@ LIMITS = {
     ("impasto/live/service.py", "httpx.get"): "timeout=2.0",
     ("impasto/live/whip.py", "httpx.AsyncClient"): "timeout=CONNECT_S",
     ("impasto/live/client.py", "connect"): "open_timeout=",
-    ("impasto/live/broadcast.py", "socket.create_connection"): "SILENT_S",
     ("impasto/live/broadcast.py", "av.open"): "options=options",  # rw_timeout
     ("impasto/live/sources.py", "av.open"): r"timeout=\(OPEN_S, OPEN_S\)|srt://",
     ("service/webhooks/connect.py", "httpcore.AsyncConnectionPool"): "",  # asyncio.timeout around each delivery
