@@ -79,6 +79,7 @@ class FarmMachine(RuleBasedStateMachine):
             for table in reversed(schema.metadata.sorted_tables):
                 connection.execute(table.delete())
         self.store.queue._enlisted.clear()
+        self.store.plans._last_owner = ""
         self.store.assets.add(ASSET, lambda: True)
         self.clock[0] = 10_000.0
         self.jobs: dict[str, ModelJob] = {}
