@@ -45,7 +45,7 @@ def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrd
 
 
 class MissingPolicy(StrEnum):
-    """What to do about missing numbers of a sequence of images."""
+    """Treatment of missing numbers of an image sequence: see `pipeline.video.sequence_options`."""
 
     FAIL = "fail"
     HOLD = "hold"

@@ -1,4 +1,4 @@
-"""What a file format is to Impasto: how it is recognised, read, written, and what it can hold.
+"""Descriptions of file formats: how a format is recognised, read and written, and what it can hold.
 
 A format is one module of this folder and one row in `pipeline.formats`. `ImageFormat` reads still and animated images.
 `OutputFormat` describes a format that films are written in; the writer, the command, the API and the pages take their
@@ -39,7 +39,7 @@ def square_pixels(picture: AnyArray, aspect: float) -> AnyArray:
 
 @dataclass(frozen=True)
 class Carries:
-    """What a format can hold. `depth_bits`: most bits of a colour channel."""
+    """Capabilities of a format. `depth_bits`: maximum number of bits of a colour channel."""
 
     alpha: bool = False
     depth_bits: int = 8
@@ -103,7 +103,7 @@ class ImageFormat(ABC):
     def header(self, stream: BinaryIO) -> ImageHeader: ...
 
     def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
-        """What is left out, corrected or assumed when the image is read; one sentence each."""
+        """Sentences about what reading leaves out, corrects or assumes, for the warnings of a job."""
         return ()
 
     @abstractmethod

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 
 RemovedValues = Mapping[str, Mapping[str, str]]
-"""By parameter, values that a former version had, and the remedy: a sentence."""
+"""Parameter -> removed value -> remedy, one sentence. A request with such a value is refused with it."""
 
 
 class Params(BaseModel):

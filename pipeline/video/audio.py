@@ -35,7 +35,7 @@ _RATE = 48000
 _LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}
 """Channels -> layout that both encoders accept; other numbers are mixed to stereo."""
 _BITS_PER_S = 80_000
-"""Of a channel."""
+"""Bit rate of one channel that is encoded."""
 _HOLE_S = Fraction(1, 20)
 """A hole of this length is filled, so the track is encoded."""
 _SILENCE_S = 1

@@ -1,5 +1,5 @@
-"""What else a film carries: title, dates, chapters, subtitles, timecode. It goes along where the container can hold it;
-what cannot is named."""
+"""Copies title, dates, chapters, subtitles and timecode of a source to the output. What the output's container cannot
+hold is named in the notes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NAMES = {"mp4": "MP4", "webm": "WebM"}
 
 @dataclass(frozen=True)
 class Carried:
-    """Of one source file, for an output that begins at its time `zero_s` and, unless None, ends at `end_s`."""
+    """Copies the data of one source file to an output from the source's time `zero_s` to `end_s` (None: to its end)."""
 
     path: Path
     zero_s: Fraction

@@ -63,7 +63,7 @@ class Clip:
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What was chosen, corrected or assumed."""
+        """Notes about streams that were chosen, and times that were corrected or assumed."""
         found = [*self.index.notes]
         if self._interlaced and self._options.fields == "auto":
             found.append(Note("deinterlaced", "The video is interlaced: its fields were made into frames."))

@@ -49,7 +49,7 @@ class Pass:
         # Error concealment may depend on the number of decoder threads; the output of undamaged files does not.
         self._stream = video_stream(self._container, options.picture)
         self.crop = crop_of(path, self._container, self._stream)
-        """What the container leaves out of each picture."""
+        """Borders of each picture that the container says not to show."""
         self._decoder = decoder_of(self._stream, limits, threads=0 if errors is None else 1)
         self.failed: set[int] = set()
         """Frames whose packets could not be decoded."""

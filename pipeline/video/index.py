@@ -40,7 +40,7 @@ class Index:
     """Times of the pictures in the file, ticks of the stream, by which decoded pictures are recognised; None: they are
     counted."""
     notes: tuple[Note, ...] = ()
-    """What was chosen, corrected or assumed."""
+    """Notes about streams that were chosen, and times that were corrected or assumed."""
     numbers: tuple[int, ...] = ()
     """Numbers of the frames of an image sequence; empty: frames are counted from 0."""
 

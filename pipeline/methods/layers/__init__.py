@@ -19,7 +19,7 @@ from pipeline.methods.layers.plan import plan_composite, plan_stage, run_composi
 LAYERS = "layers"
 _VIDEO = InputSpec(VIDEO, "video", True, "Video", "The video of the shot.")
 _STAGE_VERSION = 1
-"""Of what a stage adds to the formats of its layers' steps."""
+"""Version of the data that a stage stores in addition to that of its layers' steps."""
 _COMPOSITE: Step[AnyParams] = Step(COMPOSITE, "Lay the layers over each other", plan_composite, run_composite, 0.1)
 
 
