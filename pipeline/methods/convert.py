@@ -23,10 +23,10 @@ class ConvertParams(Params):
 
 def plan_convert(context: PlanContext[ConvertParams]) -> list[Task]:
     """Runs of at most RUN_FRAMES frames."""
-    count = max(context.video.frames, 1)
+    first, stop = context.video.first, max(context.video.stop, context.video.first + 1)
     return [
-        Task(f"{start:07d}", emits=(start, min(start + RUN_FRAMES, count)), weight=_WEIGHT * RUN_FRAMES)
-        for start in range(0, count, RUN_FRAMES)
+        Task(f"{start:07d}", emits=(start, min(start + RUN_FRAMES, stop)), weight=_WEIGHT * RUN_FRAMES)
+        for start in range(first, stop, RUN_FRAMES)
     ]
 
 
@@ -35,7 +35,7 @@ def run_convert(task: Task, context: TaskContext[ConvertParams]) -> TaskResult:
     assert task.emits is not None
     start, stop = task.emits
     width, height = context.size
-    film = context.frames(FILM, start, stop)
+    film = context.frames(FILM, start - context.video.first, stop - context.video.first)
     for index, _source in enumerate(context.frames("video", start, stop), start=start):
         frame = next(film, None)
         if frame is None:

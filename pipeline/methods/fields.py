@@ -21,6 +21,12 @@ class Params(BaseModel):
     removed_values: ClassVar[RemovedValues] = {}
     """Values that are refused with a remedy of their own."""
 
+    @property
+    def lead_frames(self) -> int:
+        """Frames to paint before a piece of a film and throw away, so that a method with memory has one when the piece
+        begins."""
+        return 0
+
     @model_validator(mode="before")
     @classmethod
     def _replace_deprecated_names(cls, values: object) -> object:
@@ -53,6 +59,15 @@ def number(
     """
     extra: dict[str, JsonValue] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
     return Field(default, ge=low, le=high, title=title, description=help_, json_schema_extra=extra)
+
+
+def preroll(default: int) -> Any:
+    """Field for `Params.lead_frames` of a method with memory."""
+    return number(
+        default, 0, 1000, "Preroll",
+        "Frames that are painted before a piece of a film and thrown away, so that it begins with the memory of the "
+        "film. Larger values differ less from the film and take longer.", "frames", "Time",
+    )  # fmt: skip
 
 
 def choice(default: str, title: str, help_: str, group: str) -> Any:

@@ -52,6 +52,7 @@ class LocalContext(Generic[P]):
             frame number to image ("images"), or a parsed document ("json"). The files of an archive are given as
             "<name>.entries", a mapping from path to bytes.
         artefacts: names of the optional artefacts to make.
+        piece: frames [first, end) of the video to paint; None: all. What is emitted for others is dropped.
 
     Attributes:
         emitted: frames by index, until they are taken out.
@@ -61,11 +62,11 @@ class LocalContext(Generic[P]):
 
     def __init__(
         self, params: P, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Input] | None = None, seed: int = 0,
-        artefacts: frozenset[str] = frozenset(),
+        artefacts: frozenset[str] = frozenset(), piece: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         self.params, self.seed, self.artefacts = params, seed, artefacts
         self.inputs: dict[str, Input] = {"video": video, **(inputs or {})}
-        self.video = _info(video)
+        self.video = _info(video) if piece is None else piece_info(_info(video), piece, params.lead_frames)
         self.size = (self.video.width, self.video.height)
         self.files: dict[str, bytes] = {}
         self.emitted: dict[int, Frame] = {}
@@ -75,13 +76,16 @@ class LocalContext(Generic[P]):
         self.task: Task | None = None
         self._makers: dict[tuple[str, str], str] = {}
 
-    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+    def frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
         source = cast("Sequence[Frame] | FrameSource", self._input(name))
-        frames = source[start:stop] if isinstance(source, Sequence) else source.read(start, stop)
+        if name == "video" and self.video.is_piece:
+            stop = self.video.stop if stop is None else stop
+            start = self.video.first if start is None else start
+        frames = source[start:stop] if isinstance(source, Sequence) else source.read(start or 0, stop)
         return (frame.copy() for frame in frames)
 
-    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
-        return map(thumbnail, self.frames(name))
+    def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
+        return map(thumbnail, self.frames(name, start, stop))
 
     def has(self, name: str) -> bool:
         return name in self.inputs
@@ -134,7 +138,8 @@ class LocalContext(Generic[P]):
     def emit(self, index: int, frame: Frame) -> None:
         if index in self.emitted:
             raise ValueError(f"frame {index} is emitted twice")
-        self.emitted[index] = frame.copy()
+        if self.video.delivers(index):
+            self.emitted[index] = frame.copy()
 
     def show(self, frame: Frame) -> None:
         return
@@ -219,6 +224,15 @@ def _in_order(tasks: Sequence[Task], step: str, shuffle: int | None) -> Iterator
         waiting.remove(task)
         done.add(task.key)
         yield task
+
+
+def piece_info(video: VideoInfo, piece: tuple[int, int], lead: int) -> VideoInfo:
+    """Facts for painting frames [first, end) of a film, and up to `lead` frames before them."""
+    first, stop = max(0, piece[0] - lead), min(piece[1], video.frames or piece[1])
+    seconds = video.duration_s * (stop - first) / video.frames if video.frames else 0.0
+    return replace(
+        video, frames=max(0, stop - first), duration_s=seconds, first=first, film=video.frames, lead=piece[0] - first
+    )
 
 
 def _info(video: Sequence[Frame] | FrameSource) -> VideoInfo:

@@ -41,11 +41,18 @@ def no_clock(stage: str) -> AbstractContextManager[None]:
 class VideoInfo:
     """Facts about the video that a plan may use.
 
+    A job may paint a piece of a film. Frame numbers are those of the film everywhere: in `first`, in tasks, in
+    documents and images by frame. So everything with a time is evaluated at the film's time.
+
     Attributes:
         width, height: px, after rotation.
-        frames: frame count according to the container, which may be wrong. A method that needs the true count has a
-            step that decodes the video (`pipeline.methods.scan`).
+        frames: number of frames to paint, according to the container, which may be wrong. A method that needs the true
+            count has a step that decodes the video (`pipeline.methods.scan`).
         fps: frames per second; duration_s: seconds.
+        first: number of the first frame to paint.
+        film: frame count of the whole film; 0: it has no other frames.
+        lead: how many of the frames are painted only for the memory of the method: they precede the piece, and what is
+            emitted for them is thrown away.
     """
 
     width: int
@@ -53,6 +60,28 @@ class VideoInfo:
     frames: int
     fps: float
     duration_s: float
+    first: int = 0
+    film: int = 0
+    lead: int = 0
+
+    @property
+    def stop(self) -> int:
+        """Number of the frame after the last one to paint."""
+        return self.first + self.frames
+
+    @property
+    def total(self) -> int:
+        """Frame count of the film."""
+        return max(self.film, self.stop)
+
+    @property
+    def is_piece(self) -> bool:
+        """Whether the film has frames that are not painted."""
+        return self.total > self.frames
+
+    def delivers(self, frame: int) -> bool:
+        """Whether a frame is part of the result: it is neither outside the piece nor painted for its memory only."""
+        return not self.is_piece or self.first + self.lead <= frame < self.stop
 
 
 @dataclass(frozen=True)
@@ -127,12 +156,17 @@ class TaskContext(Protocol[P_co]):
         """(width, height) of the video's frames, px."""
         ...
 
-    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        """Decode frames [start, stop) of an input, one at a time; fewer if the video ends earlier."""
+    def frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
+        """Decode frames [start, stop) of an input, one at a time; fewer if the video ends earlier.
+
+        Args:
+            start, stop: frame numbers of the film, also outside the piece that the job paints. None: of the video, the
+                frames to paint; of another input, all frames.
+        """
         ...
 
-    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
-        """Thumbnails of all frames of an input, see `pipeline.perception.cuts.thumbnail`."""
+    def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
+        """Thumbnails of frames of an input, see `pipeline.perception.cuts.thumbnail`."""
         ...
 
     def has(self, name: str) -> bool:

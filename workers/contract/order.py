@@ -59,7 +59,7 @@ class TaskOrder:
     resources: Resources | None = None
     """Resources of a machine; None: the farm's settings for every task."""
     frames: tuple[int, int] | None = None
-    """Rendered piece of the video, as in the request. All other frame numbers of the order count from its start."""
+    """Piece of the video that is the result, as in the request."""
     leads: bool = False
     """Whether later tasks of this step depend on it."""
     on_damage: str = WARN

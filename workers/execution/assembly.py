@@ -28,7 +28,6 @@ from workers.contract.request import Json
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
 from workers.execution.result_quality import ResultQuality
-from workers.jobs.frame_window import window_index
 
 Files = dict[str, tuple[str, str]]
 """Downloadable name -> (blob key, media type)."""
@@ -79,7 +78,8 @@ class Assembly:
             raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
         out = self._scratch / f"result{self._format.suffixes[0]}"
         with ExitStack() as stack:
-            starts, end = self._times_s([start for start, _stop, _key in segments])
+            first = self._order.frames[0] if self._order.frames else 0
+            starts, end = self._times_s([max(start, first) for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
             pieces = list(zip(starts, paths, strict=True))
@@ -90,8 +90,8 @@ class Assembly:
         """Presentation times of these source frames, seconds, and the end of the job's piece of the source, if any."""
         with self._decoders.reader(self._order.inputs["video"], 0, self._order.source) as reader:
             self.notes += reader.notes
-            index = window_index(reader.index, self._order.frames)
-            end = None if self._order.frames is None else index.end * index.time_base
+            index, piece = reader.index, self._order.frames
+            end = None if piece is None else index.time(min(piece[1], len(index.pts))) * index.time_base
             return [index.time(frame) * index.time_base for frame in frames], end
 
     def _describe(self, result: Path, tiles: Mapping[int, Frame]) -> TaskResult:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from pydantic import JsonValue
 
@@ -24,7 +24,7 @@ from pipeline.video.index import Index
 from pipeline.video.media import SourceOptions
 from pipeline.video.numbered import by_frame
 from pipeline.video.numbering import numbers_of_runs
-from pipeline.video.shot_files import ShotFiles, files_of_frames
+from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
 from workers.contract.order import TaskOrder, Tell
@@ -40,7 +40,7 @@ from workers.execution.pair_recorder import keep_pairs
 from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.reuse import Reads, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
-from workers.jobs.frame_window import WindowImages, video_info, window_document, window_index
+from workers.jobs.frame_window import video_info
 from workers.process.heartbeat import current_heartbeat
 from workers.process.log_context import belong
 from workers.process.logs import attempt_facts
@@ -59,7 +59,6 @@ class AttemptContext:
 
     Args:
         params: the method's validated Params.
-        aligned: inputs whose frames belong to those of the video one by one.
         scratch: a folder of this attempt's own.
     """
 
@@ -72,18 +71,17 @@ class AttemptContext:
         scratch: Path,
         report: Tell,
         cancelled: Callable[[], bool],
-        aligned: Collection[str] = ("video",),
     ) -> None:
         self.params = params
         self.seed = order.seed
-        self.video = video_info(order.input_info["video"])
+        self.video = video_info(order.input_info["video"], 0 if params is None else params.lead_frames)
         self.size = (self.video.width, self.video.height)
         self.stages = StageTimer()
         self.artefacts: dict[str, str] = {}
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
         self.damage = InputDamage(order.on_damage == FAIL)
-        self._order, self._aligned = order, aligned
+        self._order = order
         self.report_pairs: Sequence[int] = ()
         """Second frames of the pairs that the job's quality report measures."""
         self._facts = attempt_facts(order.job_id, order.task_id, order.attempt_id)
@@ -114,36 +112,36 @@ class AttemptContext:
 
     # -- inputs
 
-    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+    def frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
         def read(reader: GuardedReader, first: int, last: int | None) -> Iterator[Frame]:
             frames = reader.read(first, last) if cache is None else cache.read(cached, reader, first, last)
-            return keep_pairs(frames, set(self.report_pairs), self.save) if pairs else frames
+            return keep_pairs(frames, set(self.report_pairs), self.save, -self.video.lead) if pairs else frames
 
         cache, pairs = self.frame_cache, self._is_first_pass(name, start, stop)
         cached = self._cache_key(name)
         return self._read(name, start, stop, read)
 
-    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
-        pairs = self._is_first_pass(name, 0, None) and self.report_pairs
+    def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
+        pairs = self._is_first_pass(name, start, stop) and self.report_pairs
         if pairs or self.frame_cache is not None:  # the frames themselves are kept
-            return map(thumbnail, self.frames(name))
-        return self._read(name, 0, None, GuardedReader.read_thumbnails)
+            return map(thumbnail, self.frames(name, start, stop))
+        return self._read(name, start, stop, GuardedReader.read_thumbnails)
 
     def _read(
-        self, name: str, start: int, stop: int | None,
+        self, name: str, start: int | None, stop: int | None,
         read: Callable[[GuardedReader, int, int | None], Iterator[Picture]],
     ) -> Iterator[Picture]:  # fmt: skip
         """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage."""
-        first, last = self._source_span(name, start, stop)
+        first, last = self._span(name, start, stop)
         key, cache = self._input(name), self.frame_cache
         to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
         with self._decoders.reader(key, to_decode, self._options(name)) as reader:
-            noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
-            expected = within(reader.index, self._source_span(name, 0, None))
+            noted, unreadable, at = len(reader.errors), len(reader.unreadable), first
+            expected = within(reader.index, self._span(name, None, None))
             self.damage.note(name, reader.notes)
             self.damage.record(name, expected, ())
             if name == "video":
-                self._index = window_index(reader.index, self._order.frames)
+                self._index = reader.index
             source = read(reader, first, last)
             while (frame := self._next(source)) is not None:
                 at += 1
@@ -152,7 +150,7 @@ class AttemptContext:
                     unreadable = len(reader.unreadable)
                 yield frame
             self.warnings += [f"{name}: {error}" for error in reader.errors[noted:]]
-        if name == "video" and (stop is None or at < stop):
+        if name == "video" and (last is None or at < last):
             self._ended_at = at
 
     def _options(self, name: str) -> SourceOptions:
@@ -164,21 +162,19 @@ class AttemptContext:
         options = self._options(name)
         return self._input(name) + ("" if options == SourceOptions() else f" {options}")
 
-    def _is_first_pass(self, name: str, start: int, stop: int | None) -> bool:
+    def _is_first_pass(self, name: str, start: int | None, stop: int | None) -> bool:
         """Whether the first step reads the whole video: then, frames for the quality report are saved."""
-        if name != "video" or (start, stop) != (0, None) or self._order.results or self._order.emits:
+        if name != "video" or (start, stop) != (None, None) or self._order.results or self._order.emits:
             return False
         self.reads.record("report")
         return True
 
-    def _source_span(self, name: str, start: int, stop: int | None) -> tuple[int, int | None]:
-        """Frames [start, stop) of an input, in frame numbers of its file."""
-        window = self._order.frames
-        moving = int(self._order.input_info[name].get("frames", 0)) > 1
-        if window is None or name not in self._aligned or not (moving or name == "video"):
-            return start, stop
-        end = window[1] if stop is None else min(window[0] + stop, window[1])
-        return min(window[0] + start, end), end
+    def _span(self, name: str, start: int | None, stop: int | None) -> tuple[int, int | None]:
+        """Frames [start, stop) of an input; None: of the video, the frames to paint."""
+        if name == "video" and self._order.frames is not None:
+            start = self.video.first if start is None else start
+            stop = self.video.stop if stop is None else stop
+        return start or 0, stop
 
     def _next(self, source: Iterator[Picture]) -> Picture | None:
         self._check_cancelled()
@@ -194,7 +190,7 @@ class AttemptContext:
 
     def json(self, name: str) -> JsonValue:
         try:
-            return window_document(json.loads(self._blobs.get(self._input(name))), self._order.frames)
+            return cast("JsonValue", json.loads(self._blobs.get(self._input(name))))
         except ValueError as error:
             raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
 
@@ -206,8 +202,7 @@ class AttemptContext:
             path = self._exit_stack.enter_context(self._blobs.local(self._input(name, whole=False)))
             found = GuardedImages(path, f"inputs.{name}")
             self._exit_stack.callback(found.close)
-            images = by_frame(found, self._numbers(), f"inputs.{name}")
-            self._opened[name] = images if self._order.frames is None else WindowImages(images, self._order.frames)
+            self._opened[name] = by_frame(found, self._numbers(), f"inputs.{name}")
         return self._opened[name]
 
     def _numbers(self) -> tuple[int, ...]:
@@ -221,7 +216,7 @@ class AttemptContext:
                 return {}
         found = ShotFiles(path)
         self._exit_stack.callback(found.close)
-        return found if self._order.frames is None else files_of_frames(found, *self._order.frames)
+        return found
 
     def _input(self, name: str, whole: bool = True) -> str:
         """Blob key of an input. `whole`: the task may read all of it."""
@@ -288,6 +283,8 @@ class AttemptContext:
 
     def emit(self, index: int, frame: Frame) -> None:
         self._check_cancelled()
+        if not self.video.delivers(index):
+            return
         with self.stages.blocked():
             self._emission = self._emission or self._start_emission()
             self._emission.take(index, frame)
@@ -301,17 +298,25 @@ class AttemptContext:
             self._report(self._done, preview)
 
     def _start_emission(self) -> Emission:
-        if self._order.emits is None:
+        if (run := self._delivered_run()) is None:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
         index, output = self._video_index(), self._order.output
         spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)
-        return Emission(self._scratch / "segment", spec, index, self._order.emits, self.clock)
+        return Emission(self._scratch / "segment", spec, index, run, self.clock)
+
+    def _delivered_run(self) -> tuple[int, int] | None:
+        """Frames [start, stop) of those that the task announced that are part of the result; None: none."""
+        if self._order.emits is None:
+            return None
+        piece = self._order.frames or self._order.emits
+        start, stop = max(self._order.emits[0], piece[0]), min(self._order.emits[1], piece[1])
+        return (start, stop) if start < stop else None
 
     def _video_index(self) -> Index:
         """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
             with self._decoders.reader(self._input("video"), 0, self._order.source) as reader:
-                self._index = window_index(reader.index, self._order.frames)
+                self._index = reader.index
         return self._index
 
     def finish(self) -> str | None:
@@ -319,7 +324,7 @@ class AttemptContext:
         StorageError."""
         with self.stages.waiting("store"):
             self._writer.finish()
-        if self._order.emits is None:
+        if self._delivered_run() is None:
             return None
         with self.stages.blocked():
             self._emission = self._emission or self._start_emission()
@@ -337,9 +342,8 @@ class AttemptContext:
     @property
     def emitted(self) -> tuple[int, int] | None:
         """Frames [start, stop) that were emitted, or None if the task announced none."""
-        if self._order.emits is None or self._emission is None:
-            return None
-        return self._order.emits[0], self._emission.next
+        run = self._delivered_run()
+        return None if run is None or self._emission is None else (run[0], self._emission.next)
 
     # -- time
 

@@ -10,11 +10,11 @@ from pipeline.methods.base import Arrays
 
 
 def keep_pairs(
-    frames: Iterator[Frame], pairs: Collection[int], save: Callable[[str, Arrays], None]
-) -> Iterator[Frame]:  # fmt: skip
-    """Pass on the frames of a video from its first one; save both frames of each pair."""
+    frames: Iterator[Frame], pairs: Collection[int], save: Callable[[str, Arrays], None], first: int = 0
+) -> Iterator[Frame]:
+    """Pass on the frames of a video from number `first` on; save both frames of each pair."""
     before: Frame | None = None
-    for index, frame in enumerate(frames):
+    for index, frame in enumerate(frames, first):
         if before is not None and index in pairs:
             save(pair_name(index), {"before": before, "now": frame})
         before = frame.copy() if index + 1 in pairs else None

@@ -160,9 +160,7 @@ class Renderer:
         with self._folder() as folder:
             chosen = self._find(order.method)
             params = None if order.step == ASSEMBLE else parse_params(chosen, order.params)
-            specs = chosen.inputs if params is None else chosen.inputs_of(params)
-            aligned = {spec.name for spec in specs if spec.kind == "video"}
-            context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
+            context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled)
             context.report_pairs = report_pairs(order, chosen)
             context.shown = self._overview
             if self._shared is not None:
@@ -193,8 +191,9 @@ class Renderer:
         with context.stages.method():
             result = dict(step.run(task, context))
         segment = context.finish()
-        if context.emitted and order.emits and context.emitted[1] < order.emits[1]:
-            _LOG.info("the video ended at frame %d of [%d, %d)", context.emitted[1], *order.emits)
+        last = min(order.emits[1], order.frames[1]) if order.emits and order.frames else (order.emits or (0, 0))[1]
+        if context.emitted and context.emitted[1] < last:
+            _LOG.info("the video ended at frame %d of [%d, %d)", context.emitted[1], context.emitted[0], last)
             result["emitted"] = list(context.emitted)
         for warning in context.warnings:
             _LOG.warning("%s", warning)

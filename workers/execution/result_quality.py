@@ -21,7 +21,7 @@ from workers.execution.arrays import read_arrays
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
 from workers.execution.pair_recorder import pair_name
-from workers.jobs.frame_window import video_info
+from workers.jobs.frame_window import video_info, window_document
 
 
 def report_pairs(order: TaskOrder, chosen: Method) -> list[int]:
@@ -107,17 +107,16 @@ class ResultQuality:
         with closing(self._context(number, params)) as context:
             for spec in specs:
                 if spec.kind == "json":
-                    found[spec.name] = context.json(spec.name)
+                    found[spec.name] = window_document(context.json(spec.name), (number, number + 1))
+                elif spec.kind == "video":
+                    found[spec.name] = list(context.frames(spec.name, number, number + 1))
                 else:
                     found[spec.name] = list(context.frames(spec.name, 0, 1))
         return found
 
     def _context(self, number: int, params: AnyParams) -> AttemptContext:
         order = replace(self._order, frames=(number, number + 1))
-        aligned = {spec.name for spec in self._method.inputs_of(params) if spec.kind == "video"}
-        return AttemptContext(
-            order, params, self._blobs, self._decoders, self._scratch, _untold, lambda: False, aligned
-        )  # fmt: skip
+        return AttemptContext(order, params, self._blobs, self._decoders, self._scratch, _untold, lambda: False)
 
     def _palette(self, params: AnyParams) -> PictureColours | None:
         """Colours of the input that the method names as the source of colours, if it is given."""

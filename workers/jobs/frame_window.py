@@ -1,35 +1,26 @@
-"""Reduces a job to a piece [start, stop) of its video: every frame number is counted from `start`.
-
-Images by frame and frame numbers in JSON documents are moved, and those outside the piece left out. In a document,
-objects with a member `frame` in lists are keys: of those before the start only the latest of each region is kept, at
-the piece's first frame.
-
-Departure: a value that changes between a key before the start and one after it begins at the earlier key's value,
-where the whole video would already have moved on. It matters only for the first frames of a piece.
+"""The piece [start, stop) of a film that a job paints. Frame numbers are the film's everywhere: the piece only says
+which frames are painted, so that everything with a time is evaluated at the film's time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from collections.abc import Mapping
+from typing import Any
 
-import numpy as np
 from pydantic import JsonValue
 
 from pipeline.errors import BadParameter
 from pipeline.methods.base import VideoInfo
-from pipeline.video.index import Index
 from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
 
-T = TypeVar("T")
 Span = tuple[int, int]
 """[first frame, one past the last)"""
 
 
 def window_info(info: Json, frames: Span | None, source: SourceOptions | None = None) -> Json:
-    """Facts of a video's asset for the piece: `frames` and `duration_s` changed. None: unchanged.
+    """Facts of a video's asset for the piece: `frames` and `duration_s` are the piece's, `first` is the number of its
+    first frame, `film` the frame count of the whole. None: unchanged.
 
     Args:
         source: which of the video streams is read.
@@ -40,7 +31,8 @@ def window_info(info: Json, frames: Span | None, source: SourceOptions | None = 
         return dict(info)
     count = max(0, min(frames[1], int(info.get("frames", 0)) or frames[1]) - frames[0])
     whole, seconds = int(info.get("frames", 0)), float(info.get("duration_s", 0.0))
-    return {**info, "frames": count, "duration_s": seconds * count / whole if whole else 0.0}
+    piece = {"frames": count, "duration_s": seconds * count / whole if whole else 0.0}
+    return {**info, **piece, "first": frames[0], "film": whole}
 
 
 def stream_info(info: Json, number: int) -> Json:
@@ -63,43 +55,10 @@ def window_inputs(
     }
 
 
-def window_index(index: Index, frames: Span | None) -> Index:
-    """The frame index of the piece, in the video's own times."""
-    if frames is None:
-        return index
-    start, stop = frames[0], min(frames[1], len(index.pts))
-    keys = index.keys[(index.keys >= start) & (index.keys < stop)] - start
-    return replace(
-        index,
-        pts=index.pts[start:stop],
-        keys=np.union1d([0], keys),
-        end=index.time(stop),
-        numbers=index.numbers[start:stop],
-    )
-
-
-@dataclass(frozen=True)
-class WindowImages(Mapping[int, T]):
-    """Images by frame number, of the piece only. Each is read on access."""
-
-    images: Mapping[int, T]
-    frames: Span
-
-    def __getitem__(self, frame: int) -> T:
-        if not 0 <= frame < self.frames[1] - self.frames[0]:
-            raise KeyError(frame)
-        return self.images[frame + self.frames[0]]
-
-    def __iter__(self) -> Iterator[int]:
-        start, stop = self.frames
-        return (frame - start for frame in self.images if start <= frame < stop)
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-
 def window_document(value: JsonValue, frames: Span | None) -> JsonValue:
-    """The JSON document of the piece. None: unchanged."""
+    """A JSON document for frames that are painted as a video of their own, with frame numbers from `frames[0]`. Objects
+    with a member `frame` in lists are keys: of those before the part only the latest of each region is kept, at its
+    first frame. None: unchanged."""
     if frames is None:
         return value
     if isinstance(value, dict):
@@ -129,12 +88,16 @@ def _list_within(items: list[Any], frames: Span) -> list[JsonValue]:
     return [{**_members(item, frames), "frame": max(0, item["frame"] - start)} for item in kept]
 
 
-def video_info(info: Json) -> VideoInfo:
-    """Facts about a video for planning, from its asset's info."""
-    return VideoInfo(
-        int(info.get("width", 0)),
-        int(info.get("height", 0)),
-        int(info.get("frames", 0)),
-        float(info.get("fps", 0.0)),
-        float(info.get("duration_s", 0.0)),
-    )
+def video_info(info: Json, lead: int = 0) -> VideoInfo:
+    """Facts about a video for planning, from its asset's info.
+
+    Args:
+        lead: frames to paint before the piece: see `Params.lead_frames`.
+    """
+    frames, first = int(info.get("frames", 0)), int(info.get("first", 0))
+    before, film = min(lead, first), int(info.get("film", 0))
+    rate, seconds = float(info.get("fps", 0.0)), float(info.get("duration_s", 0.0))
+    if before:
+        seconds += before / rate if rate else 0.0
+    width, height = int(info.get("width", 0)), int(info.get("height", 0))
+    return VideoInfo(width, height, frames + before, rate, seconds, first - before, film, before)

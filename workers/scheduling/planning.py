@@ -70,7 +70,8 @@ def plan_step(
     if index == len(steps):
         weight = expected_weights(chosen, parsed, info.get("video", {}))[-1]
         return [Task(ASSEMBLE, weight=weight, resources=resources_per_pixel(_video(info), _ASSEMBLE_BYTES))]
-    context = PlanContext(parsed, request.seed, _video(info), frozenset(request.inputs), results)
+    video = video_info(info.get("video", {}), parsed.lead_frames)
+    context = PlanContext(parsed, request.seed, video, frozenset(request.inputs), results)
     step = steps[index]
     default = chosen.resources(step.name, context)
     tasks = [task if task.resources else replace(task, resources=default) for task in step.plan(context)]

@@ -64,7 +64,7 @@ class Abstraction(Method):
     )  # fmt: skip
     task_cpus = 2.0  # the analysis of a frame overlaps the painting of the previous one
     steps: ClassVar[tuple[Step[AbstractionParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=2),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
         Step("abstract", "Paint", plan_abstract, run_abstract),
     )

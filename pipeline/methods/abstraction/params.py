@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import FlowName, Switch, choice, number
+from pipeline.methods.fields import FlowName, Switch, choice, number, preroll
 
 
 class AbstractionParams(Params):
@@ -105,6 +105,12 @@ class AbstractionParams(Params):
         "How readily a hard cut is detected, at which everything starts anew; 0 = never.",
         "ratio", "Time",
     )  # fmt: skip
+
+    preroll: int = preroll(24)
+
+    @property
+    def lead_frames(self) -> int:
+        return self.preroll if self.temporal == "on" else 0
 
     # -- importance
     face_importance: float = number(

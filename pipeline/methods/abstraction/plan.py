@@ -12,7 +12,6 @@ for byte, for any number of workers.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.session import AbstractionSession, PipelinedRunner
 from pipeline.methods.abstraction.svg_archive import SvgArchive
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
-from pipeline.methods.scan import scan_video
+from pipeline.methods.scan import scan_video, shots_of
 
 RUN_FRAMES = 96
 """Frames per task: about 3 s of work at 720p, which is repeated after a failure."""
@@ -71,10 +70,9 @@ def _reported(context: TaskContext[AbstractionParams]) -> Iterator[Frame]:
 
 def plan_abstract(context: PlanContext[AbstractionParams]) -> list[Task]:
     scan = context.results["scan"]["video"]
-    edges = [0, *scan["cuts"], scan["frames"]]
     chained = context.params.temporal == "on"
     tasks: list[Task] = []
-    for shot, (begin, end) in enumerate(pairwise(edges)):
+    for shot, (begin, end) in enumerate(shots_of(context, scan)):
         for start in range(begin, end, RUN_FRAMES):
             stop = min(start + RUN_FRAMES, end)
             after = (_key(start - RUN_FRAMES),) if start > begin and chained else ()
@@ -98,7 +96,7 @@ def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskRes
     index = start
     with PipelinedRunner(session) as runner:
         for painting in runner.run(context.frames("video", start, stop), masks, start):
-            if svg is not None:
+            if svg is not None and context.video.delivers(index):
                 svg.add(index, painting)
             context.emit(index, painting.frame)
             index += 1

@@ -111,7 +111,7 @@ class Analogy(Method):
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=2),
         Step("synthesise", "Paint", plan_synthesis, _run_synthesis),
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0),
     )

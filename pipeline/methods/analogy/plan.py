@@ -16,13 +16,14 @@ middle: each part starts from the last frame of the part nearer to the keyframe,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 from pipeline.methods.analogy.level_animation import levels_of
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.base import PlanContext, Task, TaskResult
+from pipeline.methods.base import PlanContext, Task, TaskResult, VideoInfo
+from pipeline.methods.scan import shots_of
 
 MAX_RUN_FRAMES = 32
 MAX_RUN_BYTES = 160 << 20
@@ -125,17 +126,34 @@ def _layer_tasks(
     """
     size = (context.video.width, context.video.height)
     tasks: list[Task] = []
-    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
+    video = context.video
+    for begin, end in shots_of(context, scan):
+        if video.is_piece and (end <= video.first or begin >= video.stop):
+            continue
         keys = [(int(index), bool(full)) for index, full in keyframes if begin <= index < end]
         if keys:
-            intervals = split_intervals(begin, end, keys, interval_frames(size), layer)
-            tasks += [_interval_task(key, interval) for key, interval in intervals]
+            intervals = dict(split_intervals(begin, end, keys, interval_frames(size), layer))
+            tasks += [_interval_task(key, intervals[key]) for key in _needed(intervals, video, layer)]
             continue
+        if video.is_piece:
+            begin, end = max(begin, video.first), min(end, video.stop)
         independent = context.params.temporal == "off" or end - begin == 1
         sweeps = (_independent_runs if independent else _chained_sweeps)(context.params, begin, end, size)
         short = end - begin <= _run_length(context.params, size, _COARSE_LEVEL)
         tasks += [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), short)]
     return tasks
+
+
+def _needed(intervals: Mapping[str, KeyInterval], video: VideoInfo, layer: int) -> list[str]:
+    """Keys of the intervals with a frame to paint, and of those from which they continue, in order."""
+    if not video.is_piece:
+        return list(intervals)
+    found: set[str] = set()
+    waiting = [key for key, own in intervals.items() if own.first < video.stop and own.last > video.first]
+    while waiting:
+        found.add(key := waiting.pop())
+        waiting += [after for _, start in intervals[key].fixed if (after := interval_key(start, layer)) not in found]
+    return [key for key in intervals if key in found]
 
 
 def _grouped(sweeps: Sweeps, short: bool) -> Iterator[list[tuple[str, SweepTask]]]:
@@ -169,8 +187,11 @@ def plan_composite(context: PlanContext[AnalogyParams]) -> list[Task]:
     """Runs of frames; none without layers."""
     scan = context.results["scan"]["video"]
     length = run_frames((context.video.width, context.video.height))
-    starts = range(0, scan["frames"], length) if scan["layers"] else ()
-    runs = [(start, min(start + length, scan["frames"])) for start in starts]
+    video, stop = context.video, scan["frames"]
+    if video.is_piece:
+        stop = min(stop, video.stop)
+    starts = range(video.first, stop, length) if scan["layers"] else ()
+    runs = [(start, min(start + length, stop)) for start in starts]
     return [Task(f"frames-{start:07d}", {}, (), (start, stop), 0.05 * (stop - start)) for start, stop in runs]
 
 

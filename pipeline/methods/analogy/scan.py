@@ -3,16 +3,26 @@ layers."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import nullcontext
 from itertools import pairwise
 from typing import cast
 
 from pipeline.errors import BadInput
-from pipeline.methods.analogy.inputs import checked_keyframes
+from pipeline.frames import Frame
+from pipeline.methods.analogy.inputs import SynthesisInputs, checked_keyframes
 from pipeline.methods.analogy.job_inputs import JobInputs
 from pipeline.methods.analogy.layer_inputs import LayerInputs
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.shot_layers import Factors, Layer, LayerStatistics, RenderPasses, layered_shot
+from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES
+from pipeline.methods.analogy.shot_layers import (
+    Factors,
+    Layer,
+    LayeredShot,
+    LayerStatistics,
+    RenderPasses,
+    layered_shot,
+)
 from pipeline.methods.analogy.style_images import save_default_pair
 from pipeline.methods.analogy.style_scaling import scaled_style_saved
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
@@ -36,33 +46,67 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     The result holds the number of frames, the first frame of each shot but the first, the keyframes, see
     `checked_keyframes`, and for each layer its name, keyframes, overpaint and a message about its motion vectors.
     """
-    shot = layered_shot(context)
+    shot, video = layered_shot(context), context.video
     accumulator = ToneAccumulator()
+
+    def measure(frame: Frame) -> None:
+        accumulator.add(lab_guide(frame))
+
+    first, stop = _scanned(context, shot)
     with nullcontext() if shot is not None else scaled_style_saved(context, JobInputs(context)):
-        frames, cuts = scan_video(
-            context, context.params.cut_sensitivity, lambda frame: accumulator.add(lab_guide(frame))
-        )  # fmt: skip
+        scanned, cuts = scan_video(
+            context, context.params.cut_sensitivity, None if video.is_piece else measure, (first, stop)
+        )
+        if video.is_piece:
+            _sample(context, measure)
+    frames = max(scanned, video.total) if video.is_piece else scanned
     tones = accumulator.statistics()
     keys = checked_keyframes(JobInputs(context), frames) if shot is None else []
-    if not context.has("style_output") and not _all_keyed(frames, cuts, keys):
+    if not context.has("style_output") and not _all_keyed([first or 0, *cuts, scanned], keys):
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
         context.save("tones", LayerStatistics(tones).arrays())
-        return {"frames": frames, "cuts": cuts, "keys": keys, "layers": []}
+        return {"first": first or 0, "frames": scanned, "cuts": cuts, "keys": keys, "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
             "Some pictures of the shot could not be read.", field="inputs.video", value=f"{frames} of "
             f"{shot.whole.frames}", remedy="Render the others again.",
         )  # fmt: skip
     whole, *layers = [_scan_layer(context, layer, tones) for layer in (shot.whole, *shot.layers)]
-    return {"frames": frames, "cuts": cuts, "keys": whole["keys"], "message": whole["message"], "layers": layers}
+    found = {"first": first or 0, "frames": scanned, "cuts": cuts, "keys": whole["keys"]}
+    return found | {"message": whole["message"], "layers": layers}
 
 
-def _all_keyed(frames: int, cuts: list[int], keys: list[tuple[int, bool]]) -> bool:
+def _all_keyed(edges: list[int], keys: list[tuple[int, bool]]) -> bool:
     """Whether every shot has a keyframe, so that no shot needs another style."""
-    shots = pairwise([0, *cuts, frames])
-    return all(any(first <= index < end for index, _ in keys) for first, end in shots)
+    return all(any(first <= index < end for index, _ in keys) for first, end in pairwise(edges))
+
+
+def _scanned(context: TaskContext[AnalogyParams], shot: LayeredShot | None) -> tuple[int | None, int | None]:
+    """Frames [first, end) of the film that determine the painted frames: between keyframes that are painted everywhere,
+    frames depend on those of both, so that the shots are found from the key before a piece to the key after it."""
+    video = context.video
+    if not video.is_piece:
+        return None, None
+    inputs: list[SynthesisInputs] = [JobInputs(context)]
+    if shot is not None:
+        inputs = [LayerInputs(context, layer, None) for layer in (shot.whole, *shot.layers)]
+    first, stop = video.first, video.stop
+    for keys in (checked_keyframes(own, video.total) for own in inputs):
+        if keys:
+            full = [index for index, whole in keys if whole]
+            first = min(first, max((index for index in full if index <= video.first), default=0))
+            most = min(video.total, video.stop + MAX_INTERVAL_FRAMES)
+            stop = max(stop, min((index + 1 for index in full if index >= video.stop - 1), default=most))
+    return first, stop
+
+
+def _sample(context: TaskContext[AnalogyParams], measure: Callable[[Frame], None]) -> None:
+    """Measure evenly spaced frames of the film, for a piece of it: all of them would cost more than the piece."""
+    for index in range(0, context.video.total, max(1, context.video.total // _SAMPLED_FRAMES)):
+        for frame in context.frames("video", index, index + 1):
+            measure(frame)
 
 
 def _scan_layer(context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics) -> TaskResult:

@@ -49,7 +49,10 @@ class LayerContext:
 
     # -- inputs
 
-    def frames(self, name: str = VIDEO, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+    def frames(self, name: str = VIDEO, start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
+        if name == VIDEO and self.video.is_piece:  # a layer's video of its own is no piece for the job
+            start = self.video.first if start is None else start
+            stop = self.video.stop if stop is None else stop
         for frame in self._context.frames(self._own(name), start, stop):
             if name == VIDEO and (frame.shape[1], frame.shape[0]) != self.size:
                 raise BadFrame(
@@ -59,8 +62,8 @@ class LayerContext:
                 )  # fmt: skip
             yield frame
 
-    def thumbnails(self, name: str = VIDEO) -> Iterator[Plane]:
-        return map(thumbnail, self.frames(name))
+    def thumbnails(self, name: str = VIDEO, start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
+        return map(thumbnail, self.frames(name, start, stop))
 
     def has(self, name: str) -> bool:
         return self._context.has(self._own(name))
@@ -98,6 +101,8 @@ class LayerContext:
     # -- frames
 
     def emit(self, index: int, frame: Frame) -> None:
+        if not self.video.delivers(index):
+            return
         if not self._frames:
             self._first = index
         elif index != self._next:

@@ -41,6 +41,11 @@ class LayersParams(Params):
 
     layers: tuple[LayerParams, ...] = Field(default=(LayerParams(method="abstraction"),), max_length=MOST_LAYERS)
 
+    @property
+    def lead_frames(self) -> int:
+        """The most that a layer needs."""
+        return max((parse_params(layer.chosen, layer.params).lead_frames for layer in self.layers), default=0)
+
     @field_validator("layers")
     @classmethod
     def _complete(cls, layers: tuple[LayerParams, ...]) -> tuple[LayerParams, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, repeat
+from itertools import chain, pairwise, repeat
 
 import cv2
 import numpy as np
@@ -101,8 +101,10 @@ class _Piece:
 def plan_composite(context: PlanContext[LayersParams]) -> list[Task]:
     """Runs of frames that all layers have; each waits for, and sees, only the tasks that painted them."""
     pieces = [_pieces(context, number) for number in range(len(context.params.layers))]
+    first = max((min((piece.start for piece in own), default=0) for own in pieces), default=0)
     total = min((max((piece.stop for piece in own), default=0) for own in pieces), default=0)
-    return [_run(context, pieces, start, min(start + RUN_FRAMES, total)) for start in range(0, total, RUN_FRAMES)]
+    starts = [first, *range((first // RUN_FRAMES + 1) * RUN_FRAMES, total, RUN_FRAMES)] if first < total else []
+    return [_run(context, pieces, start, stop) for start, stop in pairwise([*starts, total])]
 
 
 def _run(context: PlanContext[LayersParams], pieces: Sequence[Sequence[_Piece]], start: int, stop: int) -> Task:

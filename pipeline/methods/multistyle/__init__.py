@@ -68,7 +68,7 @@ class Multistyle(Method):
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[MultistyleParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03, version=2),
         Step("regions", "Find the regions", plan_regions, run_regions, weight=0.0),
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
         Step("paint", "Paint", plan_paint, run_paint),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Literal, get_args
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import FlowName, RemovedValues, Switch, choice, number
+from pipeline.methods.fields import FlowName, RemovedValues, Switch, choice, number, preroll
 
 StyleName = Literal["van-gogh", "impressionism", "expressionism", "pointillism", "colorist-wash", "watercolor"]
 STYLE_NAMES: tuple[StyleName, ...] = get_args(StyleName)
@@ -138,3 +138,8 @@ class MultistyleParams(Params):
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is detected, at which everything starts anew; 0 = never.",
         "ratio", "Time",
     )  # fmt: skip
+    preroll: int = preroll(24)
+
+    @property
+    def lead_frames(self) -> int:
+        return self.preroll if self.temporal == "on" else 0

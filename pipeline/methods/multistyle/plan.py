@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from itertools import pairwise
 
 from pipeline.arrays import Arrays, State, part
 from pipeline.frames import Frame
@@ -32,7 +31,7 @@ from pipeline.methods.multistyle.orientation_picture import DIRECTIONS, archive,
 from pipeline.methods.multistyle.painter import Painter, accumulated_frames
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.regions import MASKS
-from pipeline.methods.scan import scan_video
+from pipeline.methods.scan import scan_video, shots_of
 
 RUN_FRAMES = 12
 """Frames a task: about 4 s of work at 720p, which is repeated after a failure."""
@@ -53,8 +52,20 @@ def plan_scan(context: PlanContext[MultistyleParams]) -> list[Task]:
 
 def run_scan(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     """Result: number of frames, cuts, and what planning needs of the design, which is validated here."""
-    count, cuts = scan_video(context, context.params.cut_sensitivity)
-    return {"frames": count, "cuts": cuts} | region_maps.requirements(design_of(context, count), context, count)
+    first, stop = _scanned(context)
+    count, cuts = scan_video(context, context.params.cut_sensitivity, span=(first, stop))
+    frames = max(count, context.video.total) if context.video.is_piece else count
+    facts = region_maps.requirements(design_of(context, frames), context, frames)
+    return {"first": first or 0, "frames": count, "cuts": cuts, "film": frames} | facts
+
+
+def _scanned(context: TaskContext[MultistyleParams]) -> tuple[int | None, int | None]:
+    """Frames [first, end) of the film from which the regions of the painted frames are found."""
+    video = context.video
+    if not video.is_piece:
+        return None, None
+    facts = region_maps.requirements(design_of(context, video.total), context, video.total)
+    return region_maps.span_of(facts, video)
 
 
 def design_of(context: TaskContext[MultistyleParams], frames: int) -> Design | None:
@@ -73,7 +84,7 @@ def runs_of(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, 
     """(first frame, frame after the last, shot) of every run. Without regions, which would occupy a second worker, the
     first run is short, because that worker waits for it."""
     scan = context.results["scan"]["video"]
-    for shot in pairwise([0, *scan["cuts"], scan["frames"]]):
+    for shot in shots_of(context, scan):
         start = shot[0]
         while start < shot[1]:
             length = run_frames(shot) if start or scan["maps"] else -(-RUN_FRAMES // 2)
@@ -82,15 +93,23 @@ def runs_of(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, 
             start = stop
 
 
+def _painted_runs(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, tuple[int, int]]]:
+    """The runs with a frame to paint; a piece of a film has regions of others, too."""
+    video = context.video
+    for run in runs_of(context):
+        if not video.is_piece or (run[0] < video.stop and run[1] > video.first):
+            yield run
+
+
 def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
     analyses: list[Task] = []
     paints: list[Task] = []
-    total = context.results["scan"]["video"]["frames"]
-    for start, stop, shot in runs_of(context):
+    total = context.results["scan"]["video"]["film"]
+    for start, stop, shot in _painted_runs(context):
         args = {"start": start, "stop": stop, "last": stop == shot[1], "frames": total} | region_maps.ellipses(
             context, start, stop, shot
         )
-        after = (analyses[-1].key,) if start > shot[0] else ()
+        after = (analyses[-1].key,) if start > shot[0] and analyses else ()
         analyses.append(Task(_analysis_key(start), args, after, weight=ANALYSIS_SHARE * (stop - start)))
         args = {"start": start, "stop": stop, "before": after[0] if after else None, "last": stop == shot[1]}
         weight = (1 - ANALYSIS_SHARE) * (stop - start)
@@ -176,7 +195,10 @@ def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
         context.emit(start + k, painter.paint(analysis, shared=k >= len(frames) - recalled))
         context.progress((k + 1) / (stop - start))
     if context.wants(DIRECTIONS):
-        pictures = {start + k: orientation_picture(analysis, context.size) for k, analysis in enumerate(frames)}
+        pictures = {
+            start + k: orientation_picture(analysis, context.size) for k, analysis in enumerate(frames)
+            if context.video.delivers(start + k)
+        }  # fmt: skip
         context.save_file(f"{DIRECTIONS}-{start:07d}.zip", archive(pictures), "application/zip")
     return {"frames": len(frames)}
 

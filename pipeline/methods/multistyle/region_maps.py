@@ -9,7 +9,6 @@ import io
 import json
 import zipfile
 from collections.abc import Callable, Iterable, Mapping
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -18,13 +17,14 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State, part
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult, VideoInfo
 from pipeline.methods.multistyle.design import REST, Design
 from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.label_propagation import RegionMap
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.regions import MASKS, Propagated, RegionKeys, RegionPropagator, compose
 from pipeline.methods.multistyle.tubes import Tube, TubeTracker, merge_results, tubes_of
+from pipeline.methods.scan import shots_of
 from pipeline.tensors.ellipses import Ellipse, fit_ellipse, track_ellipses
 from pipeline.video.stills import encode_png
 from pipeline.video.writer import zip_entry
@@ -55,6 +55,24 @@ def requirements(design: Design | None, context: TaskContext[MultistyleParams], 
     }  # fmt: skip
 
 
+def span_of(facts: TaskResult, video: VideoInfo) -> tuple[int, int]:
+    """Frames [first, end) of the film in which the regions of a piece are found: from the latest keyframe of each
+    channel before it to the next one after it; tubes have the numbers of the whole film.
+
+    Args:
+        facts: as returned by `requirements`.
+    """
+    if not facts["maps"]:
+        return video.first, video.stop
+    if facts["tubes"]:
+        return 0, video.total
+    first, stop = video.first, video.stop
+    for keys in facts["channels"].values():
+        first = min(first, max((key for key in keys if key < video.first), default=first))
+        stop = max(stop, min((key + 1 for key in keys if key >= video.stop), default=stop))
+    return first, stop
+
+
 def _region_keys(design: Design, context: TaskContext[MultistyleParams]) -> RegionKeys:
     return RegionKeys(design, context.images(MASKS) if design.wants_masks else {}, context.size)
 
@@ -70,7 +88,7 @@ def plan_regions(context: PlanContext[MultistyleParams], runs: list[Run]) -> lis
     tasks: list[Task] = []
     for number, (start, stop, shot) in enumerate(runs):
         args = {"start": start, "stop": stop, "tubes": facts["tubes"], "shot": _shot_number(runs, shot)}
-        args["frames"] = facts["frames"]
+        args["frames"] = facts["film"]
         first, weight = start == shot[0], WEIGHT * (stop - start)
         after = () if first else (f"fore-{runs[number - 1][0]:07d}",)
         tasks.append(Task(f"fore-{start:07d}", args | {"last": stop == shot[1]}, after, weight=weight))
@@ -155,7 +173,7 @@ def plan_maps(context: PlanContext[MultistyleParams], runs: list[Run]) -> list[T
     tasks = []
     for start, stop, shot in runs:
         args: TaskResult = {"start": start, "stop": stop, "shot": list(shot), "owner": owner, "numbers": numbers}
-        args["frames"] = facts["frames"]
+        args["frames"] = facts["film"]
         args["back"] = f"back-{start:07d}" in backs
         tasks.append(Task(f"map-{start:07d}", args, weight=0.03 * (stop - start)))
     listed = {
@@ -163,7 +181,7 @@ def plan_maps(context: PlanContext[MultistyleParams], runs: list[Run]) -> list[T
         "names": facts["names"],
         "starts": [run[0] for run in runs],
     }
-    listed["frames"] = facts["frames"]
+    listed["frames"] = facts["film"]
     return [*tasks, Task("list", listed, tuple(task.key for task in tasks), weight=0.1)]
 
 
@@ -310,7 +328,7 @@ def ellipses(context: PlanContext[MultistyleParams], start: int, stop: int, shot
     now: dict[str, dict[str, list[float]]] = {}
     keyed: list[list[str | int | list[float]]] = []
     scan = context.results["scan"]["video"]
-    shots = list(pairwise([0, *scan["cuts"], scan["frames"]]))
+    shots = list(shots_of(context, scan))
     for name in sorted({region for region, _ in facts["follow"]}):
         number = str(facts["names"].index(name))
         for own in shots:

@@ -76,7 +76,7 @@ class Patches(Method):
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[PatchesParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02, version=2),
         Step("cluster", "Cluster by motion", plan_cluster, run_cluster, weight=0.45),
         Step("correct", "Apply corrections", plan_correct, run_correct, weight=0.0),
         Step("register", "Register frames", plan_register, run_register, weight=0.3),

@@ -19,7 +19,6 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,7 @@ from pipeline.methods.patches.clustering import (
 from pipeline.methods.patches.motion_clustering import edge_weights, frame_motion, uncertainty_of, warp_labels
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import LabelRow, add_label_statistics
-from pipeline.methods.patches.scan import RUN, WorkingGrid, label_map, run_key, run_start, runs
+from pipeline.methods.patches.scan import RUN, WorkingGrid, label_map, run_key, run_start, runs, shots
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.regions.components import absorb_specks
 from pipeline.regions.random_walk import vote
@@ -89,7 +88,7 @@ def plan_correct(context: PlanContext[PatchesParams]) -> list[Task]:
     scan = context.results["scan"]
     keys = {int(key): reach and (reach[0], reach[1]) for key, reach in scan["inputs"]["corrections"].items()}
     tasks: list[Task] = []
-    for begin, end in pairwise([0, *scan["video"]["cuts"], scan["video"]["frames"]]):
+    for begin, end in shots(context):
         tasks += _shot_tasks(context, spans(keys, begin, end), begin, end)
     return tasks
 

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.frames import Labels
 from pipeline.methods.base import PlanContext, TaskResult
 from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.scan import WorkingGrid
+from pipeline.methods.patches.scan import WorkingGrid, shots
 from pipeline.methods.patches.window_flow import WindowFlow
 
 FADE_FRAMES = 6
@@ -102,10 +102,9 @@ class _RunStatistics:
 
 def patch_tracks(context: PlanContext[PatchesParams]) -> list[PatchTrack]:
     """All painting patches of a video, in the order of their shots and labels."""
-    scan = context.results["scan"]["video"]
     results = {**context.results["cluster"], **context.results.get("correct", {})}
     found = []
-    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
+    for begin, end in shots(context):
         for label, rows in sorted(_shot_statistics(results, begin, end).items()):
             found += list(_divide(label, rows, begin, end, context))
     return found

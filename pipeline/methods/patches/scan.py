@@ -24,7 +24,7 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams
-from pipeline.methods.scan import scan_video
+from pipeline.methods.scan import scan_video, shots_of
 
 RUN = 12
 """Frames per task. It is small, so that short clips can use many workers."""
@@ -34,6 +34,9 @@ PAPER_SIDE = 344
 """Shorter side of the paper's frames, px. Stroke sizes refer to it, so that a painting looks alike at any size."""
 MAX_LABEL = 65535
 """Largest label: label maps are 16-bit images."""
+LABELLED = ("masks", "labels", "label_intervals", "styles")
+"""Inputs that refer to clusters or propagate from frame to frame. With one, a piece of a film clusters its whole shots,
+so that labels are those of the film."""
 
 
 def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
@@ -53,14 +56,16 @@ def run_scan(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     frames before and after each are clustered again (None: the shot).
     """
     if task.key == "inputs":
-        count = int(context.load("scan", "video")["frames"])
+        count = max(int(context.load("scan", "video")["frames"]), context.video.total)
         validate_inputs(context, count)
         intervals = label_intervals(context)
         keys = keyframes(context, "labels", count)
         return {"corrections": {str(key): list(intervals[key]) if key in intervals else None for key in keys}}
-    count, cuts = scan_video(context, context.params.cut_sensitivity)
+    numbered = context.video.is_piece and any(context.has(name) for name in LABELLED)
+    span = (0, context.video.total) if numbered else (None, None)
+    count, cuts = scan_video(context, context.params.cut_sensitivity, span=span)
     context.save("video", {"frames": np.array(count)})
-    return {"frames": count, "cuts": cuts}
+    return {"first": 0 if numbered else context.video.first, "frames": count, "cuts": cuts}
 
 
 # -- runs of frames
@@ -88,13 +93,16 @@ def painting_runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, in
         else:
             starts = list(range(begin, end, RUN // shown * shown))
         for start, stop in pairwise([*starts, end]):
-            yield start, stop, begin, end
+            if not context.video.is_piece or (start < context.video.stop and stop > context.video.first):
+                yield start, stop, begin, end
 
 
 def shots(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int]]:
-    """First frame of every shot, and the frame after its last."""
-    scan = context.results["scan"]["video"]
-    return pairwise([0, *scan["cuts"], scan["frames"]])
+    """First frame of every shot of which a frame is painted, and the frame after its last."""
+    video = context.video
+    for begin, end in shots_of(context, context.results["scan"]["video"]):
+        if not video.is_piece or (begin < video.stop and end > video.first):
+            yield begin, end
 
 
 def run_key(start: int) -> str:

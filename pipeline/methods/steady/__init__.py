@@ -44,7 +44,7 @@ class Steady(Method):
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnyParams], ...]] = (
-        Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2),
+        Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2, version=2),
         Step("steady", "Remove the flicker", plan_steady, run_steady),
     )
     cpu_s_per_megapixel: ClassVar[float] = 0.21

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.methods.base import Params
-from pipeline.methods.fields import number
+from pipeline.methods.fields import number, preroll
 
 
 class SteadyParams(Params):
@@ -34,6 +34,12 @@ class SteadyParams(Params):
         "slightly softer texture, 1.5 times the processor time. 0 = past frames only; live streams always have 0.",
         "frames", "Time",
     )  # fmt: skip
+    preroll: int = preroll(24)
+
+    @property
+    def lead_frames(self) -> int:
+        return self.preroll
+
     detail: float = number(
         1, 0, 1, "Restored detail",
         "Share of the fine detail that the styled frames have and the result lacks which is restored by sharpening. "

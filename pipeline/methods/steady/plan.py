@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -23,7 +22,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
-from pipeline.methods.scan import scan_video
+from pipeline.methods.scan import scan_video, shots_of
 from pipeline.methods.steady.confidence import motion
 from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
@@ -54,7 +53,8 @@ def run_scan(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
     Raises:
         BadInput: the styled video has another frame size or another number of frames than the video.
     """
-    styled = context.frames("styled")
+    first, piece = context.video.first, context.video.is_piece
+    styled = context.frames("styled", first, context.video.stop if piece else None)
     matched = 0
 
     def compare(frame: Frame) -> None:
@@ -66,9 +66,9 @@ def run_scan(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
 
     frames, cuts = scan_video(context, context.params.cut_sensitivity, compare)
     given = matched + sum(1 for _ in styled)
-    if given != frames:
+    if given != frames - first:
         raise BadInput(
-            f"The styled video has {given} frames, the video has {frames}.", field="inputs.styled", value=given,
+            f"The styled video has {given} frames, the video has {frames - first}.", field="inputs.styled", value=given,
             remedy="Give a styled video with one frame for each frame of the video, for example made from all of its "
             "frames without a change of the frame rate.",
         )  # fmt: skip
@@ -95,7 +95,7 @@ def _check_size(frame: Frame, styled: Frame) -> None:
 def plan_steady(context: PlanContext[SteadyParams]) -> list[Task]:
     scan = context.results["scan"]["video"]
     tasks: list[Task] = []
-    for begin, end in pairwise([0, *scan["cuts"], scan["frames"]]):
+    for begin, end in shots_of(context, scan):
         for start in range(begin, end, RUN_FRAMES):
             stop = min(start + RUN_FRAMES, end)
             after = (_key(start - RUN_FRAMES),) if start > begin else ()
