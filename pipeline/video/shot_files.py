@@ -11,7 +11,7 @@ from pipeline.errors import UnreadableMedia
 from pipeline.formats.base import Choice
 from pipeline.video.archive import MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.media import Limits
-from pipeline.video.numbering import frame_numbers, frames_of, range_of, sequence_numbers
+from pipeline.video.numbering import frames_of, range_of, sequence_numbers
 from pipeline.video.sequence_options import SequenceOptions
 
 FRAMES, LAYERS = "frames", "layers"
@@ -55,44 +55,6 @@ def pictures_of(names: Iterable[str]) -> list[str]:
             remedy="Put the rendered frames of the whole picture, numbered, in a folder named frames.",
         )  # fmt: skip
     return found
-
-
-class _SomeFiles(Mapping[str, bytes]):
-    """Some of the files of an archive, read on access."""
-
-    def __init__(self, files: Files, names: Iterable[str]) -> None:
-        self._files, self._names = files, dict.fromkeys(names)
-
-    def __getitem__(self, name: str) -> bytes:
-        if name not in self._names:
-            raise KeyError(name)
-        return self._files[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
-
-    def __len__(self) -> int:
-        return len(self._names)
-
-
-def files_of_frames(files: Files, start: int, stop: int) -> Files:
-    """The files of frames [start, stop) of a shot or of a sequence of numbered images, and those of no frame (styles,
-    shot.json). Frames are counted from 0 in the order of their numbers."""
-    by_folder: dict[PurePosixPath, list[str]] = {}
-    for name in filter(_of_frame, files):
-        by_folder.setdefault(PurePosixPath(name).parent, []).append(name)
-    numbers = {name: number for names in by_folder.values() for name, number in frame_numbers(names).items()}
-    folder = PurePosixPath(FRAMES if is_shot(files) else ".")
-    of_frames = sorted(numbers[name] or 0 for name in by_folder.get(folder, ()))
-    wanted = set(of_frames[start:stop])
-    return _SomeFiles(files, (name for name in files if not _of_frame(name) or numbers[name] in wanted))
-
-
-def _of_frame(name: str) -> bool:
-    """Whether a path names a file of one frame."""
-    parts = PurePosixPath(name).parts
-    inner = parts[2:] if parts[0] == LAYERS else parts
-    return name != MANIFEST and (len(inner) == 1 or inner[0] != "style")
 
 
 class ShotFiles(Mapping[str, bytes]):

@@ -1,4 +1,4 @@
-"""A job on a piece of a video gives the bytes of the same job on a video that is only that piece."""
+"""A job on a piece of a film gives the frames of the film."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import json
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import av
 import cv2
@@ -15,12 +14,10 @@ import numpy as np
 import pytest
 
 from pipeline.video.probe import probe
-from pipeline.video.reader import VideoReader
-from pipeline.video.shot_files import files_of_frames
 from tests.conftest import TINY_FPS
 from workers.contract.request import JobRequest, OutputSpec
 from workers.farm import Farm, open_farm
-from workers.jobs.frame_window import WindowImages, window_info
+from workers.jobs.frame_window import video_info, window_info
 from workers.settings import FarmSettings
 
 PIECE = (6, 14)
@@ -56,40 +53,36 @@ def zipped(entries: dict[str, bytes]) -> bytes:
     return out.getvalue()
 
 
-def frames_as_zip(video: Path, start: int, stop: int) -> bytes:
-    with VideoReader(video) as reader:
-        frames = list(reader.read(start, stop))
-    return zipped({f"{k:04d}.png": cv2.imencode(".png", f[..., ::-1])[1].tobytes() for k, f in enumerate(frames)})
-
-
 def key_of(value: int) -> bytes:
     return bytes(cv2.imencode(".png", np.full((64, 96, 3), value, np.uint8))[1].tobytes())
 
 
-def drawn(method: str, first: int) -> dict[str, bytes]:
-    """Inputs that number frames, as for a video whose frame 0 is frame `first` of the clip."""
-    polygon = {"frame": 7 - first, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}
-    keys = [{"region": "left", "frame": 9 - first, "style": "pointillism"}]
+def drawn() -> dict[str, dict[str, bytes]]:
+    """Inputs with a time, before, in and after the piece."""
+    polygon = {"frame": 2, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}
+    styles = [(0, {"hue": 0}), (20, {"hue": 120})]
+    keys = [{"region": "rest", "frame": frame, "set": values} for frame, values in styles]
+    keys.append({"region": "left", "frame": 3, "style": "pointillism"})
     design = {"version": 1, "regions": {"left": {"polygons": [polygon]}}, "keys": keys}
+    mask = np.zeros((64, 96), np.uint8)
+    mask[:, :48] = 255
     return {
-        "analogy": {"keyframes": zipped({f"{9 - first:04d}.png": key_of(180)})},
+        "abstraction": {"importance": zipped({"0001.png": cv2.imencode(".png", mask)[1].tobytes()})},
+        "analogy": {"keyframes": zipped({"0001.png": key_of(180), "0020.png": key_of(90)})},
         "multistyle": {"design": json.dumps(design).encode()},
-    }.get(method, {})
+    }
 
 
-@pytest.mark.parametrize("method", ["abstraction", "analogy", "multistyle", "patches"])
-def test_a_frame_range_has_the_bytes_of_the_cut_clip(farm: Farm, tiny_clip: Path, tmp_path: Path, method: str) -> None:
-    films = []
-    for first, video in ((0, frames_as_zip(tiny_clip, 0, 24)), (PIECE[0], frames_as_zip(tiny_clip, *PIECE))):
-        files = {"video": video, **drawn(method, first)}
-        names = {"design": "design.json"}
-        ids = {name: added(farm, tmp_path, names.get(name, f"{name}-{first}.zip"), files[name]) for name in files}
-        frames = PIECE if first == 0 else None
-        films.append(rendered(farm, JobRequest(method, ids, seed=3, output=OutputSpec("png"), frames=frames)))
-    piece, cut = (zipfile.ZipFile(io.BytesIO(film)) for film in films)
+@pytest.mark.parametrize("method", ["abstraction", "analogy", "multistyle"])
+def test_a_piece_has_the_bytes_of_the_film(farm: Farm, tiny_clip: Path, tmp_path: Path, method: str) -> None:
+    """Keys, masks, outlines and changing styles apply at the film's time. The film is shorter than the preroll."""
+    ids = {"video": farm.assets.add(tiny_clip, "tiny.mp4").id}
+    for name, data in drawn()[method].items():
+        ids[name] = added(farm, tmp_path, f"{name}.json" if name == "design" else f"{name}.zip", data)
+    requests = [JobRequest(method, ids, seed=3, output=OutputSpec("png"), frames=frames) for frames in (None, PIECE)]
+    film, piece = (zipfile.ZipFile(io.BytesIO(rendered(farm, request))) for request in requests)
     assert piece.namelist() == [f"{k:04d}.png" for k in range(*PIECE)], "frames keep the numbers of the source"
-    assert cut.namelist() == [f"{k:04d}.png" for k in range(8)]
-    assert [piece.read(name) for name in piece.namelist()] == [cut.read(name) for name in cut.namelist()]
+    assert [piece.read(name) for name in piece.namelist()] == [film.read(name) for name in piece.namelist()]
 
 
 def test_the_film_of_a_frame_range_has_its_sound(farm: Farm, tiny_clip: Path, tmp_path: Path) -> None:
@@ -112,18 +105,9 @@ def test_a_frame_range_outside_the_video_is_refused(farm: Farm, tiny_clip: Path,
         farm.jobs.submit(JobRequest("abstraction", {"video": video}, frames=frames))
 
 
-def test_images_and_media_info_of_a_frame_range() -> None:
-    images: Any = WindowImages({2: "a", 6: "b", 13: "c", 14: "d"}, PIECE)
-    assert dict(images) == {0: "b", 7: "c"}
-    assert 8 not in images
+def test_media_info_of_a_frame_range() -> None:
     facts = window_info({"frames": 24, "duration_s": 2.0, "width": 96}, PIECE)
-    assert facts == {"frames": 8, "duration_s": pytest.approx(2 / 3), "width": 96}
-
-
-def test_files_of_a_shot_are_limited_to_the_frame_range() -> None:
-    names = ["shot.json", "style/output.png"]
-    names += [f"{folder}/{k:04d}.exr" for folder in ("frames", "layers/sky/masks", "guides/depth") for k in range(1, 6)]
-    kept = set(files_of_frames(dict.fromkeys(names, b""), 1, 3))
-    numbered = {f"{folder}/{k:04d}.exr" for folder in ("frames", "layers/sky/masks", "guides/depth") for k in (2, 3)}
-    assert kept == {"shot.json", "style/output.png"} | numbered
-    assert set(files_of_frames({"a_10.exr": b"", "a_12.exr": b"", "a_14.exr": b""}, 1, 9)) == {"a_12.exr", "a_14.exr"}
+    assert facts == {"frames": 8, "duration_s": pytest.approx(2 / 3), "width": 96, "first": 6, "film": 24}
+    with_lead = video_info(facts, lead=10)
+    assert (with_lead.first, with_lead.frames, with_lead.lead, with_lead.total) == (0, 14, 6, 24)
+    assert [frame for frame in range(24) if with_lead.delivers(frame)] == list(range(*PIECE))

@@ -108,7 +108,7 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
     layers = [layer for layer in shot.layers if layer.visible]
     output = selection.output or document.output
     work = (
-        _one_layer(document, shot, layers[0], frames) if is_plain(layers) else _layers(document, shot, layers, frames)
+        _one_layer(document, shot, layers[0]) if is_plain(layers) else _layers(document, shot, layers)
     )
     return Submission(
         shot=shot.id,
@@ -148,15 +148,15 @@ class _Work:
     inputs: dict[str, Material]
 
 
-def _one_layer(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> _Work:
-    return _Work(layer.method, dict(layer.params), layer.seed, layer_inputs(document, shot, layer, frames))
+def _one_layer(document: Document, shot: Shot, layer: Layer) -> _Work:
+    return _Work(layer.method, dict(layer.params), layer.seed, layer_inputs(document, shot, layer))
 
 
-def _layers(document: Document, shot: Shot, layers: Sequence[Layer], frames: tuple[int, int] | None) -> _Work:
+def _layers(document: Document, shot: Shot, layers: Sequence[Layer]) -> _Work:
     """A job of the method `layers`."""
     inputs: dict[str, Material] = {VIDEO: Uploaded(document.assets[shot.video].id)}
     for number, layer in enumerate(layers):
-        own = layer_inputs(document, shot, layer, frames)
+        own = layer_inputs(document, shot, layer)
         if layer.source is None:
             del own[VIDEO]
         if layer.matte is not None:
@@ -170,21 +170,18 @@ def _layers(document: Document, shot: Shot, layers: Sequence[Layer], frames: tup
     return _Work(LAYERS, {"layers": rows}, 0, inputs)
 
 
-def layer_inputs(document: Document, shot: Shot, layer: Layer, frames: tuple[int, int] | None) -> dict[str, Material]:
-    """The parts of the document that the layer's method uses, by input name. Frame numbers are the video's.
-
-    Args:
-        frames: drawings of other frames are left out; None: none.
-    """
+def layer_inputs(document: Document, shot: Shot, layer: Layer) -> dict[str, Material]:
+    """The parts of the document that the layer's method uses, by input name. Frame numbers are the video's. Drawings
+    outside the shot's range count, too, because they determine frames in it."""
     chosen = methods()[layer.method]
     found: dict[str, Material] = {"video": Uploaded(document.assets[layer.source or shot.video].id)}
     for spec in chosen.inputs:
-        if (material := _material(document, layer, spec, frames)) is not None:
+        if (material := _material(document, layer, spec)) is not None:
             found[spec.name] = material
     return found
 
 
-def _material(document: Document, layer: Layer, spec: InputSpec, frames: tuple[int, int] | None) -> Material | None:
+def _material(document: Document, layer: Layer, spec: InputSpec) -> Material | None:
     if spec.name in layer.inputs and spec.name != "video":
         return Uploaded(document.assets[layer.inputs[spec.name]].id)
     if not spec.part:
@@ -192,12 +189,7 @@ def _material(document: Document, layer: Layer, spec: InputSpec, frames: tuple[i
     if spec.kind != "images":
         value = getattr(layer, spec.part)
         return JsonValue.of(value) if value else None
-    start, stop = frames or (0, 1 << 62)
-    images = tuple(
-        (frame, document.assets[name].id)
-        for frame, name in sorted(images_of(layer, spec.part).items())
-        if start <= frame < stop
-    )
+    images = tuple((frame, document.assets[name].id) for frame, name in sorted(images_of(layer, spec.part).items()))
     return ImagesByFrame(images) if images else None
 
 

@@ -10,11 +10,10 @@ import pytest
 
 from pipeline.errors import BadParameter
 from tests.workers.projects.documents import DESIGNED, asset_id, document, layer
-from workers.jobs.frame_window import window_document
 from workers.projects.faults import BadProject
 from workers.projects.materials import ImagesByFrame, JsonValue, Uploaded, write_material
 from workers.projects.parsing import parse_document
-from workers.projects.submissions import Selection, layer_inputs, submissions
+from workers.projects.submissions import Selection, submissions
 
 
 def test_every_project_part_reaches_its_method_input() -> None:
@@ -51,15 +50,10 @@ def test_unsupported_parts_are_not_submitted() -> None:
     assert set(job.inputs) == {"video"}
 
 
-def test_frame_numbers_are_relative_to_the_start_of_the_range() -> None:
-    keys = [{"region": "a", "frame": f} for f in (0, 10, 20, 30)] + [{"region": "b", "frame": 0}]
-    moved = window_document({"keys": keys, "n": 3}, (12, 30))
-    assert moved == {"keys": [{"region": "a", "frame": 0}, {"region": "a", "frame": 8}, {"region": "b", "frame": 0}],
-                     "n": 3}  # fmt: skip
+def test_keys_outside_the_range_of_a_shot_count() -> None:
     parsed = parse_document(document(layer("analogy", keys=[{"frame": 12, "image": "key-12"}])))
-    found = layer_inputs(parsed, parsed.shots[0], parsed.shots[0].layers[0], (10, 20))
-    assert found["keyframes"] == ImagesByFrame(((12, asset_id("c")),))
-    assert "keyframes" not in layer_inputs(parsed, parsed.shots[0], parsed.shots[0].layers[0], (13, 20))
+    (job,) = submissions(parsed, Selection(frames=(13, 20)))
+    assert job.frames == (13, 20) and job.inputs["keyframes"] == ImagesByFrame(((12, asset_id("c")),))
 
 
 def test_a_variant_becomes_a_job_with_changed_parameters() -> None:
