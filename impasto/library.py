@@ -79,6 +79,10 @@ class DamagedSource(UserWarning):
     """Frames of a file are missing or unreadable."""
 
 
+class NoEffect(UserWarning):
+    """A parameter or an input was given that has no effect."""
+
+
 class SourceNotice(UserWarning):
     """Something of a file was chosen, corrected, assumed or left out, on reading it or on writing the output."""
 
@@ -132,6 +136,7 @@ def render(
         DamagedSource: frames of a file are missing or unreadable; the others were used. Issued after the last frame;
             `warnings.simplefilter("error", DamagedSource)` makes it an error.
         SourceNotice: something of the file was chosen, corrected, assumed or left out of the output.
+        NoEffect: a parameter or an input was given that has no effect with the others.
 
     Examples:
         Frames in, frames out, one at a time:
@@ -159,6 +164,8 @@ def render(
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
+    for found in chosen.ineffective(parsed, {"video", *(inputs or {})}, stream=False, piece=False):
+        warnings.warn(found.message, NoEffect, stacklevel=2)
     where = None if output is None else _checked_output(output, source, inputs or {}, overwrite)
     stack = ExitStack()
     damage = InputDamage(fails=False)
@@ -210,7 +217,7 @@ class _Rendering:
     def frames(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
         """The finished frames. Closing the iterator, or its end, frees everything."""
         with self._stack:
-            if all(self._specs[name].kind in PICTURES for name in inputs):
+            if self._streams(inputs):
                 arriving = _checked(self._open_frames("video", source))
                 first = next(arriving, None)
                 if first is None:
@@ -222,6 +229,14 @@ class _Rendering:
                 if _file(source) is None:
                     source = chain([first], arriving)
             yield from self._planned(source, inputs)
+
+    def _streams(self, inputs: Mapping[str, object]) -> bool:
+        """Whether a session has everything that is given: otherwise the plan runs."""
+        lost, whole = (
+            {found.field for found in self._method.ineffective(self._params, {"video", *inputs}, stream, False)}
+            for stream in (True, False)
+        )
+        return lost <= whole and all(self._specs[name].kind in PICTURES for name in inputs)
 
     def _stream(self, first: Frame, rest: Iterator[Frame], inputs: Mapping[str, object]) -> Iterator[Frame] | None:
         size = (first.shape[1], first.shape[0])

@@ -213,6 +213,8 @@ def _deliver(farm: Farm, job: Job, order: RenderOrder, files: Mapping[str, Input
 def _deliver_artefacts(farm: Farm, job: Job, order: RenderOrder) -> dict[str, str]:
     placed: dict[str, str] = {}
     for name, path in order.artefacts.items():
+        if name not in job.results:
+            continue  # the job's warnings name it
         served = farm.files.get(job.id, name)
         at = path.absolute() if path else beside(order.where, served.filename)
         with output_faults(f"--artefact {name}", at):

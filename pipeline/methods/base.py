@@ -3,6 +3,8 @@
 A method subclasses `Method` and states its parameters (`Params`), inputs (`InputSpec`) and steps (`Step`). The parts of
 the contract, by file:
 
+    applies    when a parameter or an input has an effect, as data
+    input_check  what inputs must have in common, checked before any work
     fields     base class of the parameters, and their fields
     tasks      steps, tasks, and the contexts in which they are planned and run
     live       sessions of causal methods on a live stream
@@ -24,8 +26,11 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from pipeline.arrays import Arrays
+from pipeline.errors import BadParameter
 from pipeline.frames import Frame
+from pipeline.methods.applies import Alternatives, Ineffective, Situation, When, ineffective, unmade
 from pipeline.methods.fields import P, P_co, Params
+from pipeline.methods.input_check import ANY, Fits, InputFacts, checked
 from pipeline.methods.live import LiveFilter, Session
 from pipeline.methods.previews import FrameClusters, FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
 from pipeline.methods.studio import Studio
@@ -46,13 +51,17 @@ from pipeline.randomness import seeded
 
 __all__ = [
     "PROCESS_BYTES",
+    "Alternatives",
     "AnyParams",
     "Arrays",
     "Clock",
     "Example",
+    "Fits",
     "FrameClusters",
     "FrameRegions",
+    "Ineffective",
     "InputCheck",
+    "InputFacts",
     "InputFault",
     "InputKind",
     "InputSpec",
@@ -73,6 +82,8 @@ __all__ = [
     "TaskContext",
     "TaskResult",
     "VideoInfo",
+    "When",
+    "checked",
     "missing_inputs",
     "no_clock",
     "resources_per_pixel",
@@ -94,6 +105,8 @@ class InputSpec:
             by frame, "label_styles" = that member as JSON. Empty: a file that the layer names in its own `inputs`.
         preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
         needs: name of another input that is required if this one is given; empty: none.
+        applies_when: the conditions under which the input has an effect; empty: always.
+        fits: what it must have in common with other inputs.
     """
 
     name: str
@@ -104,6 +117,8 @@ class InputSpec:
     part: str = ""
     preview: bool = True
     needs: str = ""
+    applies_when: Alternatives = ()
+    fits: Fits = ANY
 
 
 def missing_inputs(specs: Iterable[InputSpec], given: Collection[str]) -> Iterator[tuple[InputSpec, str]]:
@@ -149,6 +164,7 @@ class Method:
         input_schemas: JSON Schema of the inputs of kind "json", by input name, made on access.
         input_examples: documents to begin with, by input name: frame count of the video -> name -> document.
         input_checks: checks of those documents, by input name.
+        artefacts_when: the conditions under which an artefact can be made, by name; without an entry: always.
     """
 
     name: ClassVar[str]
@@ -173,6 +189,7 @@ class Method:
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
     input_examples: ClassVar[Mapping[str, Callable[[int], Mapping[str, JsonSchema]]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
+    artefacts_when: ClassVar[Mapping[str, Alternatives]] = MappingProxyType({})
 
     def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:
         """Inputs of a job with these parameters."""
@@ -181,6 +198,29 @@ class Method:
     def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
         """Steps of a job with these parameters."""
         return self.steps
+
+    def input_faults(self, params: AnyParams, facts: Mapping[str, InputFacts]) -> list[BadParameter]:
+        """Faults of the inputs together that `InputSpec` and `input_checks` cannot express.
+
+        Args:
+            facts: of the given inputs, by name.
+        """
+        return []
+
+    def ineffective(
+        self, params: AnyParams, inputs: Collection[str], stream: bool, piece: bool, artefacts: Collection[str] = ()
+    ) -> list[Ineffective]:
+        """Parameters that differ from their defaults, given inputs and requested artefacts, that have no effect.
+
+        Args:
+            inputs: names of the given inputs.
+            stream: whether frames are painted as they arrive.
+            piece: whether a piece of a film is painted.
+        """
+        conditions = {spec.name: spec.applies_when for spec in self.inputs_of(params)}
+        situation = Situation(params.model_dump(), inputs, stream, piece)
+        found = ineffective(params.applies_when, type(params)().model_dump(), conditions, situation)
+        return [*found, *unmade(self.artefacts_when, artefacts, situation)]
 
     def stream(
         self, params: AnyParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, JsonValue, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+
+from pipeline.methods.applies import Alternatives
 
 RemovedValues = Mapping[str, Mapping[str, str]]
 """Parameter -> removed value -> remedy, one sentence. A request with such a value is refused with it."""
@@ -20,6 +24,16 @@ class Params(BaseModel):
     """Former names of parameters and their present ones. Both are accepted; results use the present name."""
     removed_values: ClassVar[RemovedValues] = {}
     """Values that are refused with a remedy of their own."""
+
+    applies_when: ClassVar[Mapping[str, Alternatives]] = {}
+    """Parameter -> the conditions under which it has an effect; without an entry: always. The schema has them, too."""
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        schema = handler.resolve_ref_schema(handler(core_schema))
+        for name, alternatives in cls.applies_when.items():
+            schema["properties"][name]["applies_when"] = [when.as_json() for when in alternatives]
+        return schema
 
     @property
     def lead_frames(self) -> int:

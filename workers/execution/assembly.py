@@ -52,6 +52,8 @@ class Assembly:
         self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
         self._format = output_format(order.output.format)
         self.files: Files = {}
+        self.missing: list[str] = []
+        """Requested artefacts of which no task has made a part."""
         self.notes: list[Note] = []
         """What was chosen, corrected, assumed or left out of the source."""
 
@@ -143,6 +145,7 @@ class Assembly:
             if f"/{PART}{artefact}-" in name
         )
         if not parts:
+            self.missing.append(artefact)
             return
         path = self._scratch / f"{artefact}.zip"
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:

@@ -34,7 +34,7 @@ from workers.execution.reuse import reused
 from workers.execution.usage import METER
 from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
-from workers.jobs.job_warnings import note_warning
+from workers.jobs.job_warnings import no_artefact_warning, note_warning
 from workers.jobs.state_machine import ASSEMBLE
 from workers.process.heartbeat import heartbeats
 from workers.process.logs import AttemptLog, captured, set_up_logs
@@ -208,7 +208,8 @@ class Renderer:
         assembly = Assembly(order, chosen, self._blobs, self._decoders, folder, self._overview)
         with context.stages.waiting("join"):
             result = assembly.run(context.progress)
-        warnings = tuple(note_warning("video", note) for note in assembly.notes)
+        notes = [note_warning("video", note) for note in assembly.notes]
+        warnings = (*notes, *map(no_artefact_warning, assembly.missing))
         stages = context.stages.seconds()
         return TaskOutcome(order.attempt_id, result, {}, assembly.files, None, stages, "", warnings=warnings)
 

@@ -8,12 +8,14 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, suppress
 from functools import cache
-from typing import Literal
+from typing import Literal, cast
+
+from pydantic import JsonValue
 
 from pipeline.errors import StorageError
 from pipeline.methods import method
 from workers.blobs.base import Blobs
-from workers.contract.record import AnyOwner, Asset, Event, Job, Page, Submitted
+from workers.contract.record import AnyOwner, Asset, Event, Job, Page, Submitted, asset_key
 from workers.contract.request import EXPORT_LABEL, JobRequest, Json
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
@@ -89,12 +91,16 @@ class FarmJobs:
         if known := self._store.jobs.made_by(request, owner, idempotency_key):
             return known
         admit()
-        accepted = check_request(request, self._inputs(request, owner))
+        accepted = check_request(request, self._inputs(request, owner), self._document)
         self._blobs.check_free_space()
         job = self._store.jobs.add(accepted, owner, idempotency_key, max_active, base_id)
         log.info("job accepted", extra=log_extra(job=job.id, owner=owner, method=request.method))
         self._wake()
         return job
+
+    def _document(self, asset: Asset) -> JsonValue:
+        """The document of a JSON asset. Raises ValueError."""
+        return cast("JsonValue", json.loads(self._blobs.get(asset_key(asset.id))))
 
     def _inputs(self, request: JobRequest, owner: str | AnyOwner) -> dict[str, Asset]:
         """The inputs that `owner` has: as an asset, or in an export as the film of a job of theirs."""

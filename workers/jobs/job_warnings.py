@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict
 
+from pipeline.methods.base import Ineffective
 from pipeline.video.damage import Damage
 from pipeline.video.media import Note
 from workers.contract.record import JobWarning
@@ -12,6 +13,10 @@ from workers.contract.request import Json
 
 DAMAGED_INPUT = "damaged-input"
 """Code: frames of an input are missing or unreadable."""
+NO_ARTEFACT = "no-artefact"
+"""Code: the job made nothing of a requested artefact; its film is complete."""
+NO_EFFECT = "no-effect"
+"""Code: a parameter or an input was given that has no effect."""
 PLANNED_AGAIN = "planned-again"
 """Code: another version of Impasto began the job, and what it has left cannot be continued."""
 DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' to use what can be read."
@@ -20,6 +25,18 @@ DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' t
 def damage_warning(name: str, damage: Damage) -> JobWarning:
     """The warning about damage of the input `name`."""
     return JobWarning(DAMAGED_INPUT, describe_damage(name, damage), name, damage.as_json())
+
+
+def no_artefact_warning(name: str) -> JobWarning:
+    """The warning about a requested artefact that was not made."""
+    message = f"The artefact {name!r} could not be made of this video with these settings."
+    return JobWarning(NO_ARTEFACT, message, "", {})
+
+
+def no_effect_warning(found: Ineffective) -> JobWarning:
+    """The warning about a parameter or an input without effect."""
+    kind, _, name = found.field.partition(".")
+    return JobWarning(NO_EFFECT, found.message, name if kind == "inputs" else "", {})
 
 
 def note_warning(name: str, note: Note) -> JobWarning:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pipeline.errors import BadParameter
+from pipeline.errors import BadParameter, together
 from pipeline.frames import MIN_SIDE_PX
 from pipeline.methods import method, methods, parse_params
 from pipeline.methods.base import InputKind, Method
@@ -155,8 +155,19 @@ class LiveSessions:
 
     @staticmethod
     def params(name: str, params: Mapping[str, Json]) -> dict[str, Json]:
-        """All parameters of the method, with defaults filled in. Raises BadParameter."""
-        return parse_params(method(name), params).model_dump(mode="json")
+        """All parameters of the method, with defaults filled in.
+
+        Raises: BadParameter, also for a parameter without effect on a stream.
+        """
+        chosen = method(name)
+        parsed = parse_params(chosen, params)
+        film, stream = (chosen.ineffective(parsed, {"video"}, way, True) for way in (False, True))
+        elsewhere = {found.field for found in film}
+        if lost := [found for found in stream if found.field not in elsewhere]:
+            raise together([
+                BadParameter(found.message, field=found.field, value=found.value, remedy=found.remedy) for found in lost
+            ])  # fmt: skip
+        return parsed.model_dump(mode="json")
 
     @staticmethod
     def inputs(name: str, assets: Mapping[str, Asset]) -> dict[str, str]:

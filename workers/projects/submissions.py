@@ -107,9 +107,7 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
     frames = selection.frames or shot.range
     layers = [layer for layer in shot.layers if layer.visible]
     output = selection.output or document.output
-    work = (
-        _one_layer(document, shot, layers[0]) if is_plain(layers) else _layers(document, shot, layers)
-    )
+    work = _one_layer(document, shot, layers[0]) if is_plain(layers) else _layers(document, shot, layers)
     return Submission(
         shot=shot.id,
         variant=pick.variant,

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from typing import get_args
 from urllib.parse import urlsplit
+
+from pydantic import JsonValue
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import InputKind, Method, Params, missing_inputs
+from pipeline.methods.base import InputFacts, InputKind, InputSpec, Method, Params, missing_inputs
+from pipeline.methods.input_check import input_faults
 from pipeline.video.media import Fields, SourceOptions
 from pipeline.video.numbered import no_such_frame
 from pipeline.video.numbering import described, numbers_of_runs
@@ -30,7 +33,7 @@ from workers.contract.request import (
     OutputSpec,
 )
 from workers.jobs.frame_window import stream_info, window_info
-from workers.jobs.job_warnings import DAMAGE_REMEDY
+from workers.jobs.job_warnings import DAMAGE_REMEDY, no_effect_warning
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
 
@@ -44,11 +47,14 @@ FITS: Mapping[InputKind, tuple[str, ...]] = {
 """Kind of input -> kinds of asset that can be used for it."""
 
 
-def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
-    """The request with its parameters complete.
+def check_request(
+    request: JobRequest, assets: Mapping[str, Asset], read: Callable[[Asset], JsonValue] = lambda asset: None
+) -> Accepted:
+    """The request with its parameters complete, and warnings about what has no effect.
 
     Args:
         assets: input name -> the asset given for it.
+        read: returns the document of a JSON asset; None: it is not checked. Raises ValueError.
 
     Raises:
         BadParameter: names the field, its value and the remedy.
@@ -58,24 +64,59 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     faults: list[BadInput] = []
     with _collected(faults):
         params = parse_params(chosen, request.params)
-    with _collected(faults):
-        check_inputs(chosen, assets, None if faults else params)
-    with _collected(faults):
-        check_output(chosen, request.output)
-    with _collected(faults):
-        check_source(request.source, assets.get("video"))
-    with _collected(faults):
-        check_frames(request.frames, assets.get("video"))
-    with _collected(faults):
-        _check_envelope(request)
-    with _collected(faults):
-        _check_damage(request, assets)
+    parsed = chosen.Params() if faults else params
+    faults += check_inputs(chosen, assets, parsed)
+    faults += input_faults(chosen, parsed, _facts(chosen, parsed, request, assets, read, faults))
+    faults += _output_faults(chosen, request.output)
+    for check in (
+        lambda: check_source(request.source, assets.get("video")),
+        lambda: check_frames(request.frames, assets.get("video")),
+        lambda: _check_envelope(request),
+        lambda: _check_damage(request, assets),
+    ):
+        with _collected(faults):
+            check()
     if faults:
         raise together(faults)
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames, request.source)
     weights = expected_weights(chosen, params, info)
     steps, versions = steps_of(chosen, params), versions_of(chosen, params)
-    return Accepted(request, params.model_dump(mode="json"), steps, weights, versions)
+    unused = chosen.ineffective(params, request.inputs, False, request.frames is not None, request.output.artefacts)
+    warnings = tuple(no_effect_warning(found) for found in unused)
+    return Accepted(request, params.model_dump(mode="json"), steps, weights, versions, warnings)
+
+
+def _facts(
+    chosen: Method, params: Params, request: JobRequest, assets: Mapping[str, Asset],
+    read: Callable[[Asset], JsonValue], faults: list[BadInput],
+) -> dict[str, InputFacts]:  # fmt: skip
+    """Facts of the inputs by name. A document that cannot be read is a fault."""
+    kinds, found = {spec.name: spec.kind for spec in chosen.inputs_of(params)}, dict[str, InputFacts]()
+    for name, asset in assets.items():
+        if name not in kinds or asset.kind not in FITS[kinds[name]]:
+            continue
+        info = asset.info
+        with suppress(BadParameter):  # a stream that the video does not have is reported by itself
+            info = window_info(info, None, request.source if name == "video" else None)
+        size = int(info.get("width", 0)), int(info.get("height", 0))
+        frames = int(info.get("frames", 0)) if kinds[name] == "video" or asset.kind == "archive" else 0
+        document: JsonValue = None
+        if kinds[name] == "json":
+            try:
+                document = read(asset)
+            except ValueError as error:
+                faults.append(BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}"))
+        images = kinds[name] == "images" and asset.kind == "archive" and "numbers" in info
+        numbers = _frame_numbers(info["numbers"], assets.get("video")) if images else None
+        found[name] = InputFacts(*size, frames, numbers, document)
+    return found
+
+
+def _frame_numbers(runs: Sequence[Sequence[int]], video: Asset | None) -> frozenset[int]:
+    """Frames of numbered images: their numbers, or the places of these in a video that is a numbered sequence."""
+    frames = numbers_of_runs(video.info.get("numbers", ()) if video is not None else ())
+    place = {number: index for index, number in enumerate(frames)}
+    return frozenset(place.get(number, number) for number in numbers_of_runs(runs))
 
 
 @contextmanager
@@ -87,35 +128,40 @@ def _collected(faults: list[BadInput]) -> Iterator[None]:
         faults.append(fault)
 
 
-def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params | None = None) -> None:
-    """Check that every input is known to the method and fits, and that no required one is missing.
-
-    Args:
-        params: None: check only inputs that do not depend on parameters.
-    """
-    specs = {spec.name: spec for spec in (chosen.inputs if params is None else chosen.inputs_of(params))}
-    for name in assets:
-        if name not in specs:
-            raise BadParameter(
-                f"The method {chosen.name!r} has no input {name!r}.",
-                field=f"inputs.{name}",
-                remedy=did_you_mean(name, specs, "inputs"),
-            )
-    for spec, why in missing_inputs(specs.values(), assets):
-        raise BadParameter(why, field=f"inputs.{spec.name}", remedy=f"Give one: {spec.help}")
+def check_inputs(chosen: Method, assets: Mapping[str, Asset], params: Params) -> list[BadInput]:
+    """Inputs that the method does not know, that are missing, and assets that do not fit."""
+    specs = {spec.name: spec for spec in chosen.inputs_of(params)}
+    found: list[BadInput] = [
+        BadParameter(
+            f"The method {chosen.name!r} has no input {name!r}.", field=f"inputs.{name}",
+            remedy=did_you_mean(name, specs, "inputs"),
+        )
+        for name in assets if name not in specs
+    ]  # fmt: skip
+    found += [
+        BadParameter(why, field=f"inputs.{spec.name}", remedy=f"Give one: {spec.help}")
+        for spec, why in missing_inputs(specs.values(), assets)
+    ]
     for name, asset in assets.items():
-        kind = specs[name].kind
-        if asset.kind not in FITS[kind]:
-            raise BadParameter(
-                f"The input {name!r} needs an asset of kind {kind}; this one has kind {asset.kind}.",
-                field=f"inputs.{name}",
-                value=asset.id,
-                remedy=f"Use an asset of kind: {', '.join(FITS[kind])}.",
-            )
-        if kind == "images":
-            _check_numbers(name, asset, assets.get("video"))
-        elif fault := asset.info.get("fault"):
-            raise _not_a_sequence(name, fault)
+        if name in specs:
+            with _collected(found):
+                _check_asset(specs[name], asset, assets.get("video"))
+    return found
+
+
+def _check_asset(spec: InputSpec, asset: Asset, video: Asset | None) -> None:
+    """Check that an asset can be used for an input."""
+    if asset.kind not in FITS[spec.kind]:
+        raise BadParameter(
+            f"The input {spec.name!r} needs an asset of kind {spec.kind}; this one has kind {asset.kind}.",
+            field=f"inputs.{spec.name}",
+            value=asset.id,
+            remedy=f"Use an asset of kind: {', '.join(FITS[spec.kind])}.",
+        )
+    if spec.kind == "images":
+        _check_numbers(spec.name, asset, video)
+    elif fault := asset.info.get("fault"):
+        raise _not_a_sequence(spec.name, fault)
 
 
 def _not_a_sequence(name: str, fault: Mapping[str, str]) -> BadParameter:
@@ -158,15 +204,18 @@ def check_source(source: SourceOptions, video: Asset | None) -> None:
         stream_info(video.info, source.picture)
 
 
-def check_output(chosen: Method, output: OutputSpec) -> None:
+def _output_faults(chosen: Method, output: OutputSpec) -> list[BadInput]:
+    """Faults of the output settings."""
+    known = ", ".join(chosen.artefacts) or "none"
+    found = [
+        _fault("output.artefacts", artefact, f"The method {chosen.name!r} makes: {known}.")
+        for artefact in output.artefacts if artefact not in chosen.artefacts
+    ]  # fmt: skip
     if output.format not in OUTPUTS:
-        _refuse("output.format", output.format, f"Use one of: {', '.join(OUTPUTS)}.")
+        found.append(_fault("output.format", output.format, f"Use one of: {', '.join(OUTPUTS)}."))
     if not 0 <= output.quality <= MAX_QUALITY:
-        _refuse("output.quality", output.quality, f"Use 0 (lossless) to {MAX_QUALITY}.")
-    for artefact in output.artefacts:
-        if artefact not in chosen.artefacts:
-            known = ", ".join(chosen.artefacts) or "none"
-            _refuse("output.artefacts", artefact, f"The method {chosen.name!r} makes: {known}.")
+        found.append(_fault("output.quality", output.quality, f"Use 0 (lossless) to {MAX_QUALITY}."))
+    return found
 
 
 def _check_damage(request: JobRequest, assets: Mapping[str, Asset]) -> None:
@@ -213,5 +262,9 @@ def _check_url(url: str) -> None:
         _refuse("webhook", url, remedy)
 
 
+def _fault(field: str, value: object, remedy: str) -> BadInput:
+    return BadParameter(f"{field} cannot be {str(value)[:100]!r}.", field=field, value=value, remedy=remedy)
+
+
 def _refuse(field: str, value: object, remedy: str) -> None:
-    raise BadParameter(f"{field} cannot be {str(value)[:100]!r}.", field=field, value=value, remedy=remedy)
+    raise _fault(field, value, remedy)

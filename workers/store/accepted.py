@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from workers.contract.record import JobWarning
 from workers.contract.request import JobRequest, Json
 from workers.store.records import Values
 
@@ -22,6 +23,8 @@ class Accepted:
     """Expected weight of each step; empty: all equal."""
     versions: Sequence[tuple[str, int]] = ()
     """(Name, version) of each step: see `workers.jobs.plan_versions`."""
+    warnings: tuple[JobWarning, ...] = ()
+    """What the request gives without effect."""
 
 
 def step_rows(job_id: str, accepted: Accepted) -> list[Values]:

@@ -16,6 +16,7 @@ from workers.contract.request import MAX_PRIORITY, JobRequest
 from workers.errors import Conflict, IdempotencyMismatch, NotFound, QuotaExceeded
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
+from workers.jobs.job_warnings import merged_warnings
 from workers.store import bulk, schema, task_states
 from workers.store.accepted import Accepted, step_rows
 from workers.store.base import StorePart
@@ -255,6 +256,7 @@ class Jobs(StorePart):
             "digest": digest,
             "base_id": base_id,
             "versions": list(accepted.versions),
+            "warnings": merged_warnings([], accepted.warnings) or None,
             "planned_by": version(),
             "created_at": now,
             "updated_at": now,

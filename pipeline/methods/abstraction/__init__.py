@@ -30,6 +30,7 @@ from pipeline.methods.base import (
     Resources,
     Step,
     Studio,
+    When,
     resources_per_pixel,
 )
 
@@ -50,6 +51,7 @@ class Abstraction(Method):
         ),
         InputSpec(
             "reference", "image-or-video", False, "Colour reference", "A picture or video whose colours to take on.",
+            applies_when=(When(without=("histogram",)),),
         ),
         InputSpec(
             "histogram", "json", False, "Hue histogram",

@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pipeline.methods.base import Params
+from pipeline.methods.base import Alternatives, Params, When
 from pipeline.methods.fields import FlowName, Switch, choice, number, preroll
+
+_OF_TIME = (
+    "flow", "flow_error_limit", "steadiness", "stillness", "boundary_margin", "paint_memory", "colour_half_life",
+    "importance_half_life", "motion_importance",
+)  # fmt: skip
+_OF_LINES = ("line_width", "line_threshold", "line_sharpness", "line_opacity", "line_length")
+_OF_COLOURS = ("mean_shift_steps", "hue_neighbourhood", "keep_brightness")
 
 
 class AbstractionParams(Params):
     """Parameters of online video stream abstraction (zhang2011online)."""
+
+    applies_when: ClassVar[Mapping[str, Alternatives]] = {
+        **dict.fromkeys(_OF_TIME, (When(params={"temporal": ("on",)}),)),
+        **dict.fromkeys(_OF_LINES, (When(params={"lines": ("dog", "flow")}),)),
+        **dict.fromkeys(_OF_COLOURS, (When(inputs=("reference", "histogram")),)),
+        "preroll": (When(params={"temporal": ("on",)}, way="piece"),),
+    }
 
     # -- regions
     growing_limit: float = number(

@@ -7,11 +7,13 @@ a live stream is not supported.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from pipeline.compute import device
+from pipeline.errors import BadParameter
 from pipeline.frames import Frame
+from pipeline.methods.analogy.job_inputs import GUIDES
 from pipeline.methods.analogy.keyframe_synthesizer import run_interval
 from pipeline.methods.analogy.layer_composite import run_composite
 from pipeline.methods.analogy.params import AnalogyParams
@@ -20,7 +22,10 @@ from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
 from pipeline.methods.analogy.sweep_synthesizer import run_sweeps
 from pipeline.methods.base import (
+    AnyParams,
     Example,
+    Fits,
+    InputFacts,
     InputSpec,
     KeyPropagator,
     Method,
@@ -32,19 +37,24 @@ from pipeline.methods.base import (
     Task,
     TaskContext,
     TaskResult,
+    When,
     resources_per_pixel,
 )
 
 __all__ = ["Analogy", "AnalogyParams"]
+
+_BESIDE_VIDEO = Fits(size="video", frames="video")
+_LIKE_PAINTING = Fits(size="style_output")
 
 
 def _guide(name: str) -> tuple[InputSpec, InputSpec]:
     return (
         InputSpec(f"guide_{name}", "video", False, f"Guide {name}",
                   "An additional guide with one frame for each frame of the video, for example a segment map or a "
-                  "light pass."),
+                  "light pass.", fits=_BESIDE_VIDEO),
         InputSpec(f"style_guide_{name}", "image", False, f"Guide {name} of the style",
-                  f"The counterpart of guide {name} for the painting; it must have the size of the painting."),
+                  f"The counterpart of guide {name} for the painting; it must have the size of the painting.",
+                  applies_when=(When(inputs=(f"guide_{name}",)),), fits=_LIKE_PAINTING),
     )  # fmt: skip
 
 
@@ -76,37 +86,39 @@ class Analogy(Method):
             "style", "image", False, "Scene of the painting",
             "The picture that the painting shows, registered with the painting. Without it, the smoothed lightness and "
             "colour of the painting are used.",
-            needs="style_output",
+            needs="style_output", fits=_LIKE_PAINTING,
         ),
         InputSpec(
             "keyframes", "images", False, "Painted keyframes",
             "Painted frames of the video: a zip of images named by frame number. The method fills transparent pixels. "
             "Keyframes are reproduced exactly and are the style of their shot.", "keys.image",
-            preview=False,
+            preview=False, fits=Fits(size="video"),
         ),
         InputSpec(
             "masks", "images", False, "Masks of keyframes",
             "White where a keyframe is painted; replaces its transparency. A zip of images named by frame number.",
-            "keys.mask",
+            "keys.mask", needs="keyframes", fits=Fits(size="video"),
         ),
         InputSpec(
             "lines", "video", False, "Lines",
             "Black lines on white, one frame for each frame of the video. They are drawn with the strokes of "
-            "style_lines.",
+            "style_lines.", fits=_BESIDE_VIDEO,
         ),
         InputSpec(
             "style_lines", "image", False, "Lines of the style",
             "The lines of the painting: black on white; it must have the size of the painting.",
+            needs="lines", fits=_LIKE_PAINTING,
         ),
         InputSpec(
             "directions", "video", False, "Directions of the strokes",
             "Direction of the strokes at each pixel, one frame for each frame of the video: red = x, green = y "
             "(255 = up), as in normal maps; gray = computed from the picture.",
+            fits=_BESIDE_VIDEO,
         ),
         InputSpec(
             "style_directions", "image", False, "Directions of the style",
             "Direction of the strokes of the painting, coded alike; it must have the size of the painting. Without it, "
-            "directions are computed.",
+            "directions are computed.", fits=_LIKE_PAINTING,
         ),
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
@@ -135,6 +147,25 @@ class Analogy(Method):
     def load(self) -> None:
         """Open the compute device."""
         device()
+
+    def input_faults(self, params: AnyParams, facts: Mapping[str, InputFacts]) -> list[BadParameter]:
+        """Guides and lines without a counterpart in the style, and masks of frames without a key."""
+        keyed = "keyframes" in facts
+        pairs = [("lines", "style_lines"), *((f"guide_{name}", f"style_guide_{name}") for name in GUIDES)]
+        found = [
+            BadParameter(
+                f"The input {name!r} has no counterpart in the style.", field=f"inputs.{style}",
+                remedy=f"Give {style}, of the painting's size, or leave {name} out.",
+            )
+            for name, style in pairs if name in facts and style not in facts and not keyed
+        ]  # fmt: skip
+        keys, masks = (facts[name].numbers if name in facts else None for name in ("keyframes", "masks"))
+        for number in sorted((masks or frozenset()) - keys) if keys is not None else ():
+            found.append(BadParameter(
+                f"Frame {number} has a mask and no keyframe.", field=f"inputs.masks[{number}]", value=number,
+                remedy="Give its keyframe, or leave the mask out.",
+            ))  # fmt: skip
+        return found
 
     def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:
         """Parameters for a single frame of a video: without temporal coherence, and without the adjustments for

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from pipeline.methods.base import Params
+from pipeline.methods.base import Alternatives, Params, When
 from pipeline.methods.fields import FlowName, Switch, choice, number
+
+_KEYED = (When(inputs=("keyframes",)),)
+_COHERENT = When(params={"temporal": ("on",)})
+_IN_KEYS = (
+    "key_guide_weight", "key_colour_weight", "change_weight", "change_out_weight", "key_blend", "key_iterations",
+    "key_search_radius",
+)  # fmt: skip
+_GUIDES = ("a", "b", "c")
 
 
 class AnalogyParams(Params):
     """Parameters of stylising animation by example (benard2013stylizing)."""
+
+    applies_when: ClassVar[Mapping[str, Alternatives]] = {
+        **dict.fromkeys(_IN_KEYS, _KEYED),
+        **{f"guide_{name}_weight": (When(inputs=(f"guide_{name}",)),) for name in _GUIDES},
+        **dict.fromkeys(("lines_weight", "lines_reach"), (When(inputs=("lines",)),)),
+        **dict.fromkeys(("steadiness", "sweeps", "sweep_order", "refinement"), (_COHERENT,)),
+        "stroke_scale": (When(inputs=("style_output",), without=("style", "style_lines", "style_directions")),),
+    }
 
     # -- likeness
     guide_weight: float = number(

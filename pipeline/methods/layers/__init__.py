@@ -7,11 +7,13 @@ frames over each other. A layer paints exactly the frames that a job of its meth
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar
 
-from pipeline.methods.base import AnyParams, InputSpec, Method, Params, Step
+from pipeline.methods import parse_params
+from pipeline.methods.base import AnyParams, Ineffective, InputSpec, Method, Params, Step
 from pipeline.methods.layers.names import COMPOSITE, MATTE, VIDEO, input_name, stage
 from pipeline.methods.layers.params import LayerParams, LayersParams
 from pipeline.methods.layers.plan import plan_composite, plan_stage, run_composite, run_stage
@@ -41,6 +43,20 @@ class Layers(Method):
             found += [_layer_input(number, spec) for spec in _inputs(layer)]
         return tuple(found)
 
+    def ineffective(
+        self, params: AnyParams, inputs: Collection[str], stream: bool, piece: bool, artefacts: Collection[str] = ()
+    ) -> list[Ineffective]:
+        """Those of every layer."""
+        return [
+            replace(found, message=f"Layer {number}: {found.message}")
+            for number, layer in enumerate(params.layers)
+            for found in layer.chosen.ineffective(
+                parse_params(layer.chosen, layer.params),
+                {name.partition(".")[2] for name in inputs if name.startswith(input_name(number, ""))},
+                stream, piece,
+            )
+        ]  # fmt: skip
+
     def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
         """One step for each step of the longest layer plan, then the compositing step."""
         count = max((len(layer.chosen.steps) for layer in params.layers), default=0)
@@ -55,7 +71,7 @@ def _inputs(layer: LayerParams) -> tuple[InputSpec, ...]:
 def _layer_input(number: int, spec: InputSpec) -> InputSpec:
     required = spec.required and spec.name != VIDEO
     needs = input_name(number, spec.needs) if spec.needs else ""
-    return replace(spec, name=input_name(number, spec.name), required=required, needs=needs, part="")
+    return replace(spec, name=input_name(number, spec.name), required=required, needs=needs, part="", applies_when=())
 
 
 def _stage(index: int, count: int, params: AnyParams) -> Step[AnyParams]:

@@ -22,6 +22,7 @@ from pipeline.methods.base import (
     Resources,
     Step,
     Studio,
+    When,
     resources_per_pixel,
 )
 from pipeline.methods.multistyle.design import check, schema
@@ -64,7 +65,7 @@ class Multistyle(Method):
         InputSpec(
             "masks", "images", False, "Label maps",
             "Locations of the design's regions: images named by frame number, whose pixel values are labels.",
-            "region_maps.image",
+            "region_maps.image", applies_when=(When(inputs=("design",)),),
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[MultistyleParams], ...]] = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, Literal, get_args
 
-from pipeline.methods.base import Params
+from pipeline.methods.base import Alternatives, Params, When
 from pipeline.methods.fields import FlowName, RemovedValues, Switch, choice, number, preroll
 
 StyleName = Literal["van-gogh", "impressionism", "expressionism", "pointillism", "colorist-wash", "watercolor"]
@@ -13,6 +13,11 @@ STYLE_NAMES: tuple[StyleName, ...] = get_args(StyleName)
 Effect = Literal["none", "rack-focus", "emphasis", "calm-to-stress"]
 Renderer = Literal["implicit", "explicit"]
 StrokeOrder = Literal["mixed", "colour"]
+
+
+_COHERENT = When(params={"temporal": ("on",)})
+_SWEPT = When(params={"temporal": ("on",), "renderer": ("implicit",)})
+_EASED = When(params={"temporal": ("on",), "renderer": ("explicit",)}, above={"ease": 0})
 
 
 class MultistyleParams(Params):
@@ -25,6 +30,18 @@ class MultistyleParams(Params):
     removed_values: ClassVar[RemovedValues] = {
         "renderer": {"implicit-literal": "Use renderer=implicit, which looks alike and is faster."}
     }
+
+    applies_when: ClassVar[Mapping[str, Alternatives]] = {
+        **dict.fromkeys(("flow", "stillness", "edge_memory", "cut_sensitivity"), (_COHERENT,)),
+        **dict.fromkeys(("noise_floor", "stroke_fade", "colour_follow"), (_SWEPT, _EASED)),
+        "accumulated_frames": (_SWEPT,),
+        "ease": (When(params={"temporal": ("on",), "renderer": ("explicit",)}),),
+        "effect": (When(without=("design",), way="film"),),
+        "objects": (
+            When(inputs=("design",)), When(params={"effect": ("rack-focus", "emphasis", "calm-to-stress")}, way="film"),
+        ),
+        "preroll": (When(params={"temporal": ("on",)}, way="piece"),),
+    }  # fmt: skip
 
     @property
     def effective(self) -> MultistyleParams:

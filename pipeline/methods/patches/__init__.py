@@ -16,10 +16,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from pipeline.errors import BadParameter
 from pipeline.methods.base import (
+    Alternatives,
+    AnyParams,
     Arrays,
     Example,
+    Fits,
     FrameClusters,
+    InputCheck,
+    InputFacts,
     InputSpec,
     Method,
     Params,
@@ -27,16 +33,17 @@ from pipeline.methods.base import (
     Resources,
     Step,
     Studio,
+    checked,
     resources_per_pixel,
 )
 from pipeline.methods.patches.artefacts import ARTEFACTS
 from pipeline.methods.patches.clustering import plan_cluster, run_cluster, stored_clusters
 from pipeline.methods.patches.compositing import plan_paint, run_paint
 from pipeline.methods.patches.correction import plan_correct, run_correct
-from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.params import CLUSTERED, PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
 from pipeline.methods.patches.registration import plan_register, run_register
-from pipeline.methods.patches.scan import plan_scan, run_scan
+from pipeline.methods.patches.scan import label_intervals, label_styles, plan_scan, run_scan
 from pipeline.methods.patches.window_flow import load_kernels
 
 __all__ = ["Patches", "PatchesParams"]
@@ -58,21 +65,24 @@ class Patches(Method):
             "masks", "images", False, "Foreground masks",
             "White = foreground, black = background, gray or transparent = unknown, so scribbles suffice. A zip of "
             "images named by frame number; each is propagated from its frame on.", "scribbles.image",
+            applies_when=CLUSTERED, fits=Fits(aspect="video"),
         ),
         InputSpec(
             "labels", "images", False, "Corrected label maps",
             "Gray value = label, 0 = unclustered, 1 = background, as in the artefact `labels`. A zip of images named "
             "by frame number; the shot is clustered again from them, or the frames that label_intervals names.",
-            "labels.image",
+            "labels.image", applies_when=CLUSTERED, fits=Fits(aspect="video"),
         ),
         InputSpec(
             "label_intervals", "json", False, "Frames that a corrected label map changes",
             'How many frames before and after a corrected map are clustered again: [{"frame": 40, "before": 10, '
             '"after": 12}]. A map that it does not name changes its whole shot.', "label_intervals",
+            needs="labels", applies_when=CLUSTERED,
         ),
         InputSpec(
             "styles", "json", False, "Styles of patches",
             'Styles of single patches, by label: {"background": "wash", "3": "circles"}.', "label_styles",
+            applies_when=CLUSTERED,
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[PatchesParams], ...]] = (
@@ -89,6 +99,10 @@ class Patches(Method):
         tools=("brush", "eraser", "label"),
         cluster_artefacts=("labels", "uncertainty"),
     )
+    input_checks: ClassVar[Mapping[str, InputCheck]] = {
+        "styles": checked(label_styles), "label_intervals": checked(label_intervals),
+    }  # fmt: skip
+    artefacts_when: ClassVar[Mapping[str, Alternatives]] = dict.fromkeys(ARTEFACTS, CLUSTERED)
     clusters_step: ClassVar[str] = "cluster"
     reads_again: ClassVar[bool] = True
     cpu_s_per_megapixel: ClassVar[float] = 1.2
@@ -99,6 +113,20 @@ class Patches(Method):
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
+
+    def input_faults(self, params: AnyParams, facts: Mapping[str, InputFacts]) -> list[BadParameter]:
+        """Intervals of frames without a corrected label map."""
+        labels, intervals = facts.get("labels"), facts.get("label_intervals")
+        if labels is None or labels.numbers is None or intervals is None or not isinstance(intervals.document, list):
+            return []
+        rows = [row for row in intervals.document if isinstance(row, dict)]
+        return [
+            BadParameter(
+                f"Frame {row['frame']} has an interval and no label map.", field=f"inputs.label_intervals[{place}]",
+                value=row["frame"], remedy="Give its label map, or leave the row out.",
+            )
+            for place, row in enumerate(rows) if row.get("frame", -1) not in labels.numbers
+        ]  # fmt: skip
 
     def load(self) -> None:
         """Load the kernels of the first tasks."""

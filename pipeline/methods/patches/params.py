@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from pipeline.methods.base import Params
+from pipeline.methods.base import Alternatives, Params, When
 from pipeline.methods.fields import FlowName, RemovedValues, choice, number
 
 Temporal = Literal["on", "off"]
@@ -50,10 +50,19 @@ STROKE_STYLES: dict[str, StrokeStyle] = {
 }
 
 
+CLUSTERED: Alternatives = (When(params={"temporal": ("on",)}),)
+"""Without temporal coherence there are no clusters."""
+_OF_CLUSTERS = (
+    "window", "flow", "longest_patch", "colour_scale", "reliable", "interframe", "colour_edges", "motion_tolerance",
+    "smallest_cluster", "stiffness", "rigidity", "misfit", "background_style",
+)  # fmt: skip
+
+
 class PatchesParams(Params):
     """Parameters of painterly video with painting patches (zhang2011patches)."""
 
     deprecated_names: ClassVar[Mapping[str, str]] = {"hold": "frames_per_painting"}
+    applies_when: ClassVar[Mapping[str, Alternatives]] = dict.fromkeys(_OF_CLUSTERS, CLUSTERED)
     removed_values: ClassVar[RemovedValues] = {
         "temporal": {"strokes": "Use temporal=on, or temporal=off for independent frames."}
     }

@@ -39,7 +39,7 @@ from pipeline.methods.patches.panorama_faces import Weights, as_planes, load_wei
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.registration import FrameWarp, load_warps, save_warps
-from pipeline.methods.patches.scan import WorkingGrid, label_styles, run_key, run_start, style_of
+from pipeline.methods.patches.scan import WorkingGrid, document, label_styles, run_key, run_start, style_of
 from pipeline.warp.homography import IDENTITY, Homography
 from pipeline.warp.panorama import Placement
 from pipeline.warp.springs import Relaxed, Sheet, distortion, relax
@@ -227,7 +227,8 @@ def period_artefact(track: PatchTrack, number: int) -> str:
 
 def patch_painter(track: PatchTrack, context: TaskContext[PatchesParams]) -> HertzmannPainter:
     """Painter of a patch: brush sizes from table 1 by the patch's area over all frames, and the patch's style."""
-    style, ratio = style_of(track.label, context.params, label_styles(context)), WorkingGrid.of(context.size).ratio
+    own = label_styles(document(context, "styles", {}))
+    style, ratio = style_of(track.label, context.params, own), WorkingGrid.of(context.size).ratio
     area_px = track.area * ratio[0] * ratio[1]
     return HertzmannPainter.of(style, area_px, min(context.size), context.params, context.seed)
 

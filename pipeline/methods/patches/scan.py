@@ -18,6 +18,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
@@ -58,7 +59,7 @@ def run_scan(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     if task.key == "inputs":
         count = max(int(context.load("scan", "video")["frames"]), context.video.total)
         validate_inputs(context, count)
-        intervals = label_intervals(context)
+        intervals = label_intervals(document(context, "label_intervals", []))
         keys = keyframes(context, "labels", count)
         return {"corrections": {str(key): list(intervals[key]) if key in intervals else None for key in keys}}
     numbered = context.video.is_piece and any(context.has(name) for name in LABELLED)
@@ -205,8 +206,13 @@ def validate_inputs(context: TaskContext[PatchesParams], frames: int) -> None:
         images = context.images(name) if context.has(name) else {}
         for number in keyframes(context, name, frames):
             read(images[number], grid, number)
-    label_styles(context)
-    label_intervals(context)
+    label_styles(document(context, "styles", {}))
+    label_intervals(document(context, "label_intervals", []))
+
+
+def document(context: TaskContext[PatchesParams], name: str, missing: JsonValue) -> JsonValue:
+    """The JSON input `name`; `missing`, if it is not given."""
+    return context.json(name) if context.has(name) else missing
 
 
 def label_map(image: AnyArray, grid: WorkingGrid, number: int) -> Labels:
@@ -264,15 +270,12 @@ def _check_aspect(image: AnyArray, grid: WorkingGrid, field: str) -> None:
         )  # fmt: skip
 
 
-def label_styles(context: TaskContext[PatchesParams]) -> Mapping[int, str]:
-    """Styles of single labels from the input "styles": label -> style. The key "background" means label 1.
+def label_styles(given: JsonValue) -> Mapping[int, str]:
+    """Styles of single labels from the document "styles": label -> style. The key "background" means label 1.
 
     Raises:
         BadParameter: a key is not a label, or a style is unknown; `field` is the JSON path.
     """
-    if not context.has("styles"):
-        return {}
-    given = context.json("styles")
     if not isinstance(given, dict):
         raise BadParameter("Styles must be an object: label -> style.", field="inputs.styles",
                            value=type(given).__name__,
@@ -290,13 +293,13 @@ def label_styles(context: TaskContext[PatchesParams]) -> Mapping[int, str]:
     return found
 
 
-def label_intervals(context: TaskContext[PatchesParams]) -> dict[int, tuple[int, int]]:
-    """Frame -> how many frames before and after it its corrected label map changes, from the input "label_intervals".
+def label_intervals(given: JsonValue) -> dict[int, tuple[int, int]]:
+    """Frame -> how many frames before and after it its corrected label map changes, from the document
+    "label_intervals".
 
     Raises:
         BadParameter: it is no list of objects with the numbers frame, before and after.
     """
-    given = context.json("label_intervals") if context.has("label_intervals") else []
     found = {}
     for place, row in enumerate(given if isinstance(given, list) else [None]):
         values = [row.get(name) for name in ("frame", "before", "after")] if isinstance(row, dict) else []

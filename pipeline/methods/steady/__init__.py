@@ -7,6 +7,7 @@ from typing import ClassVar
 from pipeline.methods.base import (
     AnyParams,
     Example,
+    Fits,
     InputSpec,
     Method,
     Params,
@@ -35,7 +36,7 @@ class Steady(Method):
         InputSpec(
             "styled", "video", True, "Styled video",
             "The same video, stylised by any tool: a video or a zip of numbered images, with the same frame size and "
-            "the same number of frames.",
+            "the same number of frames.", fits=Fits(size="video", frames="video", exactly=True),
         ),
         InputSpec(
             "mask", "images", False, "Mask",

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from pipeline.methods.base import Params
+from collections.abc import Mapping
+from typing import ClassVar
+
+from pipeline.methods.base import Alternatives, Params, When
 from pipeline.methods.fields import number, preroll
 
 
@@ -34,6 +37,10 @@ class SteadyParams(Params):
         "slightly softer texture, 1.5 times the processor time. 0 = past frames only; live streams always have 0.",
         "frames", "Time",
     )  # fmt: skip
+    applies_when: ClassVar[Mapping[str, Alternatives]] = {
+        "look_ahead": (When(way="film"),), "preroll": (When(way="piece"),),
+    }  # fmt: skip
+
     preroll: int = preroll(24)
 
     @property

@@ -44,7 +44,21 @@ export interface AssetInfo {
   damage?: string;
 }
 
-/** The part of JSON Schema that pydantic writes for parameters, with our own `unit`, `symbol` and `group`. */
+/** Conditions under which a parameter or an input has an effect; all must hold. */
+export interface When {
+  /** Parameter -> values of which it must have one. */
+  params?: Record<string, string[]>;
+  /** Parameter -> number that its value must exceed. */
+  above?: Record<string, number>;
+  /** Inputs of which one must be given. */
+  inputs?: string[];
+  /** Inputs of which none may be given. */
+  without?: string[];
+  /** film: not in streams; piece: only in a piece of a film. */
+  way?: "" | "film" | "piece";
+}
+
+/** The part of JSON Schema that pydantic writes for parameters, with keywords of our own from `unit` on. */
 export interface Schema {
   $defs?: Record<string, Schema>;
   $ref?: string;
@@ -67,5 +81,6 @@ export interface Schema {
   unit?: string;
   symbol?: string;
   group?: string;
+  applies_when?: When[];
   nullable?: boolean;
 }

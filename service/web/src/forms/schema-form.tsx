@@ -4,6 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useId, useMemo, useRef, useState } from "preact/hooks";
 import type { Params, Schema } from "../api/schemas";
 import { Icon } from "../ui/icons";
+import { applies, type Situation } from "./applies";
 import { CONTROLS, type Ids, INLINE, same } from "./fields";
 import { type Field, fieldsOf } from "./schema";
 
@@ -20,9 +21,12 @@ export interface FormProps {
   search?: boolean;
   /** Problems of the service, by name of the field. */
   faults?: Record<string, string>;
+  /** Hides the fields that have no effect in it, unless they were changed. */
+  situation?: Situation;
 }
 
-export function Form({ schema, values, onChange, open = 1, search = false, faults = {} }: FormProps) {
+export function Form(props: FormProps) {
+  const { schema, values, onChange, open = 1, search = false, faults = {}, situation = {} } = props;
   const fields = useMemo(() => fieldsOf(schema), [schema]);
   const emitted = useRef(values);
   const epoch = useRef(0);
@@ -48,7 +52,11 @@ export function Form({ schema, values, onChange, open = 1, search = false, fault
     onChange(values, false);
   }
 
-  const fits = (field: Field) => `${field.title} ${field.name} ${field.help}`.toLowerCase().includes(words);
+  const all = { ...Object.fromEntries(fields.map(({ name, initial }) => [name, initial])), ...values };
+  const idle = (field: Field) => !applies(field.appliesWhen, all, situation);
+  const fits = (field: Field) =>
+    `${field.title} ${field.name} ${field.help}`.toLowerCase().includes(words) &&
+    (!idle(field) || field.name in values);
   return (
     <div class="form">
       {search && (
@@ -81,6 +89,7 @@ export function Form({ schema, values, onChange, open = 1, search = false, fault
                 field={field}
                 value={field.name in values ? values[field.name] : field.initial}
                 changed={field.name in values}
+                idle={idle(field)}
                 epoch={epoch.current}
                 fault={wrong[field.name] ?? faults[field.name] ?? ""}
                 hidden={!fits(field)}
@@ -140,6 +149,8 @@ interface RowProps {
   field: Field;
   value: unknown;
   changed: boolean;
+  /** Whether the value has no effect now. */
+  idle: boolean;
   epoch: number;
   fault: string;
   hidden: boolean;
@@ -148,7 +159,7 @@ interface RowProps {
   onReset(): void;
 }
 
-function Row({ field, value, changed, epoch, fault, hidden, onChange, onFault, onReset }: RowProps) {
+function Row({ field, value, changed, idle, epoch, fault, hidden, onChange, onFault, onReset }: RowProps) {
   const id = useId();
   const row = useRef<HTMLDivElement>(null);
   const ids: Ids = { input: `${id}-input`, label: `${id}-label`, help: `${id}-help`, error: `${id}-error` };
@@ -193,6 +204,7 @@ function Row({ field, value, changed, epoch, fault, hidden, onChange, onFault, o
         onFault={onFault}
       />
       <p class="field-help" id={ids.help}>
+        {idle && "Without effect at present. "}
         {field.help}
       </p>
       <p class="field-error" id={ids.error}>

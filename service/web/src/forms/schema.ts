@@ -1,6 +1,6 @@
 /** JSON Schema, as pydantic writes it, made into plain descriptions of form fields. */
 
-import type { Schema } from "../api/schemas";
+import type { Schema, When } from "../api/schemas";
 import { humanise } from "../ui/format";
 
 export type FieldKind = "slider" | "number" | "switch" | "onoff" | "choice" | "choices" | "text" | "json";
@@ -18,6 +18,8 @@ export interface Field {
   /** The paper's symbol, for example "sigma_e". */
   symbol: string;
   group: string;
+  /** When the field has an effect: alternatives; none: always. */
+  appliesWhen: When[];
   kind: FieldKind;
   /** The default; undefined if the schema has none. */
   initial: unknown | undefined;
@@ -63,6 +65,7 @@ function field(name: string, schema: Schema, defs: Definitions): Field {
     unit: schema.unit ?? "",
     symbol: schema.symbol ?? "",
     group: schema.group ?? "",
+    appliesWhen: schema.applies_when ?? [],
     initial: schema.default ?? (schema.nullable ? null : undefined),
     nullable: Boolean(schema.nullable),
     whole: schema.type === "integer",

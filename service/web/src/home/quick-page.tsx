@@ -148,6 +148,7 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
             schema={set.method.params_schema}
             values={set.params}
             faults={faults.params}
+            situation={{ inputs: Object.keys(set.inputs), piece: false }}
             search
             onChange={(params, parsed) => {
               setValid({ ...valid, params: parsed });

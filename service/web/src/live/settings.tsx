@@ -4,6 +4,7 @@ import { signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import type { Problem } from "../api/api";
 import type { Inputs as Given, Method, Params, Schema } from "../api/schemas";
+import { applies } from "../forms/applies";
 import type { Draft } from "../forms/draft";
 import { Inputs } from "../forms/inputs";
 import { Presets } from "../forms/method-cards";
@@ -15,6 +16,14 @@ import type { FilterChoice, LiveSettings } from "./types";
 const AREAS: Record<string, number> = { small: 320 * 240, medium: 640 * 480, large: 1280 * 720 };
 /** Inputs that a running session can replace. */
 const PICTURES = ["image", "image-or-video"];
+
+const LIVE = { stream: true };
+
+/** Whether all parameters of an example have an effect on a stream. */
+const isLive = (method: Method, params: Params): boolean =>
+  Object.keys(params).every((name) =>
+    applies(method.params_schema.properties?.[name]?.applies_when, { ...method.defaults, ...params }, LIVE),
+  );
 
 const option = (value: string | number, title: string): Schema => ({ const: value, title });
 
@@ -183,7 +192,7 @@ export function SettingsPanel({ settings, source }: { settings: Settings; source
       <MethodChoice settings={settings} />
       <div class="live-painting" key={method.name}>
         <Presets
-          examples={method.examples}
+          examples={method.examples.filter((example) => isLive(method, example.params))}
           params={params}
           onChoose={(values) => settings.change({ params: values }, "onpaint")}
         />
@@ -197,6 +206,7 @@ export function SettingsPanel({ settings, source }: { settings: Settings; source
           schema={method.params_schema}
           values={params}
           faults={faults.params}
+          situation={LIVE}
           open={0}
           onChange={(values, valid) => valid && settings.change({ params: values }, "onpaint")}
         />

@@ -1,0 +1,30 @@
+/** Whether a parameter or an input has an effect with the others: the conditions are data of the method. */
+
+import type { Params, When } from "../api/schemas";
+
+/** What is known besides the parameters; conditions on what is unknown count as met. */
+export interface Situation {
+  /** Names of the given inputs. */
+  inputs?: readonly string[];
+  /** Whether frames are painted as they arrive. */
+  stream?: boolean;
+  /** Whether a piece of a film is painted. */
+  piece?: boolean;
+}
+
+/** `when`: alternatives, of which one must hold; none: always. `params`: every value, defaults included. */
+export function applies(when: readonly When[] | undefined, params: Params, situation: Situation): boolean {
+  return !when?.length || when.some((one) => holds(one, params, situation));
+}
+
+function holds(when: When, params: Params, { inputs, stream, piece }: Situation): boolean {
+  const { params: values = {}, above = {}, inputs: needed = [], without = [], way = "" } = when;
+  return (
+    Object.entries(values).every(([name, allowed]) => allowed.includes(String(params[name]))) &&
+    Object.entries(above).every(([name, limit]) => Number(params[name] ?? 0) > limit) &&
+    (!inputs || !needed.length || needed.some((name) => inputs.includes(name))) &&
+    (!inputs || !without.some((name) => inputs.includes(name))) &&
+    !(way && stream) &&
+    !(way === "piece" && piece === false)
+  );
+}
