@@ -78,7 +78,7 @@ def number(
 def preroll(default: int) -> Any:
     """Field for `Params.lead_frames` of a method with memory."""
     return number(
-        default, 0, 1000, "Preroll",
+        default, 0, 2000, "Preroll",
         "Frames that are painted before a piece of a film and thrown away, so that it begins with the memory of the "
         "film. Larger values differ less from the film and take longer.", "frames", "Time",
     )  # fmt: skip

@@ -59,6 +59,14 @@ def shots_of(context: PlanContext[AnyParams], scan: TaskResult) -> Iterator[tupl
     return pairwise([scan.get("first", context.video.first), *scan["cuts"], scan["frames"]])
 
 
+def delivered_shots(context: PlanContext[AnyParams], scan: TaskResult) -> Iterator[tuple[int, int]]:
+    """The shots of which a frame is part of the result."""
+    video = context.video
+    for begin, end in shots_of(context, scan):
+        if not video.is_piece or (begin < video.stop and end > video.first + video.lead):
+            yield begin, end
+
+
 def _seen(
     context: TaskContext[AnyParams], each: Callable[[Frame], None], span: tuple[int | None, int | None]
 ) -> Iterator[Plane]:

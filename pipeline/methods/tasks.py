@@ -76,8 +76,8 @@ class VideoInfo:
 
     @property
     def is_piece(self) -> bool:
-        """Whether the film has frames that are not painted."""
-        return self.total > self.frames
+        """Whether the film has frames that are not part of the result."""
+        return self.total > self.frames - self.lead
 
     def delivers(self, frame: int) -> bool:
         """Whether a frame is part of the result: it is neither outside the piece nor painted for its memory only."""

@@ -121,7 +121,7 @@ class AbstractionParams(Params):
         "ratio", "Time",
     )  # fmt: skip
 
-    preroll: int = preroll(24)
+    preroll: int = preroll(250)
 
     @property
     def lead_frames(self) -> int:

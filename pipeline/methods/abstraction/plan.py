@@ -22,7 +22,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.session import AbstractionSession, PipelinedRunner
 from pipeline.methods.abstraction.svg_archive import SvgArchive
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
-from pipeline.methods.scan import scan_video, shots_of
+from pipeline.methods.scan import delivered_shots, scan_video
 
 RUN_FRAMES = 96
 """Frames per task: about 3 s of work at 720p, which is repeated after a failure."""
@@ -72,7 +72,7 @@ def plan_abstract(context: PlanContext[AbstractionParams]) -> list[Task]:
     scan = context.results["scan"]["video"]
     chained = context.params.temporal == "on"
     tasks: list[Task] = []
-    for shot, (begin, end) in enumerate(shots_of(context, scan)):
+    for shot, (begin, end) in enumerate(delivered_shots(context, scan)):
         for start in range(begin, end, RUN_FRAMES):
             stop = min(start + RUN_FRAMES, end)
             after = (_key(start - RUN_FRAMES),) if start > begin and chained else ()

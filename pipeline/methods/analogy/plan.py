@@ -23,7 +23,7 @@ from itertools import pairwise
 from pipeline.methods.analogy.level_animation import levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import PlanContext, Task, TaskResult, VideoInfo
-from pipeline.methods.scan import shots_of
+from pipeline.methods.scan import delivered_shots
 
 MAX_RUN_FRAMES = 32
 MAX_RUN_BYTES = 160 << 20
@@ -127,9 +127,7 @@ def _layer_tasks(
     size = (context.video.width, context.video.height)
     tasks: list[Task] = []
     video = context.video
-    for begin, end in shots_of(context, scan):
-        if video.is_piece and (end <= video.first or begin >= video.stop):
-            continue
+    for begin, end in delivered_shots(context, scan):
         keys = [(int(index), bool(full)) for index, full in keyframes if begin <= index < end]
         if keys:
             intervals = dict(split_intervals(begin, end, keys, interval_frames(size), layer))

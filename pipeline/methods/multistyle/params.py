@@ -155,7 +155,7 @@ class MultistyleParams(Params):
         1, 0, 3, "Cut sensitivity", "How readily a hard cut is detected, at which everything starts anew; 0 = never.",
         "ratio", "Time",
     )  # fmt: skip
-    preroll: int = preroll(24)
+    preroll: int = preroll(250)
 
     @property
     def lead_frames(self) -> int:

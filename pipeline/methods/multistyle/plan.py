@@ -94,10 +94,11 @@ def runs_of(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, 
 
 
 def _painted_runs(context: PlanContext[MultistyleParams]) -> Iterator[tuple[int, int, tuple[int, int]]]:
-    """The runs with a frame to paint; a piece of a film has regions of others, too."""
+    """The runs to analyse; a piece of a film has regions of others, too."""
     video = context.video
     for run in runs_of(context):
-        if not video.is_piece or (run[0] < video.stop and run[1] > video.first):
+        shown = run[0] < video.stop and run[1] > video.first and run[2][1] > video.first + video.lead
+        if shown or not video.is_piece:
             yield run
 
 
@@ -111,6 +112,8 @@ def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
         )
         after = (analyses[-1].key,) if start > shot[0] and analyses else ()
         analyses.append(Task(_analysis_key(start), args, after, weight=ANALYSIS_SHARE * (stop - start)))
+        if context.video.is_piece and stop <= context.video.first + context.video.lead:
+            continue  # its state is needed, and its frames are not
         args = {"start": start, "stop": stop, "before": after[0] if after else None, "last": stop == shot[1]}
         weight = (1 - ANALYSIS_SHARE) * (stop - start)
         paints.append(Task(f"run-{start:07d}", args, (_analysis_key(start), *after), (start, stop), weight=weight))
@@ -120,8 +123,9 @@ def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
 def _painted_behind(analyses: Sequence[Task], paints: Sequence[Task]) -> list[Task]:
     """The tasks in the order in which workers prefer them: a run is painted `BEHIND` runs after its analysis."""
     ahead = min(BEHIND, len(analyses))
+    ahead += len(analyses) - len(paints)  # those of the frames before a piece
     pairs = zip(analyses[ahead:], paints, strict=False)
-    return [*analyses[:ahead], *(task for pair in pairs for task in pair), *paints[len(analyses) - ahead :]]
+    return [*analyses[:ahead], *(task for pair in pairs for task in pair), *paints[max(0, len(analyses) - ahead) :]]
 
 
 def _analysis_key(start: int) -> str:

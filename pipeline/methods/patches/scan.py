@@ -25,7 +25,7 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams
-from pipeline.methods.scan import scan_video, shots_of
+from pipeline.methods.scan import delivered_shots, scan_video
 
 RUN = 12
 """Frames per task. It is small, so that short clips can use many workers."""
@@ -100,10 +100,7 @@ def painting_runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, in
 
 def shots(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, int]]:
     """First frame of every shot of which a frame is painted, and the frame after its last."""
-    video = context.video
-    for begin, end in shots_of(context, context.results["scan"]["video"]):
-        if not video.is_piece or (begin < video.stop and end > video.first):
-            yield begin, end
+    return delivered_shots(context, context.results["scan"]["video"])
 
 
 def run_key(start: int) -> str:

@@ -41,7 +41,7 @@ class SteadyParams(Params):
         "look_ahead": (When(way="film"),), "preroll": (When(way="piece"),),
     }  # fmt: skip
 
-    preroll: int = preroll(24)
+    preroll: int = preroll(250)
 
     @property
     def lead_frames(self) -> int:

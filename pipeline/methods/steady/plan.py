@@ -22,7 +22,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
-from pipeline.methods.scan import scan_video, shots_of
+from pipeline.methods.scan import delivered_shots, scan_video
 from pipeline.methods.steady.confidence import motion
 from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
@@ -53,8 +53,9 @@ def run_scan(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
     Raises:
         BadInput: the styled video has another frame size or another number of frames than the video.
     """
-    first, piece = context.video.first, context.video.is_piece
-    styled = context.frames("styled", first, context.video.stop if piece else None)
+    video, first = context.video, context.video.first
+    stop = min(video.stop + context.params.look_ahead, video.total) if video.is_piece else None
+    styled = context.frames("styled", first, stop)
     matched = 0
 
     def compare(frame: Frame) -> None:
@@ -64,7 +65,8 @@ def run_scan(task: Task, context: TaskContext[SteadyParams]) -> TaskResult:
             matched += 1
             _check_size(frame, other)
 
-    frames, cuts = scan_video(context, context.params.cut_sensitivity, compare)
+    span = (first, stop) if video.is_piece else (None, None)
+    frames, cuts = scan_video(context, context.params.cut_sensitivity, compare, span)
     given = matched + sum(1 for _ in styled)
     if given != frames - first:
         raise BadInput(
@@ -95,12 +97,13 @@ def _check_size(frame: Frame, styled: Frame) -> None:
 def plan_steady(context: PlanContext[SteadyParams]) -> list[Task]:
     scan = context.results["scan"]["video"]
     tasks: list[Task] = []
-    for begin, end in shots_of(context, scan):
-        for start in range(begin, end, RUN_FRAMES):
-            stop = min(start + RUN_FRAMES, end)
+    for begin, end in delivered_shots(context, scan):
+        last = min(end, context.video.stop) if context.video.is_piece else end
+        for start in range(begin, last, RUN_FRAMES):
+            stop = min(start + RUN_FRAMES, last)
             after = (_key(start - RUN_FRAMES),) if start > begin else ()
             ahead = min(stop + context.params.look_ahead, end)
-            args = {"start": start, "stop": stop, "ahead": ahead, "last": stop == end}
+            args = {"start": start, "stop": stop, "ahead": ahead, "last": stop == last}
             tasks.append(Task(_key(start), args, after, (start, stop), weight=stop - start))
     return tasks
 

@@ -259,8 +259,7 @@ def test_scribbles_can_be_used_as_masks() -> None:
 
 def test_a_patch_can_have_its_own_style() -> None:
     params = PatchesParams(background_style="wash")
-    context = LocalContext(params, [truth()[0].image], {"styles": {"3": "circles"}})
-    own = label_styles(context)
+    own = label_styles({"3": "circles"})
     assert [style_of(label, params, own) for label in (1, 2, 3)] == ["wash", "hertzmann", "circles"]
     frames = [shot.image for shot in truth()[:3]]
     plain, styled = paint(frames), paint(frames, {"styles": {"background": "circles"}})
@@ -281,7 +280,7 @@ def test_a_patch_can_have_its_own_style() -> None:
 )
 def test_an_invalid_style_is_reported_with_its_path(styles: object, field: str) -> None:
     with pytest.raises(BadParameter) as caught:
-        label_styles(LocalContext(PatchesParams(), [truth()[0].image], {"styles": styles}))
+        label_styles(styles)
     assert caught.value.field == field and caught.value.remedy
 
 
