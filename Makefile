@@ -13,7 +13,7 @@ RUN_STAMP := $(VENV)/.installed-to-run
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench costs chaos conformance fuzz soak abuse docs gallery clean help
+.PHONY: install web demo test check audit bench costs chaos conformance fuzz laws soak abuse docs gallery clean help
 
 help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -67,6 +67,9 @@ chaos: install ## inject faults into every part of a farm on real PostgreSQL and
 
 soak: install ## measure the growth of resources of a service under mixed load: make soak MINUTES=60
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
+
+laws: install ## check the laws (a piece is the film, every way is the same, ...) on generated cases for MINUTES
+	$(BIN)/python -m tests.laws --minutes $(MINUTES) --seed $(SEED)
 
 fuzz: install ## send malformed media, requests, uploads and live messages for some minutes: make fuzz MINUTES=10 SEED=1
 	$(BIN)/python -m tests.fuzz --minutes $(MINUTES) --seed $(SEED)

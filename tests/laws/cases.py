@@ -30,11 +30,12 @@ DOCUMENTS: Mapping[tuple[str, str], Any] = {
     ("multistyle", "design"): {
         "version": 1, "regions": {"left": {"polygons": [{"frame": 1, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
         "keys": [
-            {"region": "left", "frame": 0, "set": {"hue": 0}, "curve": "linear"},
-            {"region": "left", "frame": 5, "set": {"hue": 150}}, {"region": "rest", "frame": 2, "style": "pointillism"},
+            {"region": "left", "frame": 0, "set": {"hue": 0}}, {"region": "left", "frame": 5, "set": {"hue": 150}},
+            {"region": "rest", "frame": 2, "style": "pointillism"},
         ],
-        "directions": [{"region": "rest", "frame": 0, "elements": [
-            {"kind": "centre", "x": 0.7, "y": 0.5}], "edge_weight": 0.1}],
+        "directions": [
+            {"region": "rest", "edge_weight": 0.1, "elements": [{"pattern": "center", "at": [0.7, 0.5]}]},
+        ],
     },
     ("patches", "label_intervals"): [{"frame": 2, "before": 1, "after": 1}],
     ("patches", "styles"): {"background": "circles", "2": "wash"},
@@ -53,6 +54,8 @@ class Case:
         inputs: names of the inputs besides the video.
         cut: first frame of the second shot; 0: one shot.
         piece: frames [first, end) of the film.
+        scale: factor on WIDTH and HEIGHT.
+        light: factor on the brightness of the film.
     """
 
     seed: int
@@ -62,6 +65,13 @@ class Case:
     frames: int
     cut: int
     piece: tuple[int, int]
+    scale: int = 1
+    light: float = 1.0
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the film, px."""
+        return WIDTH * self.scale, HEIGHT * self.scale
 
     @property
     def chosen(self) -> Method:
@@ -73,12 +83,21 @@ class Case:
 
     def film(self) -> list[Frame]:
         """The video: a textured square that moves over a texture that pans; another scene after the cut."""
-        return [_scene(self.seed + 1000 * (bool(self.cut) and k >= self.cut), k) for k in range(self.frames)]
+        scenes = [_scene(self.seed + 1000 * (bool(self.cut) and k >= self.cut), k) for k in range(self.frames)]
+        return [self._drawn(scene) for scene in scenes]
+
+    def _drawn(self, scene: Frame) -> Frame:
+        large = cv2.resize(scene, self.size, interpolation=cv2.INTER_CUBIC) if self.scale > 1 else scene
+        return np.asarray(large if self.light == 1 else large * self.light, np.uint8)
 
     def given(self) -> dict[str, Input]:
         """The other inputs in memory."""
         specs = {spec.name: spec for spec in self.chosen.inputs}
         return {name: _input(self, specs[name]) for name in self.inputs}
+
+    def with_inputs(self, *names: str) -> Case:
+        """The case with these inputs, and those that they need."""
+        return replace(self, inputs=complete(self.chosen, [*self.inputs, *names]))
 
     def with_params(self, **changed: Any) -> Case:
         return replace(self, params={**self.params, **changed})
@@ -137,7 +156,7 @@ def extremes(schema: Mapping[str, Any], name: str) -> list[Any]:
     if "enum" in schema:
         return [value for value in schema["enum"] if value != schema["default"]]
     ends = [schema["minimum"], min(schema["maximum"], SLOW.get(name, float("inf")))]
-    ends = [type(schema["default"])(end) for end in ends]
+    ends = [int(end) if schema["type"] == "integer" else float(end) for end in ends]
     return [end for end in ends if end != schema["default"]]
 
 
@@ -171,10 +190,10 @@ def _scene(seed: int, index: int) -> Frame:
     return frame
 
 
-def _half(value: int = 255, columns: int = WIDTH // 2) -> NDArray[np.uint8]:
+def _half(case: Case, columns: int = WIDTH // 2) -> NDArray[np.uint8]:
     mask = np.zeros((HEIGHT, WIDTH), np.uint8)
-    mask[:, :columns] = value
-    return mask
+    mask[:, :columns] = 255
+    return np.asarray(cv2.resize(mask, case.size, interpolation=cv2.INTER_NEAREST), np.uint8)
 
 
 def _input(case: Case, spec: InputSpec) -> Input:
@@ -194,8 +213,8 @@ def _images(case: Case, name: str, film: list[Frame]) -> dict[int, Any]:
     if name == "keyframes":
         return {number: np.ascontiguousarray(255 - film[number]) for number in numbers}
     if name == "labels":
-        return {2: np.where(_half() > 0, 2, 1).astype(np.uint8)}
-    return {number: _half(columns=WIDTH // 2 + number) for number in numbers}
+        return {2: np.where(_half(case) > 0, 2, 1).astype(np.uint8)}
+    return {number: _half(case, WIDTH // 2 + number) for number in numbers}
 
 
 def _beside(name: str, frame: Frame, index: int) -> Frame:
