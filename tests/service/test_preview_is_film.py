@@ -1,7 +1,7 @@
 """What the stage shows at a frame is what the film has there: previews over HTTP against films that the farm painted.
 
-The clip has two shots of 22 frames with a disc that moves before a wall. Previews at full size are compared with the film
-of the same document, smaller ones with the film of the clip and its drawings at that size.
+The clip has two shots of 22 frames with a disc that moves before a wall. Previews at full size are compared with the
+film of the same document, smaller ones with the film of the clip and its drawings at that size.
 """
 
 from __future__ import annotations
@@ -242,3 +242,21 @@ def test_the_stage_shows_the_frames_of_the_film(http: httpx.Client, name: str) -
 def test_a_smaller_stage_shows_the_frames_of_the_smaller_film(http: httpx.Client, name: str) -> None:
     found = differences(http, CASES[name], SMALL, 6)
     assert max(found.values()) <= max(2.0, CASES[name].most), json.dumps(found)
+
+
+def test_a_picked_object_has_its_style_in_a_smaller_stage(http: httpx.Client) -> None:
+    at = project(http, Case(({"method": "multistyle"},)), SIZE)
+    tubes = records(http.post(f"{at}/previews/regions", json={"shot": "s1", "frame": 12}).content)
+    maps = {header["type"]: (header, data) for header, data in tubes}
+    coded = picture(maps["map"][1]).astype(np.int64)
+    numbers = coded[..., 2] << 16 | coded[..., 1] << 8 | coded[..., 0]
+    owner = maps["regions"][0]["tubes"][str(numbers[48, 54])]["object"]
+    inside = np.isin(numbers, maps["regions"][0]["objects"][str(owner)]["tubes"]).astype(np.uint8)
+    disc = cv2.resize(inside, SMALL, interpolation=cv2.INTER_NEAREST)
+    plain = stage(http, at, 12, SMALL[0]).astype(int)
+    keys = [{"region": "disc", "frame": 0, "set": {"hue": 180}}, {"region": "rest", "frame": 0}]
+    designed = Case(({"method": "multistyle", "regions": {"disc": {"objects": [owner]}}, "style_keys": keys},))
+    change = np.abs(stage(http, project(http, designed, SIZE), 12, SMALL[0]) - plain).mean(axis=2)
+    far = cv2.dilate(disc, np.ones((9, 9), np.uint8)) == 0
+    assert disc.sum() > 60 and far.sum() > 60
+    assert change[disc > 0].mean() > 20 and change[far].mean() < 4

@@ -54,14 +54,18 @@ class PreviewFilm:
 
     Args:
         side_px: longest side of the pictures; the video is never enlarged.
+        regions: computes the entries of the method's `regions_artefact` of the whole video.
     """
 
-    def __init__(self, layer: LayerSources, frames: WarmFrames, cache: ByteCache, side_px: int) -> None:
+    def __init__(
+        self, layer: LayerSources, frames: WarmFrames, cache: ByteCache, side_px: int,
+        regions: Callable[[], Mapping[str, bytes]],
+    ) -> None:  # fmt: skip
         info = frames.info(layer.video)
         self.side_px = min(side_px, max(info.width, info.height))
         self.pixels = info.frames * info.width * info.height * (self.side_px / max(info.width, info.height)) ** 2
         """Of all frames together."""
-        self._layer, self._frames, self._cache = layer, frames, cache
+        self._layer, self._frames, self._cache, self._regions = layer, frames, cache, regions
         self._name = ("film", layer.digest, self.side_px)
 
     def peek(self, number: int) -> Frame | None:
@@ -84,6 +88,12 @@ class PreviewFilm:
             for number in numbers:
                 yield number, run.frame(number)
 
+    def _inputs(self, exit_stack: ExitStack) -> Mapping[str, Input]:
+        inputs = layer_inputs(self._layer, self._frames, self.side_px, exit_stack)
+        info = self._frames.info(self._layer.video)
+        whole = self.side_px == max(info.width, info.height)
+        return inputs if whole else method(self._layer.method).scaled_inputs(inputs, self._regions)
+
     @contextmanager
     def _run(self, check: Check, progress: Progress, painted: Callable[[int, Frame], None]) -> Iterator[_Run]:
         plan: _Plan = self._cache.get(self._name, _Plan, lambda _: _PLAN_BYTES)
@@ -91,7 +101,7 @@ class PreviewFilm:
             check()
         try:
             with ExitStack() as exit_stack:
-                inputs = layer_inputs(self._layer, self._frames, self.side_px, exit_stack)
+                inputs = self._inputs(exit_stack)
                 store = _Store(self._cache, self._name, painted)
                 yield _Run(self._layer, plan, store, _FilmContext(self._layer, inputs, check, store), progress)
         finally:

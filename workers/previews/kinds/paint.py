@@ -9,7 +9,7 @@ from pipeline.frames import Frame
 from workers.previews.context import PreviewContext
 from workers.previews.film import PreviewFilm
 from workers.previews.kinds.propagate import carried, key_input
-from workers.previews.kinds.regions import known_artefacts
+from workers.previews.kinds.regions import known_artefacts, layer_film
 from workers.previews.memory import Check
 from workers.previews.model import LayerSources, Record
 from workers.previews.painting import LayerPainter, composited
@@ -72,7 +72,7 @@ def _span(context: PreviewContext) -> tuple[int, int, int]:
 
 
 def _films(context: PreviewContext, side_px: int) -> list[PreviewFilm]:
-    return [PreviewFilm(layer, context.frames, context.cache, side_px) for layer in context.query.layers]
+    return [layer_film(context, layer, side_px) for layer in context.query.layers]
 
 
 def film(context: PreviewContext, numbers: Sequence[int], side_px: int) -> Iterator[tuple[int, Frame]]:

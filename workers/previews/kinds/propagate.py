@@ -15,8 +15,8 @@ from pipeline.errors import BadInput, BadParameter, Cancelled
 from pipeline.frames import Frame
 from pipeline.methods import method
 from workers.previews.context import PreviewContext
-from workers.previews.film import PreviewFilm
 from workers.previews.inputs import resized
+from workers.previews.kinds.regions import layer_film
 from workers.previews.model import LayerSources, Overtaken, Record
 from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propagator_of
 
@@ -140,7 +140,7 @@ def _planned(context: PreviewContext, layer: LayerSources, name: str) -> Iterato
     key, around, image = context.options["key"], context.options["around"], context.options.get("image")
     keys = {**layer.images.get(name, {}), **({} if image is None else {key: image})}
     edited = replace(layer, images={**layer.images, name: keys})
-    film = PreviewFilm(edited, context.frames, context.cache, context.query.side_px)
+    film = layer_film(context, edited, context.query.side_px)
     span = range(max(0, key - around), min(context.frames.info(layer.video).frames, key + around + 1))
     for number, picture in film.frames(sorted(span, key=lambda frame: (abs(frame - key), frame)), context.check):
         yield context.picture(number, picture, final=True)

@@ -36,6 +36,7 @@ export function SubmitBar({ store, films, saveAll }: SubmitBarProps) {
     setSending(false);
   }
 
+  const from = Math.max(0, Math.min(store.frame.value, store.frames - short));
   return (
     <div class="submit-bar designer-submit">
       <FilmProgress store={store} films={films} />
@@ -47,14 +48,8 @@ export function SubmitBar({ store, films, saveAll }: SubmitBarProps) {
         </p>
       </div>
       {short < store.frames && (
-        <button
-          type="button"
-          class="button"
-          title={`Frames 1 to ${short}`}
-          aria-disabled={sending}
-          onClick={() => send([0, short])}
-        >
-          Paint {SHORT_S} s first
+        <button type="button" class="button" aria-disabled={sending} onClick={() => send([from, from + short])}>
+          Paint {SHORT_S} s first, from frame {from + 1}
         </button>
       )}
       <button type="button" class="button primary submit" aria-disabled={sending} onClick={() => send()}>
