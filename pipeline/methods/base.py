@@ -251,6 +251,15 @@ class Method:
         and strength >= 0, perhaps coarser than the frame; None if the method has none. Raises as `preview`."""
         return None
 
+    def scaled_inputs(self, inputs: Mapping[str, Any], found: Callable[[], Mapping[str, bytes]]) -> Mapping[str, Any]:
+        """Inputs for a film of smaller frames than the video's, where they refer to what depends on the size of frames.
+
+        Args:
+            inputs: as a task reads them, at the smaller size.
+            found: computes the entries of `regions_artefact` of the whole video.
+        """
+        return inputs
+
     def frame_regions(self, files: Mapping[str, bytes], frame: int) -> FrameRegions | None:
         """Regions of a frame, read from `regions_artefact`; None if that has no such frame.
 

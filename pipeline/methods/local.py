@@ -201,7 +201,7 @@ def iterate_plan(
         last = forget and step is method_steps[:steps][-1]
         unfinished = {task.key: task for task in tasks}
         for task in _in_order(tasks, step.name, shuffle):
-            context.step, context.task = step.name, replace(task, after=_in_plan_order(task.after, step.name, order))
+            context.step, context.task = step.name, replace(task, after=in_plan_order(task.after, step.name, order))
             results[step.name][task.key] = step.run(context.task, context)
             yield step.name, task
             del unfinished[task.key]
@@ -210,8 +210,8 @@ def iterate_plan(
                 context.forget(step.name, results[step.name].keys() - needed)
 
 
-def _in_plan_order(after: Sequence[str], step: str, order: Mapping[str, int]) -> tuple[str, ...]:
-    """`order`: place in the plan by "step/key"."""
+def in_plan_order(after: Sequence[str], step: str, order: Mapping[str, int]) -> tuple[str, ...]:
+    """`Task.after` in plan order. `order`: place in the plan by "step/key"."""
     return tuple(sorted(set(after), key=lambda name: order[name if "/" in name else f"{step}/{name}"]))
 
 

@@ -23,8 +23,8 @@ from service.settings import Settings
 from tests.e2e.pages import make_two_shots
 from tests.service.records import picture, records, types
 from workers.farm import Farm, open_farm
+from workers.previews.film import PreviewFilm
 from workers.previews.model import PreviewQuery
-from workers.previews.painting import LayerPainter
 from workers.previews.service import PreviewRun, PreviewService
 
 Json = dict[str, Any]
@@ -108,16 +108,17 @@ def test_a_preview_of_a_lost_file_ends_with_an_error_record(
 @pytest.mark.parametrize("method", ["abstraction", "multistyle", "patches"])
 def test_every_method_paints_a_frame(client: TestClient, at: str, clip: str, method: str) -> None:
     found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, _layer(method)))
-    assert types(found) == ["begin", "frame", "end"], "small pictures come at once"
+    found = [one for one in found if one[0]["type"] != "progress"]
+    assert types(found) == ["begin", "frame", "end"], "no draft of a film that is painted soon"
     assert (found[1][0]["final"], found[1][0]["media_type"]) == (True, "image/png")
     assert picture(found[1][1]).shape == (64, 96, 3)
 
 
-def test_a_large_preview_is_sent_coarse_first(
+def test_a_preview_that_takes_long_begins_with_a_draft(
     client: TestClient, at: str, clip: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("workers.previews.kinds.paint.COARSE_FROM_PX", 90)
-    monkeypatch.setattr("workers.previews.kinds.paint.COARSE_SIDE_PX", 48)
+    monkeypatch.setattr("workers.previews.kinds.paint.DRAFT_FROM_PIXELS", 0)
+    monkeypatch.setattr("workers.previews.kinds.paint.DRAFT_SIDE_PX", 48)
     found = _ask(client, f"{at}/paint", frame=5)
     assert [(header["pass"], header["width"]) for header, _ in found[1:-1]] == [(0, 48), (1, 96)]
 
@@ -308,12 +309,12 @@ def test_a_later_preview_request_cancels_the_earlier_one(
     client: TestClient, at: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     painting, second_arrived = threading.Event(), threading.Event()
-    paint, start = LayerPainter.frame, PreviewService.start
+    paint, start = PreviewFilm.frames, PreviewService.start
 
-    def paint_slowly(self: LayerPainter, number: int, side_px: int) -> Any:
+    def paint_slowly(self: PreviewFilm, *wanted: Any) -> Any:
         painting.set()
         assert second_arrived.wait(60)
-        return paint(self, number, side_px)
+        return paint(self, *wanted)
 
     def start_and_tell(self: PreviewService, query: PreviewQuery, owner: str = "") -> PreviewRun:
         run = start(self, query, owner)
@@ -321,7 +322,7 @@ def test_a_later_preview_request_cancels_the_earlier_one(
             second_arrived.set()
         return run
 
-    monkeypatch.setattr(LayerPainter, "frame", paint_slowly)
+    monkeypatch.setattr(PreviewFilm, "frames", paint_slowly)
     monkeypatch.setattr(PreviewService, "start", start_and_tell)
     answers: dict[int, list[str]] = {}
 
@@ -395,3 +396,6 @@ def test_scribbles_are_spread_to_the_frames_after_them(client: TestClient, at: s
         mask = picture(data)
         assert mask[:, :10].mean() > 200 and mask[:, 80:].mean() < 50
     assert types(_ask(client, f"{at}/spread", frame=1, document=document)) == ["begin", "end"]
+    document["shots"][0]["layers"][0]["scribbles"].append({"frame": 20, "image": "scribble"})
+    more = _ask(client, f"{at}/spread", frame=3, around=2, document=document)
+    assert types(more) == ["begin", "mask", "mask", "mask", "end"], "scribbles of a later frame are left out"

@@ -71,7 +71,7 @@ def frame_png(job: PreviewJob, frames: WarmFrames, blobs: Blobs, check: Check) -
             {name: key for name, key in keys.items() if name not in archives}, documents=ask.documents,
         )  # fmt: skip
         painter = LayerPainter(layer, frames, check, artefacts, archives)
-        return encode_png(painter.frame(max(ask.frame, 0), ask.max_side_px))
+        return encode_png(painter.draft(max(ask.frame, 0), ask.max_side_px))
 
 
 def _refuse_what_has_no_effect(chosen: Method, given: Container[str], replacements: Mapping[str, object]) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 
 from pydantic import JsonValue
 
@@ -12,7 +13,10 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import VideoInfo
 from pipeline.video.contact import fit
+from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.pictures import guarded_raw
+from pipeline.video.headers import sniff
+from pipeline.video.shot_files import ShotFiles
 from workers.blobs.base import Blobs
 from workers.execution.decoders import Decoders, frame_at
 from workers.previews.byte_cache import ByteCache
@@ -79,6 +83,22 @@ class WarmFrames:
         """A drawing as stored, 8 or 16 bit, with alpha. `source`: blob key, or the file's bytes."""
         data = source if isinstance(source, bytes) else self._blobs.get(source)
         return guarded_raw(data, field)
+
+    def archive(self, key: str, field: str, exit_stack: ExitStack) -> Mapping[int, AnyArray]:
+        """The images of an archive by frame, decoded on access until `exit_stack` ends."""
+        found = GuardedImages(exit_stack.enter_context(self._blobs.local(key)), field)
+        exit_stack.callback(found.close)
+        return found
+
+    def entries(self, key: str, exit_stack: ExitStack) -> Mapping[str, bytes]:
+        """The files of an archive by path, read on access until `exit_stack` ends; empty if it is no archive."""
+        path = exit_stack.enter_context(self._blobs.local(key))
+        with path.open("rb") as stream:
+            if sniff(stream) != "application/zip":
+                return {}
+        found = ShotFiles(path)
+        exit_stack.callback(found.close)
+        return found
 
     def document(self, key: str, field: str) -> JsonValue:
         """A JSON file."""

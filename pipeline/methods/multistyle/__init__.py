@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,7 @@ from pipeline.methods.multistyle.plan import (
 )
 from pipeline.methods.multistyle.preview import frame_regions, preview_directions, preview_frame
 from pipeline.methods.multistyle.region_maps import ARTEFACT as REGIONS
+from pipeline.methods.multistyle.scaled_design import names_segments, with_label_maps
 from pipeline.methods.multistyle.session import MultistyleSession
 from pipeline.methods.multistyle.styles import STYLES
 
@@ -101,6 +102,15 @@ class Multistyle(Method):
 
     def preview(self, request: PreviewRequest[MultistyleParams]) -> Frame:
         return preview_frame(request)
+
+    def scaled_inputs(self, inputs: Mapping[str, Any], found: Callable[[], Mapping[str, bytes]]) -> Mapping[str, Any]:
+        """Label maps in place of tubes and objects, whose numbers are those of the video's frames."""
+        given = inputs.get("design") or {}
+        regions = (given.get("regions") or {}).values()
+        if any(region.get("label") is not None for region in regions) or not any(map(names_segments, regions)):
+            return inputs
+        design, maps = with_label_maps(given, found())
+        return {**inputs, "design": design, "masks": maps}
 
     def frame_regions(self, files: Mapping[str, bytes], frame: int) -> FrameRegions | None:
         """Tubes of a frame, and the object of each."""

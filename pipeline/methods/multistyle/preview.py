@@ -84,7 +84,7 @@ def frame_regions(files: Mapping[str, bytes], frame: int) -> FrameRegions | None
     if name not in files:
         return None
     coded = np.asarray(cv2.imdecode(np.frombuffer(files[name], np.uint8), cv2.IMREAD_COLOR), np.int64)
-    return FrameRegions(coded[..., 2] << 16 | coded[..., 1] << 8 | coded[..., 0], _objects(files))
+    return FrameRegions(coded[..., 2] << 16 | coded[..., 1] << 8 | coded[..., 0], object_of_tubes(files))
 
 
 def _found(files: Mapping[str, bytes]) -> FoundRegions:
@@ -97,10 +97,11 @@ def _found(files: Mapping[str, bytes]) -> FoundRegions:
             )  # fmt: skip
         return found.numbers
 
-    return FoundRegions(tubes, _objects(files))
+    return FoundRegions(tubes, object_of_tubes(files))
 
 
-def _objects(files: Mapping[str, bytes]) -> dict[int, int]:
+def object_of_tubes(files: Mapping[str, bytes]) -> dict[int, int]:
+    """Object of each tube, from the entries of the artefact "regions"."""
     return {row["tube"]: row["object"] for row in json.loads(files["regions-list.json"])["tubes"]}
 
 

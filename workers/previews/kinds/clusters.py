@@ -98,10 +98,12 @@ def _for_clusters(chosen: Method, layer: LayerSources) -> LayerSources:
 def _found(
     context: PreviewContext, chosen: Method, layer: LayerSources, video: Sequence[Frame] | FrameSource, start: int
 ) -> Iterator[tuple[int, FrameClusters]]:
-    """(frame, clusters) by the method's plan up to `clusters_step`; `video` begins with frame `start`."""
+    """(frame, clusters) by the method's plan up to `clusters_step`; `video` begins with frame `start`, and drawings of
+    other frames are left out."""
+    stop = start + (len(video) if isinstance(video, Sequence) else video.info.frames)
     inputs: dict[str, Input] = {
         name: {at - start: context.frames.image(source, f"inputs.{name}") for at, source in images.items()
-               if at >= start}
+               if start <= at < stop}
         for name, images in layer.images.items()
     }  # fmt: skip
     params: AnyParams = parse_params(chosen, layer.params)

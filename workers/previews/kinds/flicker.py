@@ -91,7 +91,8 @@ def _painted_pairs(context: PreviewContext, seconds: list[int]) -> Iterator[tupl
     if not seconds:
         return
     previous: Frame | None = None
-    for number, picture in film(context, seconds[0] - 1, seconds[-1] + 1, side):
+    wanted = sorted({at for second in seconds for at in (second - 1, second)})
+    for number, picture in film(context, wanted, side):
         if previous is not None and number in seconds:
             yield number, (previous, picture)
         previous = picture

@@ -1,20 +1,26 @@
-"""Painted frames, the video's own frames, and cards of styles."""
+"""Frames of the film, the video's own frames, and cards of styles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 
 from pipeline.frames import Frame
 from workers.previews.context import PreviewContext
-from workers.previews.kinds.regions import known_artefacts
+from workers.previews.film import PreviewFilm
+from workers.previews.kinds.propagate import carried, key_input
+from workers.previews.kinds.regions import known_artefacts, layer_film
+from workers.previews.memory import Check
 from workers.previews.model import LayerSources, Record
 from workers.previews.painting import LayerPainter, composited
+from workers.previews.streaming import streamed
 
-COARSE_SIDE_PX = 288
-"""Longest side of the first, coarse picture."""
-COARSE_FROM_PX = 480
-"""Least side, px, of a picture that is preceded by a coarse one; a smaller picture takes hardly longer than a coarse
-one."""
+DRAFT_SIDE_PX = 288
+"""Longest side of a draft."""
+DRAFT_FROM_PIXELS = 1_000_000
+"""A film with fewer pixels, over all its frames, is painted hardly later than a draft."""
+TELL_FROM_S, TELL_EVERY_S = 1.0, 0.2
+"""Seconds before the first record of progress, and between two of them."""
 
 
 def source(context: PreviewContext) -> Iterator[Record]:
@@ -27,23 +33,24 @@ def source(context: PreviewContext) -> Iterator[Record]:
 
 
 def paint(context: PreviewContext) -> Iterator[Record]:
-    """Painted frames. A single frame is painted coarsely first, then at the requested size; a crop is painted at full
-    resolution."""
-    if (crop := context.options.get("crop")) is not None:
-        yield _cropped(context, crop)
-        return
+    """Frames of the film at the requested size; of a crop, at full resolution. A single frame that takes long is
+    preceded by a draft, which is not `final`, and by records of progress."""
     start, stop, step = _span(context)
     info = context.frames.info(context.query.layers[0].video)
-    side = min(context.query.side_px, max(info.width, info.height))
-    if stop - start == 1:
-        if context.options.get("coarse", True) and side >= COARSE_FROM_PX:
-            yield context.picture(start, _painted(context, start, COARSE_SIDE_PX), final=False)
-            context.check()
-        yield context.picture(start, _painted(context, start, side), final=True)
-        return
-    for number, picture in film(context, start, stop, side):
-        if (number - start) % step == 0:
+    whole = max(info.width, info.height)
+    side = whole if context.options.get("crop") else min(context.query.side_px, whole)
+    if stop - start > 1:
+        for number, picture in film(context, range(start, stop, step), side):
             yield context.picture(number, picture, final=True)
+        return
+    if context.options.get("coarse", True) and (draft := _draft(context, start, side)) is not None:
+        yield draft
+        context.check()
+
+    def work(put: Callable[[Record], None], check: Check) -> None:
+        _paint_one(context, start, side, put, check)
+
+    yield from streamed(work, context.check)
 
 
 def styles(context: PreviewContext) -> Iterator[Record]:
@@ -51,7 +58,7 @@ def styles(context: PreviewContext) -> Iterator[Record]:
     number, side = context.options["frame"], context.query.side_px
     for card, layer in context.options["cards"]:
         context.check()
-        painted = LayerPainter(layer, context.frames, context.check).frame(number, side)
+        painted = LayerPainter(layer, context.frames, context.check).draft(number, side)
         yield context.picture(number, painted, final=True, card=card)
 
 
@@ -64,40 +71,78 @@ def _span(context: PreviewContext) -> tuple[int, int, int]:
     return min(frames[0], total - 1), min(frames[1], total), context.options.get("step", 1)
 
 
-def _painted(context: PreviewContext, number: int, side_px: int) -> Frame:
+def _films(context: PreviewContext, side_px: int) -> list[PreviewFilm]:
+    return [layer_film(context, layer, side_px) for layer in context.query.layers]
+
+
+def film(context: PreviewContext, numbers: Sequence[int], side_px: int) -> Iterator[tuple[int, Frame]]:
+    """Frames of the film in order, each with its number."""
     layers = context.query.layers
-    painted = [_layer(context, layer, number, side_px) for layer in layers]
-    return composited(painted, layers, context.frames, number, side_px)
-
-
-def _layer(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame:
-    artefacts = known_artefacts(context, layer)
-    key = ("painted", layer.digest, number, side_px, tuple(artefacts))
-    return context.cache.get(
-        key,
-        lambda: LayerPainter(layer, context.frames, context.check, artefacts).frame(number, side_px),
-        lambda frame: frame.nbytes,
-    ).copy()
-
-
-def film(context: PreviewContext, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
-    """Painted frames [start, stop) in order, each with its number."""
-    layers = context.query.layers
-    films = [LayerPainter(layer, context.frames, context.check).frames(start, stop, side_px) for layer in layers]
+    films = [one.frames(numbers, context.check) for one in _films(context, side_px)]
     for painted in zip(*films, strict=False):
         number = painted[0][0]
         yield number, composited([picture for _, picture in painted], layers, context.frames, number, side_px)
 
 
-def _cropped(context: PreviewContext, crop: tuple[int, int, int, int]) -> Record:
-    """A piece of the frame as it will be in the film. The whole frame is painted, once, because the size of strokes
-    depends on the height of the picture."""
+def _paint_one(context: PreviewContext, number: int, side_px: int, put: Callable[[Record], None], check: Check) -> None:
+    """Hand over a frame of the film as soon as it is painted; the tasks that paint it are then finished."""
+    *below, last = _films(context, side_px)
+    told, sent = _Told(put), False
+    pictures = [picture for one in below for _, picture in one.frames([number], check, told)]
+
+    def send(at: int, picture: Frame) -> None:
+        nonlocal sent
+        if at == number and not sent:
+            sent = True
+            whole = composited([*pictures, picture], context.query.layers, context.frames, number, side_px)
+            put(_picture(context, number, whole, final=True))
+
+    for _, picture in last.frames([number], check, told, send):
+        send(number, picture)
+
+
+class _Told:
+    """Hands over records of progress, not too many."""
+
+    def __init__(self, put: Callable[[Record], None]) -> None:
+        self._put, self._next = put, time.monotonic() + TELL_FROM_S
+
+    def __call__(self, note: str, done: float) -> None:
+        if (now := time.monotonic()) >= self._next:
+            self._next = now + TELL_EVERY_S
+            self._put(Record({"type": "progress", "done": round(done, 3), "note": note}))
+
+
+def _draft(context: PreviewContext, number: int, side_px: int) -> Record | None:
+    """A draft of the frame; None if the frame is painted already or soon, or if there is no honest draft."""
+    layers = context.query.layers
+    films = _films(context, side_px)
+    missing = [one for one in films if one.peek(number) is None]
+    if sum(one.pixels for one in missing) < DRAFT_FROM_PIXELS:
+        return None
+    side = side_px if context.options.get("crop") else min(DRAFT_SIDE_PX, side_px)
+    painted = [_layer_draft(context, layer, number, side) for layer in layers]
+    if any(picture is None for picture in painted):
+        return None
+    found = [picture for picture in painted if picture is not None]
+    return _picture(context, number, composited(found, layers, context.frames, number, side), final=False)
+
+
+def _layer_draft(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame | None:
+    if key_input(layer) in layer.images:
+        return carried(context, layer, number, side_px)
+    artefacts = known_artefacts(context, layer)
+    return context.cache.get(
+        ("draft", layer.digest, number, side_px, tuple(artefacts)),
+        lambda: LayerPainter(layer, context.frames, context.check, artefacts).draft(number, side_px),
+        lambda frame: frame.nbytes,
+    ).copy()
+
+
+def _picture(context: PreviewContext, number: int, picture: Frame, *, final: bool) -> Record:
+    """The picture, or the crop of it that was asked for."""
+    if (crop := context.options.get("crop")) is None:
+        return context.picture(number, picture, final=final)
     x, y, width, height = crop
-    number, _, _ = _span(context)
-    info = context.frames.info(context.query.layers[0].video)
-    whole = _painted(context, number, max(info.width, info.height))
-    piece = whole[y : y + height, x : x + width]
-    return context.picture(number, piece.copy(), final=True, scale=1.0, crop=list(crop))
-
-
-__all__ = ["film", "paint", "source", "styles"]
+    piece = picture[y : y + height, x : x + width].copy()
+    return context.picture(number, piece, final=final, scale=1.0, crop=list(crop))

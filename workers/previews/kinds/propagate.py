@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Generator, Iterator
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,14 +12,20 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, Cancelled
+from pipeline.frames import Frame
 from pipeline.methods import method
 from workers.previews.context import PreviewContext
+from workers.previews.inputs import resized
+from workers.previews.kinds.regions import layer_film
 from workers.previews.model import LayerSources, Overtaken, Record
-from workers.previews.painting import KEYS, LayerPainter, resized
 from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propagator_of
 
 _LOG = logging.getLogger(__name__)
 
+DRAFT_REACH_FRAMES = 12
+"""Maximum distance, in frames, of a painted key that is carried to a frame for a draft of it."""
+KEYS = "keys.image"
+"""Name of the layer part with painted keys."""
 MASKS = "keys.mask"
 """Name of the layer part with the masks of painted keys."""
 
@@ -57,7 +64,7 @@ def _propagated(context: PreviewContext, layer: LayerSources, name: str, side_px
     with propagator_of(context, layer, side_px) as propagator:
         if propagator is None:
             return False
-        image = _key_image(context, layer, name, side_px)
+        image = _key_image(context, layer, name, side_px, key)
         if image is None:
             propagator.prepare(key, around)
             return True
@@ -76,9 +83,10 @@ def _span(context: PreviewContext, layer: LayerSources, name: str) -> tuple[int,
     return max(key - start, stop - 1 - key), range(start, stop)
 
 
-def _key_image(context: PreviewContext, layer: LayerSources, name: str, side_px: int) -> NDArray[np.uint8] | None:
+def _key_image(
+    context: PreviewContext, layer: LayerSources, name: str, side_px: int, key: int
+) -> NDArray[np.uint8] | None:
     """The painted key, uint8 RGB or RGBA of the proxy frames' size; None if nothing is painted on that frame."""
-    key = context.options["key"]
     source = context.options.get("image") or layer.images.get(name, {}).get(key)
     if source is None:
         return None
@@ -128,13 +136,39 @@ def _plane(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _planned(context: PreviewContext, layer: LayerSources, name: str) -> Iterator[Record]:
-    """The frames by the method's plan over them."""
+    """The frames of the film with the key as it is now, nearest first."""
     key, around, image = context.options["key"], context.options["around"], context.options.get("image")
-    start, stop = max(0, key - around), min(context.frames.info(layer.video).frames, key + around + 1)
-    given = {} if image is None else {name: {key: context.frames.image(image, "image")}}
-    found = dict(LayerPainter(layer, context.frames, context.check).planned(start, stop, context.query.side_px, given))
-    for number in sorted(found, key=lambda frame: (abs(frame - key), frame)):
-        yield context.picture(number, found[number], final=True)
+    keys = {**layer.images.get(name, {}), **({} if image is None else {key: image})}
+    edited = replace(layer, images={**layer.images, name: keys})
+    film = layer_film(context, edited, context.query.side_px)
+    span = range(max(0, key - around), min(context.frames.info(layer.video).frames, key + around + 1))
+    for number, picture in film.frames(sorted(span, key=lambda frame: (abs(frame - key), frame)), context.check):
+        yield context.picture(number, picture, final=True)
+
+
+def carried(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame | None:
+    """A draft of a frame: the nearest painted key, carried to it along the motion; None if no key is within
+    `DRAFT_REACH_FRAMES`, or if the method has no propagator."""
+    name = key_input(layer)
+    keys = layer.images.get(name or "", {})
+    key = min(keys, key=lambda frame: (abs(frame - number), frame), default=number)
+    if name is None or abs(key - number) > DRAFT_REACH_FRAMES:
+        return None
+    side_px = min(side_px, PROXY_SIDE_PX)
+    with propagator_of(context, layer, side_px) as propagator:
+        image = _key_image(context, layer, name, side_px, key)
+        if propagator is None or image is None:
+            return None
+        for at, picture in propagator.repaint(key, image, abs(key - number)):
+            context.check()
+            if at == number:
+                return picture
+    return None
+
+
+def key_input(layer: LayerSources) -> str:
+    """Name of the input that is made of painted keys; empty if the method has none."""
+    return _input(layer, KEYS) or ""
 
 
 def _input(layer: LayerSources, part: str) -> str | None:

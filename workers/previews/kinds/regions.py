@@ -20,6 +20,7 @@ from pipeline.methods import method, methods
 from pipeline.methods.base import VideoInfo
 from pipeline.methods.local import iterate_plan
 from workers.previews.context import PreviewContext
+from workers.previews.film import PreviewFilm
 from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
 
@@ -32,6 +33,24 @@ def known_artefacts(context: PreviewContext, layer: LayerSources) -> dict[str, F
     """Cached artefacts of the layer's video."""
     found = {name: context.cache.peek(_key(layer, name)) for name in method(layer.method).artefacts}
     return {name: files for name, files in found.items() if files is not None}
+
+
+def layer_film(context: PreviewContext, layer: LayerSources, side_px: int) -> PreviewFilm:
+    """The film of a layer at the size of a preview."""
+    return PreviewFilm(layer, context.frames, context.cache, side_px, lambda: _files(context, layer))
+
+
+def _files(context: PreviewContext, layer: LayerSources) -> Files:
+    """Entries of the method's `regions_artefact`; computed if they are not cached."""
+    artefact = method(layer.method).regions_artefact
+    files: Files | None = context.cache.peek(_key(layer, artefact))
+    if files is None:
+        made: dict[str, bytes] = {}
+        for _ in _made(context, layer, artefact, made):
+            context.check()
+        files = made
+        context.cache.put(_key(layer, artefact), made, sum(map(len, made.values())))
+    return files
 
 
 def regions(context: PreviewContext) -> Iterator[Record]:

@@ -89,7 +89,7 @@ function ClusterTools({ store, clusters, solve }: ClustersProps) {
       </div>
       {shown && map?.frame === store.frame.value && <LabelList store={store} clusters={clusters} />}
       {clusters.correction(store.frame.value) && <Interval store={store} clusters={clusters} />}
-      {corrections.length > 0 && clusters.film.value && (
+      {corrections.length > 0 && (
         <button type="button" class="button" onClick={solve}>
           <Icon name="retry" />
           Solve {again} {again === 1 ? "frame" : "frames"} again

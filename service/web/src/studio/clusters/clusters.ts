@@ -67,8 +67,11 @@ export class Clusters {
       basis.value;
       this.forget();
     });
-    this.disposers = [show, forget];
-    if (store.offers("clusters", store.layer.peek())) this.find();
+    const follow = effect(() => {
+      store.film.value; // a film that has just ended
+      if (store.offers("clusters", store.layer.peek())) this.find();
+    });
+    this.disposers = [show, forget, follow];
   }
 
   close(): void {

@@ -45,6 +45,10 @@ export function createLabelTool(store: Store, clusters: Clusters, redraw: () => 
       path = [];
       redraw();
     },
+    cancel() {
+      path = [];
+      redraw();
+    },
     hover(sample) {
       at = sample;
       redraw();

@@ -8,7 +8,7 @@ import { watchJob } from "../../jobs/watch-job";
 import { announce } from "../../ui/notices";
 import { checkProject, projectJobs, submitProject } from "../document/api";
 import { type FilmSource, openFilm } from "../previews/frames";
-import type { Store } from "../state/store";
+import { PAINTED_VIEWS, type Store } from "../state/store";
 
 /** The frame of a film that becomes a key. */
 export interface FilmFrame {
@@ -47,7 +47,9 @@ export class Films {
   ) {
     this.dispose = effect(() => {
       const film = store.film.value;
-      if (!film || this.newest.value || store.stageView.value !== "film") this.closeSource();
+      const view = store.stageView.value;
+      const shown = view === "film" || (store.playing.value && PAINTED_VIEWS.includes(view));
+      if (!film || !shown || (view === "film" && this.newest.value)) this.closeSource();
       else this.open(film).seek(store.frame.value - firstOf(film));
     });
   }
@@ -102,6 +104,16 @@ export class Films {
   get shown(): number {
     const film = this.store.film.value;
     return film && this.picture() ? (this.source?.frames.shown ?? -1) + firstOf(film) : -1;
+  }
+
+  /** What the stage shows at the present frame in a view of paintings; while one plays, the newest film's frame, too. */
+  painting(): { picture: CanvasImageSource; from: "preview" | "film" } | null {
+    const { store } = this;
+    const present = store.presentResult(store.frame.value);
+    const film = store.playing.value && !present ? this.picture() : null;
+    if (film) return { picture: film, from: "film" };
+    const result = present ?? store.results.value.get(store.frame.value);
+    return result ? { picture: result.picture, from: "preview" } : null;
   }
 
   /** Let the browser play the film from the present frame on; null: it cannot, or the stage does not show the film. */

@@ -84,7 +84,11 @@ export function Filmstrip({ store, playback, cuts, lane }: FilmstripProps) {
         aria-valuemax={frames}
         aria-valuenow={store.frame.value + 1}
         aria-valuetext={`Frame ${store.frame.value + 1} of ${frames}${shotText(store)}`}
+        onDragStart={(event) => event.preventDefault()}
         onPointerDown={(event) => {
+          if (event.button !== 0) return;
+          event.preventDefault(); // no selection: the next drag would move it instead of the playhead
+          event.currentTarget.focus({ preventScroll: true });
           playback.stop();
           event.currentTarget.setPointerCapture(event.pointerId);
           scrub(event);

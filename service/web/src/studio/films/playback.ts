@@ -23,8 +23,10 @@ export function createPlayback(store: Store, films: Films): Playback {
 
   function run(next: number): void {
     film?.stop();
-    film = next === 1 ? films.play() : null;
+    film = null;
     speed.value = next;
+    store.playing.value = next !== 0;
+    if (next === 1) film = films.play();
     cancelAnimationFrame(pending);
     began = performance.now();
     from = store.frame.value;
@@ -32,6 +34,7 @@ export function createPlayback(store: Store, films: Films): Playback {
   }
 
   function tick(now: number): void {
+    if (speed.value === 1) film ??= films.play(); // it may have to be loaded first
     const frame = film?.frame() ?? from + Math.trunc(((now - began) / 1000) * store.fps * speed.value);
     store.goTo(frame);
     const last = film?.last ?? store.frames - 1;

@@ -72,15 +72,17 @@ export class PaintedKeys {
   }
 
   /**
-   * Open a frame for painting: its key's layers, or a new picture over the video's frame.
+   * Open a frame: its key's layers, or a new picture over the video's frame; with `look`, over the painting of the frame
+   * that the stage shows, so that the first stroke does not take it away.
    *
    * `wanted`: false once no caller waits for the key; an AbortError is then thrown, and loading ends.
    */
-  async open(frame: number, wanted?: () => boolean): Promise<KeyPicture> {
+  async open(frame: number, wanted?: () => boolean, look = false): Promise<KeyPicture> {
     const known = this.picture(frame);
     const layer = this.store.layer.value.id;
     const stored = this.store.offers("scribbles") ? this.readScribble(frame) : this.read(layer, frame);
-    const picture = known ?? (await stored) ?? this.blank(layer, frame);
+    const picture =
+      known ?? (await stored) ?? ((look && (await this.overLook(layer, frame))) || this.blank(layer, frame));
     await this.bases.load(picture, wanted);
     if (!known && this.isStored(frame)) this.uploaded.add(picture);
     return picture;
@@ -89,6 +91,31 @@ export class PaintedKeys {
   private isStored(frame: number): boolean {
     const { keys = [], scribbles = [] } = this.store.layer.value;
     return [...keys, ...scribbles].some((entry) => entry.frame === frame);
+  }
+
+  /** A new picture over the painting of the frame that the stage shows; null: it shows none. */
+  private async overLook(layer: string, frame: number): Promise<KeyPicture | null> {
+    const { store } = this;
+    const shown = store.results.peek().get(frame);
+    const own = (shown?.layer ?? layer) === layer && (shown?.layer || store.shot.peek().layers.length === 1);
+    const present = shown?.final && own && shown.document === store.document.peek();
+    if (!present || store.offers("scribbles") || store.stageView.peek() === "source") return null;
+    const [canvas, context] = createCanvas(store.size);
+    context.imageSmoothingQuality = "high";
+    context.drawImage(shown.picture, 0, 0, canvas.width, canvas.height);
+    try {
+      return await this.over(frame, await pngOf(canvas));
+    } catch (error) {
+      if (isPassing(api.asProblem(error))) return null; // without the service: over the video's frame
+      throw error;
+    }
+  }
+
+  /** A new picture over a painted frame. */
+  private async over(frame: number, painted: Blob): Promise<KeyPicture> {
+    const asset = await upload(new File([painted], `frame-${frame}.png`, { type: "image/png" }));
+    this.raster.setBase(asset.id, await createImageBitmap(painted));
+    return { layers: [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)] };
   }
 
   private blank(layer: string, frame: number): KeyPicture {
@@ -192,10 +219,7 @@ export class PaintedKeys {
 
   /** Make a painted frame the lowest layer of a key of a layer of the shot, to be corrected by hand. */
   async correct(frame: number, painted: Blob, layer: string): Promise<void> {
-    const asset = await upload(new File([painted], `frame-${frame}.png`, { type: "image/png" }));
-    this.raster.setBase(asset.id, await createImageBitmap(painted));
-    const layers = [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)];
-    this.edit("Correct a frame", frame, { layers }, layer);
+    this.edit("Correct a frame", frame, await this.over(frame, painted), layer);
   }
 
   remove(frame: number): void {

@@ -53,7 +53,8 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   async function prepare(frame: number): Promise<void> {
     const layer = store.layerId.value;
     try {
-      const picture = await keys.open(frame, () => store.frame.peek() === frame && store.layerId.peek() === layer);
+      const wanted = () => store.frame.peek() === frame && store.layerId.peek() === layer;
+      const picture = await keys.open(frame, wanted, true);
       if (store.frame.value === frame && store.layerId.value === layer) open = { frame, layer, picture };
       redraw();
     } catch (error) {
@@ -85,7 +86,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     if (picture) on(picture);
     else
       keys
-        .open(frame)
+        .open(frame, undefined, true)
         .then((opened) => {
           if (store.frame.value === frame && store.layerId.value === shot) on(present() ?? opened);
         })
@@ -134,6 +135,12 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     redraw();
   }
 
+  function cancel(): void {
+    clearInterval(keeping);
+    live = undefined;
+    redraw();
+  }
+
   function commit(label: string, picture: KeyPicture, layer: string, stroke: Stroke): void {
     keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
   }
@@ -164,6 +171,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     down,
     move,
     up,
+    cancel,
     settle: () => live && up(),
     unfinished() {
       const picture = live && present();

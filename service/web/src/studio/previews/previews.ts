@@ -1,6 +1,6 @@
 /** Previews of the shown frame, requested when document and frame have not changed for a while, and shown coarse first. */
 
-import { effect } from "@preact/signals";
+import { computed, effect } from "@preact/signals";
 import * as api from "../../api/api";
 import { hasPreviews, pictureOf, preview } from "../document/api";
 import { type Layer, type ProjectDocument, shownAlone } from "../document/document";
@@ -15,11 +15,13 @@ const BUSY_MS = 1200;
 /** A frame near a painted key that has been looked at for so long is painted at full size. */
 const FULL_REST_MS = 800;
 const NEAR_FRAMES = 3;
-const PAINTING = "Painting this frame…";
-const ENLARGING = "Painting this frame at full size…";
+const PAINTING = "Painting this frame as in the film";
+const DRAFT = "A draft of this frame alone; painting it as in the film";
+const ENLARGING = "Painting this frame at full size";
+const texts = [PAINTING, DRAFT, ENLARGING];
 
 export interface Previews {
-  /** A frame as the film will have it, painted at the video's size; PNG. Keys further than a dozen frames do not count. */
+  /** A frame of the film, painted at the video's size; PNG. */
   full(frame: number): Promise<Blob>;
   /** Find frames that are worth a key. */
   suggest(): Promise<void>;
@@ -40,6 +42,11 @@ export function startPreviews(store: Store): Previews {
     schedule();
   });
 
+  const methods = computed(() => methodsShown(store));
+  const forget = effect(() => {
+    methods.value;
+    store.results.value = new Map(); // pictures of another method
+  });
   const dispose = effect(schedule);
 
   function schedule(): void {
@@ -52,18 +59,18 @@ export function startPreviews(store: Store): Previews {
     const known = store.results.peek().get(frame);
     const done = known?.final && known.document === document && known.layer === layer;
     // With a brush, the stage shows the key itself.
-    if (painting || done) notBusy(PAINTING);
+    if (painting || done) notBusy();
     else if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
   }
 
-  function notBusy(what: string): void {
-    if (store.busy.peek() === what) store.busy.value = "";
+  function notBusy(): void {
+    if (texts.some((text) => store.busy.peek().startsWith(text))) store.busy.value = "";
   }
 
   async function paint(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
     running = new AbortController();
     const { signal } = running;
-    store.busy.value = PAINTING;
+    store.busy.value = `${PAINTING}…`;
     try {
       if (store.previews.value) await stream(document, frame, layer, signal);
       else await single(document, frame, signal);
@@ -75,7 +82,10 @@ export function startPreviews(store: Store): Previews {
       const problem = api.asProblem(error);
       if (problem.status === 503) {
         timer = window.setTimeout(() => paint(document, frame, layer), BUSY_MS);
-      } else store.problem.value = [problem.message, problem.remedy].filter(Boolean).join(" ");
+      } else {
+        store.problem.value = [problem.message, problem.remedy].filter(Boolean).join(" ");
+        store.dropResult(frame);
+      }
     } finally {
       if (!signal.aborted) store.busy.value = "";
     }
@@ -111,6 +121,7 @@ export function startPreviews(store: Store): Previews {
   ): Promise<void> {
     const body = { document, shot: store.shot.peek().id, layer, frame, coarse: slow, max_side_px: SIDE_PX };
     let coarseMs = 0;
+    let doing = PAINTING;
     const shown: Promise<void>[] = [];
     const show = async (header: FrameHeader, record: PreviewRecord) => {
       const picture = await pictureOf(record);
@@ -125,9 +136,16 @@ export function startPreviews(store: Store): Previews {
       signal,
       onrecord(record) {
         const { header } = record;
+        if (header.type === "progress") store.busy.value = progressText(doing, header);
         if (header.type !== "frame") return;
-        if (header.final) slow = header.ms - coarseMs > SOON_MS;
-        else coarseMs = header.ms;
+        if (header.final) {
+          slow = header.ms - coarseMs > SOON_MS;
+          notBusy();
+        } else {
+          coarseMs = header.ms;
+          doing = DRAFT;
+          store.busy.value = `${DRAFT}…`;
+        }
         shown.push(show(header, record));
       },
     });
@@ -148,7 +166,7 @@ export function startPreviews(store: Store): Previews {
     const layer = shownAlone(store.shot.value, store.layerId.value);
     const place = { document: store.document.value, shot: store.shot.value.id, layer };
     let found: Blob | null = null;
-    store.busy.value = ENLARGING;
+    store.busy.value = `${ENLARGING}…`;
     await preview({
       project: store.projectId,
       what: "paint",
@@ -156,9 +174,10 @@ export function startPreviews(store: Store): Previews {
       body: { ...place, frame, coarse: false, max_side_px: Math.max(width, height) },
       signal,
       onrecord({ header, payload }) {
+        if (header.type === "progress") store.busy.value = progressText(ENLARGING, header);
         if (header.type === "frame" && header.final) found = new Blob([payload], { type: header.media_type });
       },
-    }).finally(() => notBusy(ENLARGING));
+    }).finally(notBusy);
     if (!found) throw new api.Problem({ detail: "The frame could not be painted.", remedy: "Try it again." });
     return found;
   }
@@ -172,7 +191,7 @@ export function startPreviews(store: Store): Previews {
       body: place,
       signal: life.signal,
       onrecord({ header }) {
-        if (header.type === "progress") store.busy.value = `${header.note}, ${Math.round(100 * header.done)} %`;
+        if (header.type === "progress") store.busy.value = shareText(header);
         if (header.type === "keys") store.suggested.value = header.frames;
       },
     }).finally(() => {
@@ -185,11 +204,23 @@ export function startPreviews(store: Store): Previews {
     suggest,
     close() {
       dispose();
+      forget();
       clearTimeout(timer);
       running.abort();
       life.abort();
     },
   };
+}
+
+type Progress = { note: string; done: number };
+const shareText = ({ note, done }: Progress): string => `${note}, ${Math.round(100 * done)} %`;
+const progressText = (doing: string, header: Progress): string => `${doing}: ${shareText(header)}`;
+
+/** What the stage shows, without parameters: the selected layer alone or all visible ones, and their methods. */
+function methodsShown(store: Store): string {
+  const alone = shownAlone(store.shot.value, store.layerId.value);
+  const layers = store.shot.value.layers.filter((layer) => (alone ? layer.id === alone : layer.visible !== false));
+  return layers.map((layer) => `${layer.id} ${layer.method}`).join();
 }
 
 function plainRequest(document: ProjectDocument, video: string, layer: Layer): Omit<api.JobBody, "output" | "name"> {

@@ -283,6 +283,10 @@ export function createLassoTool(store: Store, redraw: () => void): StageTool {
       redraw();
     },
     up,
+    cancel() {
+      points = [];
+      redraw();
+    },
     draw(context, px) {
       if (points.length > 1) drawOutline(context, points, px);
     },

@@ -192,7 +192,11 @@ function StyleKeys({ store }: { store: Store }) {
   const exact = key?.frame === store.frame.value;
   const edit = (label: string, change: Partial<StyleKey>, group = "") => {
     const next: StyleKey = { ...key, ...change, region, frame: store.frame.value };
-    store.editLayer(label, (layer) => ({ ...layer, style_keys: putOnTrack(layer.style_keys, next) }), group);
+    store.editLayer(
+      label,
+      (layer) => ({ ...layer, style_keys: withOthers(layer, putOnTrack(layer.style_keys, next)) }),
+      group,
+    );
   };
   const drop = () =>
     store.editLayer("Remove a style key", (layer) => ({
@@ -256,6 +260,13 @@ function StyleKeys({ store }: { store: Store }) {
       )}
     </section>
   );
+}
+
+/** Style keys with one of the layer's own style for each region that has none: without keys, it would take those of the
+ * others. */
+function withOthers(layer: Layer, keys: StyleKey[]): StyleKey[] {
+  const bare = regionNames(layer).filter((name) => !keys.some((key) => key.region === name));
+  return bare.reduce<StyleKey[]>((all, region) => putOnTrack(all, { region, frame: 0 }), keys);
 }
 
 function changed(key: StyleKey, name: string, value: number | undefined): StyleKey["set"] {

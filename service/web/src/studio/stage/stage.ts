@@ -13,6 +13,8 @@ import type { PointerSample, StageTool } from "../state/tool";
 
 const WHEEL_ZOOM = 1.0015;
 const GRAB_PX = 22;
+/** A finger that moves less than this taps. */
+const TAP_PX = 6;
 /** Opacity of the painting over the frame in the view "onion". */
 const ONION_ALPHA = 0.5;
 
@@ -42,7 +44,13 @@ export function mountStage(
   const context = canvas.getContext("2d");
   const pointers = new Map<number, [number, number]>();
   let pending = 0;
-  let mode: "tool" | "pan" | "wipe" | null = null;
+  /** "held": a finger that may become the first of two; the tool gets it once it moves or is lifted. */
+  let mode: "tool" | "pan" | "wipe" | "held" | null = null;
+  let held: PointerEvent | null = null;
+  /** The pen that is down; while it is, fingers and the palm are ignored. */
+  let pen: number | null = null;
+  /** Once somebody draws with a pen, fingers move the view only. */
+  let penUsed = false;
   let fitted = true;
 
   const painting = () => PAINT_TOOLS.includes(store.tool.value);
@@ -86,7 +94,7 @@ export function mountStage(
     if (!key || !keys.raster.covers(key.picture)) drawSource();
     if (newest) drawWhole(newest);
     else if (store.compared.value) drawCompared(store.compared.value);
-    else if (painting()) drawKey(key);
+    else if (painting() && key) drawKey(key);
     else if (store.stageView.value === "film") drawFilm();
     else drawPainted();
     const px = 1 / scale;
@@ -99,6 +107,7 @@ export function mountStage(
     canvas.dataset.exact = String(frames.shown === store.frame.value);
     canvas.dataset.compared = store.compared.value ? "variants" : "";
     canvas.dataset.film = String(store.stageView.value === "film" && !painting() ? films.shown : "");
+    canvas.dataset.painting = films.painting()?.from ?? "none";
     canvas.dataset.result = store.results.value.get(store.frame.value)?.final ? "final" : "";
   }
 
@@ -123,9 +132,9 @@ export function mountStage(
   }
 
   function drawPainted(): void {
-    const result = store.results.value.get(store.frame.value);
+    const shown = films.painting();
     const view = store.stageView.value;
-    if (!result || view === "source" || !context) return;
+    if (!shown || view === "source" || !context) return;
     const { width, height } = store.size;
     const from = view === "compare" ? store.split.value * width : 0;
     context.save();
@@ -133,7 +142,7 @@ export function mountStage(
     context.beginPath();
     context.rect(from, 0, width - from, height);
     context.clip();
-    context.drawImage(result.picture, 0, 0, width, height);
+    context.drawImage(shown.picture, 0, 0, width, height);
     context.restore();
     if (view === "compare") drawDivider(context, from, height);
   }
@@ -197,16 +206,38 @@ export function mountStage(
   }
 
   function pointerDown(event: PointerEvent): void {
+    event.preventDefault();
+    if (event.button > 1 || (pen !== null && event.pointerId !== pen)) return;
+    if (event.pointerType === "pen") putDownPen(event);
     canvas.setPointerCapture(event.pointerId);
     canvas.focus({ preventScroll: true });
     pointers.set(event.pointerId, local(event));
-    event.preventDefault();
+    const finger = event.pointerType === "touch";
     if (pointers.size > 1) {
-      if (mode === "tool") tool()?.up();
+      if (mode === "tool") cancelTool();
       mode = "pan";
-    } else if (event.button === 1) mode = "pan";
+    } else if (event.button === 1 || (finger && penUsed)) mode = "pan";
     else if (onDivider(local(event)) && (store.compared.value || store.tool.value === "pan")) mode = "wipe";
-    else mode = tool()?.down(sample(event)) ? "tool" : "pan";
+    else if (finger) [mode, held] = ["held", event];
+    else press(event);
+  }
+
+  function putDownPen(event: PointerEvent): void {
+    if (mode === "tool") cancelTool();
+    pointers.clear();
+    pen = event.pointerId;
+    penUsed = true;
+  }
+
+  function press(event: PointerEvent): void {
+    mode = tool()?.down(sample(event)) ? "tool" : "pan";
+  }
+
+  /** End the tool's action without an effect, where the tool can. */
+  function cancelTool(): void {
+    const used = tool();
+    if (used?.cancel) used.cancel();
+    else used?.up();
   }
 
   function pointerMove(event: PointerEvent): void {
@@ -218,6 +249,11 @@ export function mountStage(
       return;
     }
     const now = local(event);
+    if (mode === "held" && held) {
+      const [x, y] = local(held);
+      if (Math.hypot(now[0] - x, now[1] - y) < TAP_PX) return;
+      press(held);
+    }
     if (mode === "tool") tool()?.move(coalesced(event));
     else if (mode === "wipe")
       store.split.value = Math.min(1, Math.max(0, toPicture(store.view.value, now)[0] / store.size.width));
@@ -244,9 +280,20 @@ export function mountStage(
   }
 
   function pointerUp(event: PointerEvent): void {
-    pointers.delete(event.pointerId);
+    if (event.pointerId === pen) pen = null;
+    if (!pointers.delete(event.pointerId)) return;
+    if (mode === "held" && held) press(held);
     if (mode === "tool") tool()?.up();
     if (!pointers.size) mode = null;
+  }
+
+  /** The browser took the pointer: a finger leaves nothing, a pen's stroke is kept. */
+  function pointerCancel(event: PointerEvent): void {
+    if (event.pointerType === "touch" && pointers.has(event.pointerId)) {
+      if (mode === "tool") cancelTool();
+      mode = "pan";
+    }
+    pointerUp(event);
   }
 
   function wheel(event: WheelEvent): void {
@@ -257,14 +304,15 @@ export function mountStage(
   canvas.addEventListener("pointerdown", pointerDown);
   canvas.addEventListener("pointermove", pointerMove);
   canvas.addEventListener("pointerup", pointerUp);
-  canvas.addEventListener("pointercancel", pointerUp);
+  canvas.addEventListener("pointercancel", pointerCancel);
   canvas.addEventListener("pointerleave", () => tool()?.hover?.(null));
   canvas.addEventListener("wheel", wheel, { passive: false });
   const observer = new ResizeObserver(resize);
   observer.observe(canvas);
   const stop = effect(() => {
-    const { view, stageView, split, results, compared, history, frame, tool: chosen, region, layerId } = store;
-    for (const each of [view, stageView, split, results, compared, history, frame, chosen, region, layerId]) each.value;
+    const { view, stageView, split, results, compared, history, frame, tool: chosen, region, layerId, playing } = store;
+    const seen = [view, stageView, split, results, compared, history, frame, chosen, region, layerId, playing];
+    for (const each of seen) each.value;
     redraw();
   });
 

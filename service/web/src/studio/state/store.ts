@@ -46,6 +46,7 @@ export interface Result {
   picture: ImageBitmap;
   /** Size of the preview relative to the video. */
   scale: number;
+  /** Whether it is the film's picture; else it is a draft. */
   final: boolean;
   /** The document that it shows; a newer one makes it old. */
   document: ProjectDocument;
@@ -55,6 +56,9 @@ export interface Result {
 
 /** "onion": the painting, half transparent, over the frame; "flicker": where it flickers; "film": the newest film. */
 export type StageView = "source" | "compare" | "onion" | "painted" | "flicker" | "film";
+
+/** Views of paintings, which show the video where there is none. */
+export const PAINTED_VIEWS: readonly StageView[] = ["compare", "onion", "painted"];
 
 export interface Brush {
   color: string;
@@ -77,6 +81,8 @@ export class Store {
   readonly brush = signal<Brush>({ color: "#b43c25", size: 24, opacity: 1 });
   readonly paintLayer = signal("paint");
   readonly view = signal<View>({ scale: 1, x: 0, y: 0 });
+  /** Whether the playhead moves by itself. */
+  readonly playing = signal(false);
   readonly stageView = signal<StageView>("compare");
   /** Where the wipe divides the picture, 0..1. */
   readonly split = signal(0.5);
@@ -180,6 +186,18 @@ export class Store {
 
   redo(): void {
     this.history.value = redo(this.history.value);
+  }
+
+  /** The painting of a frame, if it is the film's picture with the present document. */
+  presentResult(frame: number): Result | undefined {
+    const result = this.results.value.get(frame);
+    return result?.final && result.document === this.document.value ? result : undefined;
+  }
+
+  /** Forget the painting of a frame: it cannot be painted now. */
+  dropResult(frame: number): void {
+    const results = new Map(this.results.value);
+    if (results.delete(frame)) this.results.value = results;
   }
 
   /** Show a painted frame; older ones of the same frame are replaced, and at most `most` are kept. */

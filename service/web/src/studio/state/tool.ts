@@ -17,6 +17,8 @@ export interface StageTool {
   /** The pointer moved while pressed: all samples since the last call, in order. */
   move(samples: readonly PointerSample[]): void;
   up(): void;
+  /** End the action under the pointer without an effect: it was the first finger of two. Without it, `up` is called. */
+  cancel?(): void;
   /** The pointer moved without being pressed; null: it left the stage. */
   hover?(sample: PointerSample | null): void;
   /** Draw over the picture; the context is in pixels of the video, `px` is one CSS pixel in those. */

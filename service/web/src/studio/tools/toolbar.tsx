@@ -7,7 +7,7 @@ import type { Clusters } from "../clusters/clusters";
 import { type Films, filmHas } from "../films/films";
 import { regionsState } from "../regions/region-tool";
 import type { Stage } from "../stage/stage";
-import { PAINT_TOOLS, type StageView, type Store, type Tool } from "../state/store";
+import { PAINT_TOOLS, PAINTED_VIEWS, type Result, type StageView, type Store, type Tool } from "../state/store";
 
 const TOOLS: Record<Tool, { icon: IconName; label: string; keys: string }> = {
   pan: { icon: "pan", label: "Move the view", keys: "V" },
@@ -207,6 +207,17 @@ function filmHint(store: Store, films: Films): string {
     : "The newest film has no such frame: this is the video's";
 }
 
+const previewText = ({ final, scale }: Result): string =>
+  `${final ? "Preview" : "A draft of this frame alone,"} at ${Math.round(100 * scale)} % of full size`;
+
+/** What a view of paintings plays; empty while nothing is played. */
+function playedText(store: Store, films: Films): string {
+  if (!store.playing.value || !PAINTED_VIEWS.includes(store.stageView.value)) return "";
+  const played = { preview: "previews", film: "the newest film" };
+  const painting = films.painting();
+  return painting ? `Playing ${played[painting.from]}` : "Playing the video: these frames are not painted";
+}
+
 /** Whether a preview is on its way, and at which scale the shown one is. */
 function StageState({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
   const result = store.results.value.get(store.frame.value);
@@ -217,9 +228,9 @@ function StageState({ store, films, onfull }: { store: Store; films: Films; onfu
       : film
         ? filmHint(store, films)
         : result && store.tool.value === "pan"
-          ? `Preview at ${Math.round(100 * result.scale)} % of full size`
+          ? previewText(result)
           : "";
-  const text = store.problem.value || store.busy.value || scale;
+  const text = store.problem.value || playedText(store, films) || store.busy.value || scale;
   const painting = PAINT_TOOLS.includes(store.tool.value);
   /** The film that is being painted; its progress changes too often to be read aloud. */
   const painted = film && films.newest.value && text === scale ? films.current.value?.job : null;
