@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 from pydantic import Field
 
 from pipeline.methods.base import Params
 from pipeline.methods.fields import FlowName, Switch, choice, number
+
+
+def overridden(params: AnalogyParams, values: Mapping[str, Any]) -> AnalogyParams:
+    """The parameters with other values for some, as a layer of a shot has them. Raises ValidationError."""
+    return AnalogyParams.model_validate({**params.model_dump(), **values}) if values else params
 
 
 class AnalogyParams(Params):

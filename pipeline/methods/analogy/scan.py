@@ -3,12 +3,14 @@ layers."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from contextlib import nullcontext
 from itertools import pairwise
 from typing import cast
 
 from pipeline.errors import BadInput
-from pipeline.methods.analogy.inputs import checked_keyframes
+from pipeline.frames import Mask
+from pipeline.methods.analogy.inputs import key_sources, painted_masks
 from pipeline.methods.analogy.job_inputs import JobInputs
 from pipeline.methods.analogy.layer_inputs import LayerInputs
 from pipeline.methods.analogy.params import AnalogyParams
@@ -33,8 +35,9 @@ def plan_scan(context: PlanContext[AnalogyParams]) -> list[Task]:
 def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     """Count the frames, detect cuts, and measure the tones of the video and of each layer.
 
-    The result holds the number of frames, the first frame of each shot but the first, the keyframes, see
-    `checked_keyframes`, and for each layer its name, keyframes, overpaint and a message about its motion vectors.
+    The result holds the number of frames, the first frame of each shot but the first, the keyframes, (frame number,
+    whether it is painted everywhere), their sources, see `key_sources`, and for each layer its name, parameters,
+    keyframes, overpaint and a message about its motion vectors.
     """
     shot = layered_shot(context)
     accumulator = ToneAccumulator()
@@ -43,47 +46,59 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
             context, context.params.cut_sensitivity, lambda frame: accumulator.add(lab_guide(frame))
         )  # fmt: skip
     tones = accumulator.statistics()
-    keys = checked_keyframes(JobInputs(context), frames) if shot is None else []
-    if not context.has("style_output") and not _all_keyed(frames, cuts, keys):
+    masks = painted_masks(JobInputs(context), frames) if shot is None else {}
+    if not context.has("style_output") and not _all_keyed(frames, cuts, masks):
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
         context.save("tones", LayerStatistics(tones).arrays())
-        return {"frames": frames, "cuts": cuts, "keys": keys, "layers": []}
+        return {"frames": frames, "cuts": cuts, **_keys(masks, frames, cuts), "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
             "Some pictures of the shot could not be read.", field="inputs.video", value=f"{frames} of "
             f"{shot.whole.frames}", remedy="Render the others again.",
         )  # fmt: skip
-    whole, *layers = [_scan_layer(context, layer, tones) for layer in (shot.whole, *shot.layers)]
-    return {"frames": frames, "cuts": cuts, "keys": whole["keys"], "message": whole["message"], "layers": layers}
+    whole, *layers = [_scan_layer(context, layer, tones, cuts) for layer in (shot.whole, *shot.layers)]
+    found = {name: whole[name] for name in ("keys", "sources", "message")}
+    return {"frames": frames, "cuts": cuts, **found, "layers": layers}
 
 
-def _all_keyed(frames: int, cuts: list[int], keys: list[tuple[int, bool]]) -> bool:
+def _all_keyed(frames: int, cuts: list[int], keys: Collection[int]) -> bool:
     """Whether every shot has a keyframe, so that no shot needs another style."""
     shots = pairwise([0, *cuts, frames])
-    return all(any(first <= index < end for index, _ in keys) for first, end in shots)
+    return all(any(first <= index < end for index in keys) for first, end in shots)
 
 
-def _scan_layer(context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics) -> TaskResult:
+def _keys(masks: Mapping[int, Mask | None], frames: int, cuts: list[int]) -> TaskResult:
+    """The keyframes, and the sources of those that are partial and of their neighbours."""
+    sources: list[tuple[int, list[int], list[int]]] = []
+    for first, end in pairwise([0, *cuts, frames]):
+        found = key_sources({index: mask for index, mask in masks.items() if first <= index < end})
+        sources += [(index, *both) for index, both in found.items() if max(map(len, both)) > 1]
+    return {"keys": [(index, mask is None) for index, mask in masks.items()], "sources": sources}
+
+
+def _scan_layer(
+    context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics, cuts: list[int]
+) -> TaskResult:
     """Check that every picture of a layer can be read, and determine the sign of its motion vectors."""
     inputs, passes = LayerInputs(context, layer, None), RenderPasses(layer, context.size)
     with context.clock("scan"):
         factors, message = _vector_factors(context, layer, passes)
-        keys = checked_keyframes(inputs, layer.frames)
-        if keys and not layer.stylised:
+        masks = painted_masks(inputs, layer.frames)
+        if masks and not layer.stylised:
             raise BadInput(
                 f"{layer.where} has keyframes, but is not stylised.", field=f"shot.json: layers.{layer.name}.stylise",
                 value=False, remedy="Remove its keyframes, or remove the setting.",
             )  # fmt: skip
         own = tones if layer.number < 0 else _layer_tones(context, layer, passes)
         statistics = LayerStatistics(own, factors, inputs.overpaint_px())
-    LayerInputs(context, layer, statistics, keyframe_style=bool(keys)).guides  # noqa: B018  (raises for invalid guides)
+    LayerInputs(context, layer, statistics, keyframe_style=bool(masks)).guides  # noqa: B018  (raises for invalid guides)
     with scaled_style_saved(context, LayerInputs(context, layer, statistics)):
         context.save(layer.statistics_artefact, statistics.arrays())
     return {
-        "name": layer.name, "keys": keys, "message": message, "overpaint_px": statistics.reach_px,
-        "stylised": layer.stylised,
+        "name": layer.name, **_keys(masks, layer.frames, cuts), "message": message, "params": layer.params,
+        "overpaint_px": statistics.reach_px, "stylised": layer.stylised,
     }  # fmt: skip
 
 
@@ -102,7 +117,7 @@ def _vector_factors(
     """Sign factors of the motion vectors of a layer (None = no vectors), and a message about them."""
     if layer.frames < 2 or not passes.has_vectors():
         return None, "Motion is estimated by optical flow."
-    convention = layer.vectors or context.params.vectors
+    convention = layer.params.get("vectors") or layer.vectors or context.params.vectors
     if not isinstance(convention, str):
         factors = (float(convention[0]), float(convention[1]), float(convention[2]))
         return factors, "Vectors are multiplied by the factors in shot.json."

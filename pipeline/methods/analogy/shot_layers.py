@@ -26,6 +26,7 @@ from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
 from pipeline.video.shot_files import FRAMES, Files, is_shot
 
 Factors = tuple[float, float, float]
+_WHOLE_PARAMS = frozenset({"cut_sensitivity"})
 _REPLACED_INPUTS = ("guide_a", "guide_b", "guide_c", "lines", "directions", "masks")
 """Inputs of a job that a shot replaces by files of its own."""
 
@@ -69,6 +70,11 @@ class Layer:
     def stylised(self) -> bool:
         """Whether the method paints the layer; False = the layer's own frames are composited unchanged."""
         return self.files.settings is None or self.files.settings.stylise
+
+    @property
+    def params(self) -> Mapping[str, Any]:
+        """Parameters of the method that shot.json sets for the layer."""
+        return {} if self.files.settings is None else self.files.settings.params
 
     @property
     def statistics_artefact(self) -> str:
@@ -182,16 +188,21 @@ def layer_params(params: AnalogyParams, layer: Layer) -> AnalogyParams:
     Raises:
         BadParameter: an unknown name or a value out of range; the field names the place in shot.json.
     """
-    settings = layer.files.settings
-    if settings is None or not settings.params:
+    if not layer.params:
         return params
     from pipeline.methods import method, parse_params
 
+    where = f"shot.json: layers.{layer.name}"
+    for name in _WHOLE_PARAMS & layer.params.keys():
+        raise BadParameter(
+            f"The parameter {name} applies to the whole video, not to a layer.", field=f"{where}.params.{name}",
+            value=layer.params[name], remedy="Set it for the job.",
+        )  # fmt: skip
     try:
-        changed = parse_params(method("analogy"), {**params.model_dump(), **settings.params})
+        changed = parse_params(method("analogy"), {**params.model_dump(), **layer.params})
     except BadParameter as error:
         raise BadParameter(
-            error.message, field=f"shot.json: layers.{layer.name}.{error.field}", value=error.value, remedy=error.remedy
+            error.message, field=f"{where}.{error.field}", value=error.value, remedy=error.remedy
         ) from None
     assert isinstance(changed, AnalogyParams)
     return changed
