@@ -268,8 +268,10 @@ def read_keyframe(index: int, image: AnyArray, size: tuple[int, int], mask: AnyA
 
 
 def eight_bit(image: AnyArray) -> Bytes:
-    """Convert 16 bits per channel to 8; 8-bit images are returned unchanged."""
-    return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
+    """Convert 16 bits or float32 0..1 per channel to 8 bits; 8-bit images are returned unchanged."""
+    if image.dtype == np.uint8:
+        return np.asarray(image, np.uint8)
+    return np.asarray(image >> 8 if image.dtype == np.uint16 else np.rint(image.clip(0, 1) * 255), np.uint8)
 
 
 def _key_mask(index: int, mask: AnyArray, size: tuple[int, int]) -> Bytes:

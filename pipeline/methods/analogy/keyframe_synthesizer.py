@@ -14,7 +14,13 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import EstimatedVelocities, KeyframeAnimation, LevelFrames, levels_of
+from pipeline.methods.analogy.level_animation import (
+    EstimatedVelocities,
+    KeyframeAnimation,
+    LevelFrames,
+    levels_of,
+    style_tones,
+)
 from pipeline.methods.analogy.ordered_output import OrderedOutput
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import KeyInterval, interval_key
@@ -30,7 +36,7 @@ from pipeline.synthesis.operations import FrameState
 from pipeline.synthesis.refine import colours
 from pipeline.synthesis.ribbons import ribbons_to_keys
 from pipeline.synthesis.sweeps import SolvedFrame, Sweep, order
-from pipeline.synthesis.tone_matching import ToneMatch, tone_statistics
+from pipeline.synthesis.tone_matching import ToneMatch
 
 _LAST_HALVED_LEVEL = 1
 """Coarsest level at which a sweep covers only the half of an interval that is nearer to its key."""
@@ -237,5 +243,4 @@ def _given_style_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInpu
     if not pair.derived or inputs.params.tone_match == "off":
         return pair
     statistics = LayerStatistics.of(context.load("scan", inputs.statistics_artefact))
-    own = tone_statistics([pair.guide])
-    return replace(pair, guide=ToneMatch(own, statistics.tones, inputs.params.tone_limit)(pair.guide))
+    return replace(pair, guide=ToneMatch(style_tones(pair), statistics.tones, inputs.params.tone_limit)(pair.guide))

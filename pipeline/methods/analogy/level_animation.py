@@ -25,7 +25,7 @@ from pipeline.synthesis.distance import extrapolated, nearest
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
 from pipeline.synthesis.motion import Motion, downscaled_velocity, motions_between, suppress_small_motion
 from pipeline.synthesis.orientation import DirectionSources
-from pipeline.synthesis.tone_matching import ToneMatch, ToneStatistics, lab_guide, tone_statistics
+from pipeline.synthesis.tone_matching import ToneAccumulator, ToneMatch, ToneStatistics, lab_guide
 
 MIN_LEVEL_PX = 24
 """Minimum shorter side of the coarsest level, px: smaller pictures have too little detail to match and no reliable
@@ -51,7 +51,14 @@ def tone_match(params: AnalogyParams, pair: StylePair, tones: ToneStatistics) ->
     """The function that maps a guide of the video to the tones of the style; None if matching is off."""
     if params.tone_match == "off" or (params.tone_match == "auto" and not pair.derived):
         return None
-    return ToneMatch(tones, tone_statistics([pair.guide]), params.tone_limit)
+    return ToneMatch(tones, style_tones(pair), params.tone_limit)
+
+
+def style_tones(pair: StylePair) -> ToneStatistics:
+    """Tone statistics of the usable pixels of a style."""
+    accumulator = ToneAccumulator()
+    accumulator.add(pair.guide, None if pair.usable is None else pair.usable > 0)
+    return accumulator.statistics()
 
 
 class LevelFrames:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from itertools import pairwise
 from typing import cast
 
@@ -51,7 +52,8 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
-        context.save("tones", LayerStatistics(tones).arrays())
+        ranges = JobInputs(context).ranges()
+        context.save(JobInputs.statistics_artefact, LayerStatistics(tones, ranges=ranges).arrays())
         return {"frames": frames, "cuts": cuts, **_keys(masks, frames, cuts), "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
@@ -93,7 +95,7 @@ def _scan_layer(
             )  # fmt: skip
         own = tones if layer.number < 0 else _layer_tones(context, layer, passes)
         statistics = LayerStatistics(own, factors, inputs.overpaint_px())
-    LayerInputs(context, layer, statistics, keyframe_style=bool(masks)).guides  # noqa: B018  (raises for invalid guides)
+        statistics = replace(statistics, ranges=LayerInputs(context, layer, None, bool(masks)).ranges())
     with scaled_style_saved(context, LayerInputs(context, layer, statistics)):
         context.save(layer.statistics_artefact, statistics.arrays())
     return {

@@ -166,11 +166,9 @@ class Synthesizer:
         if self.inputs.layer < 0:
             self.context.emit(index, np.ascontiguousarray(painting[..., :3]))
             return
-        paintable, silhouette = level_frames.paintable.get(index), level_frames.silhouettes.get(index)
-        if painting.shape[2] == 4:
-            alpha = painting[..., 3] if paintable is None else np.where(paintable > 0, painting[..., 3], 0)
-        else:
-            alpha = np.full(painting.shape[:2], 255) if silhouette is None else np.where(silhouette > 0, 255, 0)
+        paintable = level_frames.paintable.get(index)
+        alpha = painting[..., 3] if painting.shape[2] == 4 else np.full(painting.shape[:2], 255, np.uint8)
+        alpha = alpha if paintable is None else np.where(paintable > 0, alpha, 0)
         rgba = np.dstack([painting[..., :3], alpha.astype(np.uint8)])
         self.context.save(paint_artefact(self.inputs.layer, index), {"rgba": rgba})
 
