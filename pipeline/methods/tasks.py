@@ -186,8 +186,8 @@ class TaskContext(Protocol[P_co]):
         ...
 
     def entries(self, name: str) -> Mapping[str, bytes]:
-        """The files of the archive `name` by path, without the folder that all share, each read on access. Empty if
-        the input is not an archive."""
+        """The files of the archive `name` by path, without the folder that all share, each read on access; the file
+        itself, if it is an image with planes. Empty if the input is neither."""
         ...
 
     def save(self, name: str, arrays: Arrays) -> None:

@@ -3,7 +3,7 @@
 
    Macros: RADIUS of the patch, CHANNELS per pixel, COLOURS (3, or 4 with opacity), GUIDES (channels), PAD (margin of the
    style image, px), ROTATE (1 = patches rotate), MASKED (1 = some style pixels must not be used), VOTES (1 = `render`
-   averages the colours of overlapping patches). */
+   averages the colours of overlapping patches), BIASED (1 = `merge` has a probability for each pixel). */
 
 static int usable(const int2 at, global const uchar *usable_mask, const int style_width, const int style_height)
 {
@@ -231,17 +231,19 @@ kernel void upsample_offsets(
 }
 
 /* Random merge: the offset of the first field with the given probability, otherwise of the second. If only one of the
-   two has an offset, that one is used; if neither has one, a random position. */
+   two has an offset, that one is used; if neither has one, a random position. With BIASED, each pixel has a probability
+   of its own. */
 kernel void merge(
     global const float2 *first /* height * width */, global const float2 *second /* height * width */,
     global const uchar *usable_mask /* MASKED * style_height * style_width */, global float2 *out /* height * width */,
-    const float probability, const uint seed, const uint stream, const int first_x, const int first_y,
+    global const float *probabilities /* BIASED * height * width */, const float same_probability, const uint seed, const uint stream, const int first_x, const int first_y,
     const int style_width, const int style_height, const int width, const int height)
 {
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height)
         return;
     const float2 a = first[y * width + x], b = second[y * width + x];
+    const float probability = BIASED ? probabilities[y * width + x] : same_probability;
     const uint4 words = philox((uint4)(x, y, 0, 0x3E26E000u), (uint2)(seed, stream));
     float2 merged = b.x <= NOWHERE || (a.x > NOWHERE && unit(words.x) < probability) ? a : b;
     if (merged.x <= NOWHERE)

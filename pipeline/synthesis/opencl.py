@@ -5,13 +5,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.compute import Device, DeviceArray, Launch
+from pipeline.frames import Plane
 from pipeline.synthesis.antialias import STEP_BITS, cubic_taps
 from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, tables, tap_table, taps
 from pipeline.synthesis.images import TAIL, Bytes, StyleImage, Target, padded
@@ -22,6 +25,8 @@ _HERE = Path(__file__)
 _COMMON, _FIELDS, _PATCHES, _ANTIALIAS = (
     _HERE.with_name(f"{name}.cl") for name in ("common", "fields", "patchmatch", "antialias")
 )
+_OFF: Mapping[str, int] = {"VOTES": 0, "BIASED": 0}
+"""Macros of `fields.cl` that single kernels set."""
 Size = tuple[int, int]
 
 
@@ -93,10 +98,10 @@ class OpenCLOperations:
 
     def _at(
         self, style: LoadedStyle[DeviceArray], name: str, size: Size, *args: Any, over: Size | None = None,
-        votes: bool = False,
+        macros: Mapping[str, int] = MappingProxyType({}),
     ) -> Launch:  # fmt: skip
         """A launch with one work item per pixel; appends the frame's width and height to the arguments."""
-        kernel = self.device.kernel(_FIELDS, name, self._defines(style) | {"VOTES": int(votes)}, _COMMON)
+        kernel = self.device.kernel(_FIELDS, name, {**_OFF, **self._defines(style), **macros}, _COMMON)
         return kernel.at(over or size, *args, *size)
 
     def random_offsets(self, style: LoadedStyle[DeviceArray], size: Size, key: RandomKey) -> DeviceArray:
@@ -121,7 +126,7 @@ class OpenCLOperations:
             offsets, state.bins or self._placeholder, style.features, style.bins, self._cosines, state.packed,
             state.field, *style.size,
         )  # fmt: skip
-        self.device.run(self._at(style, "render", state.size, *args, over=over, votes=votes))
+        self.device.run(self._at(style, "render", state.size, *args, over=over, macros={"VOTES": int(votes)}))
 
     def add_change(
         self, style: LoadedStyle[DeviceArray], state: FrameState[DeviceArray], advected: DeviceArray, guides: Bytes,
@@ -229,25 +234,30 @@ class OpenCLOperations:
         size: Size,
         first: DeviceArray,
         second: DeviceArray,
-        probability: float,
+        probability: float | Plane,
         key: RandomKey,
     ) -> DeviceArray:
         """Random merge: the offset of `first` with the given probability, otherwise of `second`.
 
         If only one of the two has an offset at a pixel, that one is used.
+
+        Args:
+            probability: 0..1; float32 (h, w) = of each pixel.
         """
+        biased = isinstance(probability, np.ndarray)
         out = self.device.empty((size[1], size[0], 2))
         args = (
             first,
             second,
             style.usable,
             out,
-            np.float32(probability),
+            self.upload(probability) if isinstance(probability, np.ndarray) else self._placeholder,
+            np.float32(0 if isinstance(probability, np.ndarray) else probability),
             *map(np.uint32, words(key)),
             *style.style.first_usable,
             *style.size,
         )
-        self.device.run(self._at(style, "merge", size, *args))
+        self.device.run(self._at(style, "merge", size, *args, macros={"BIASED": int(biased)}))
         return out
 
     def colours_at(self, style: LoadedStyle[DeviceArray], size: Size, offsets: DeviceArray) -> DeviceArray:

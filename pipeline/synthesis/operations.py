@@ -13,6 +13,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.frames import Plane
 from pipeline.synthesis.energy import TAP_WEIGHT_SCALE, Energy, tables
 from pipeline.synthesis.images import StyleImage, Target
 
@@ -123,7 +124,13 @@ class Operations(Protocol[T]):
         self, coarse: LoadedStyle[T], state: FrameState[T], offsets: T, style: LoadedStyle[T], to: FrameState[T]
     ) -> T: ...
     def merge(
-        self, style: LoadedStyle[T], size: tuple[int, int], first: T, second: T, probability: float, key: RandomKey
+        self,
+        style: LoadedStyle[T],
+        size: tuple[int, int],
+        first: T,
+        second: T,
+        probability: float | Plane,
+        key: RandomKey,
     ) -> T: ...
     def colours_at(self, style: LoadedStyle[T], size: tuple[int, int], offsets: T) -> T: ...
     def apply_fixed(self, style: LoadedStyle[T], size: tuple[int, int], fixed: T, offsets: T) -> T: ...

@@ -61,14 +61,16 @@ def line_orientation(distance: Plane, reach_px: float, sigma_px: float) -> Bytes
     return np.where(distance <= reach_px, bins, np.uint8(NO_DIRECTION)).astype(np.uint8)
 
 
-def authored_tensors(picture: Frame) -> Plane:
+def authored_tensors(picture: Frame | Plane) -> Plane:
     """Decode a direction picture to structure tensors (xx, xy, yy), which can be averaged: float32 (h, w, 3).
 
     Args:
         picture: uint8 (h, w, 3). Red is the x component (0 = -1, 255 = 1), green the y component (255 = up), as in
-            normal maps; blue is ignored. The sign of the vector is ignored. Gray (128, 128) = no direction.
+            normal maps; blue is ignored. The sign of the vector is ignored. Gray (128, 128) = no direction. Or float32
+            (h, w, 2), the components themselves.
     """
-    vector = picture[..., :2].astype(np.float32) / np.float32(127.5) - np.float32(1)
+    coded = picture.dtype == np.uint8
+    vector = picture[..., :2].astype(np.float32) / np.float32(127.5) - np.float32(1) if coded else picture[..., :2]
     x, y = vector[..., 0], -vector[..., 1]
     squared = x * x + y * y
     known = squared >= np.float32(_LEAST_VECTOR**2)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.frames import Plane
 from pipeline.kernels.jit import kernel
 from pipeline.strokes.random import philox
 from pipeline.synthesis.antialias import antialiased
@@ -68,7 +69,8 @@ class ReferenceOperations:
 
     def random_offsets(self, style: LoadedStyle[Array], size: Size, key: RandomKey) -> Array:
         out = np.full((size[1], size[0], 2), NOWHERE, np.float32)
-        _merge(out, out, out, np.float32(0), style.usable, words(key), style.style.first_usable, style.size)
+        none = np.zeros(out.shape[:2], np.float32)
+        _merge(out, out, out, none, style.usable, words(key), style.style.first_usable, style.size)
         return out
 
     def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, votes: bool = False) -> None:
@@ -160,12 +162,17 @@ class ReferenceOperations:
         return out
 
     def merge(
-        self, style: LoadedStyle[Array], size: Size, first: Array, second: Array, probability: float, key: RandomKey
+        self,
+        style: LoadedStyle[Array],
+        size: Size,
+        first: Array,
+        second: Array,
+        probability: float | Plane,
+        key: RandomKey,
     ) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
-        _merge(
-            first, second, out, np.float32(probability), style.usable, words(key), style.style.first_usable, style.size
-        )
+        of_each = np.full(out.shape[:2], probability, np.float32)
+        _merge(first, second, out, of_each, style.usable, words(key), style.style.first_usable, style.size)
         return out
 
     def colours_at(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
@@ -208,7 +215,7 @@ def _usable(x: int, y: int, usable: Array, width: int, height: int) -> bool:
 
 @kernel
 def _merge(
-    first: Offsets, second: Offsets, out: Offsets, probability: np.float32, usable: Array, key: tuple[int, int],
+    first: Offsets, second: Offsets, out: Offsets, probability: Plane, usable: Array, key: tuple[int, int],
     start: tuple[int, int], size: tuple[int, int],
 ) -> None:  # fmt: skip
     (seed, stream), (width, height) = key, size
@@ -216,7 +223,7 @@ def _merge(
         for x in range(out.shape[1]):
             draw = unit(philox(x, y, 0, _MERGE, seed, stream)[0])
             a, b = first[y, x], second[y, x]
-            taken = a if b[0] <= _NOWHERE or (a[0] > _NOWHERE and draw < probability) else b
+            taken = a if b[0] <= _NOWHERE or (a[0] > _NOWHERE and draw < probability[y, x]) else b
             found_x, found_y = taken[0], taken[1]
             if found_x <= _NOWHERE:
                 found_x, found_y = np.float32(start[0]), np.float32(start[1])

@@ -13,6 +13,7 @@ from typing import Generic, Protocol
 
 import numpy as np
 
+from pipeline.frames import Plane
 from pipeline.perception.flow.warp import fetch
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
@@ -35,8 +36,9 @@ class Animation(Protocol):
         """Fixed offsets of painted pixels, float32 (h, w, 2), NOWHERE elsewhere; None = no pixel is painted."""
         ...
 
-    def merge_probability(self, index: int, forward: bool) -> float:
-        """Probability, 0..1, with which the random merge takes the neighbour's offset."""
+    def merge_probability(self, index: int, forward: bool) -> float | Plane:
+        """Probability, 0..1, with which the random merge takes the neighbour's offset; float32 (h, w) = of each
+        pixel."""
         ...
 
     def ribbons(self, index: int) -> Offsets | None:

@@ -206,6 +206,23 @@ def object_ids(image: PlaneImage) -> NDArray[np.int32] | None:
     return None if found is None else np.rint(found[0]).astype(np.int32)
 
 
+def data_channels(image: PlaneImage) -> tuple[str, ...]:
+    """Names of the channels of an image that holds data, not a picture: R, G and B; luminance; X, Y and Z; X and Y; U
+    and V; or its only channels, up to three. Empty: there are more, and none has such a name."""
+    if (chosen := picture_choice(image)).colours and len(chosen.colours) in (1, 3) and not chosen.is_luminance:
+        return chosen.colours
+    by_name = {full.lower(): full for full in image.planes}
+    for wanted in (("x", "y", "z"), ("x", "y"), ("u", "v"), ("y",)):
+        for low in by_name:
+            stem, _, last = low.rpartition(".")
+            names = [f"{stem}.{channel}" if stem else channel for channel in wanted]
+            if last == wanted[0] and all(name in by_name for name in names):
+                return tuple(by_name[name] for name in names)
+    others = [full for full in image.planes if full.rpartition(".")[2].lower() not in ("a", "alpha")]
+    order = "rgbxyzuv"
+    return tuple(sorted(others, key=lambda full: order.find(full[-1].lower()))) if len(others) <= 3 else ()
+
+
 def depth(image: PlaneImage) -> Plane | None:
     """The depth pass, float32 (h, w), in the renderer's unit; None if there is no such pass."""
     found = _group(image.planes, _DEPTHS, ("z",)) or _group(image.planes, ("",), ("z",))

@@ -14,6 +14,7 @@ from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter, Cancelled
+from pipeline.formats import IMAGES
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, Arrays
 from pipeline.perception.cuts import thumbnail
@@ -212,8 +213,9 @@ class AttemptContext:
     def entries(self, name: str) -> Mapping[str, bytes]:
         path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
         with path.open("rb") as stream:
-            if sniff(stream) != "application/zip":
-                return {}
+            if (found_type := sniff(stream)) != "application/zip":
+                form = next((form for form in IMAGES if form.media_type == found_type and form.carries.planes), None)
+                return {} if form is None else {f"{name}{form.suffixes[0]}": path.read_bytes()}
         found = ShotFiles(path)
         self._exit_stack.callback(found.close)
         return found

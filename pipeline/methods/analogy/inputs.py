@@ -6,7 +6,7 @@ they are known; painted keyframes; a style pair.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -178,8 +178,8 @@ def id_colours(ids: np.ndarray[tuple[int, ...], np.dtype[np.integer]]) -> Bytes:
     return out
 
 
-def checked_keyframes(inputs: SynthesisInputs, frames: int) -> list[tuple[int, bool]]:
-    """(frame number, painted everywhere) of each keyframe.
+def painted_masks(inputs: SynthesisInputs, frames: int) -> dict[int, Mask | None]:
+    """Painted pixels of each keyframe by frame number, see `Keyframe.painted`, reduced to at most `_MASK_PX` px a side.
 
     Args:
         frames: number of frames of the video.
@@ -187,7 +187,7 @@ def checked_keyframes(inputs: SynthesisInputs, frames: int) -> list[tuple[int, b
     Raises:
         BadInput: the frame does not exist, or the keyframe has a wrong size or no painted pixel.
     """
-    found = []
+    found: dict[int, Mask | None] = {}
     for index in inputs.keyframe_numbers():
         if index >= frames:
             raise BadInput(
@@ -195,7 +195,43 @@ def checked_keyframes(inputs: SynthesisInputs, frames: int) -> list[tuple[int, b
                 field="inputs.keyframes", value=index,
                 remedy=f"Name keyframes by frame numbers, 0 to {frames - 1}.",
             )  # fmt: skip
-        found.append((index, inputs.keyframe(index).full))
+        painted = inputs.keyframe(index).painted
+        step = 1 if painted is None else -(-max(painted.shape) // _MASK_PX)
+        found[index] = None if painted is None else painted[::step, ::step] > 0
+    return found
+
+
+_MASK_PX = 256
+
+
+def key_sources(masks: Mapping[int, Mask | None]) -> dict[int, tuple[list[int], list[int]]]:
+    """The keyframes that paint the pixels at each keyframe: the last ones up to it, and the first ones from it on.
+
+    A keyframe that is painted everywhere needs no other. In a partial one, each unpainted pixel has the last keyframe
+    that painted it. Positions are compared without motion.
+
+    Args:
+        masks: painted pixels of the keyframes of a shot by frame number, ascending; None = everywhere.
+
+    Returns:
+        Frame number -> both lists: the keyframe itself, then others by the number of pixels that they paint.
+    """
+    partial = next((mask for mask in masks.values() if mask is not None), None)
+    if partial is None:
+        return {index: ([index], [index]) for index in masks}
+    behind, ahead = (_latest(masks, partial.shape, numbers) for numbers in (list(masks), list(masks)[::-1]))
+    return {index: (behind[index], ahead[index]) for index in masks}
+
+
+def _latest(masks: Mapping[int, Mask | None], shape: tuple[int, ...], numbers: Sequence[int]) -> dict[int, list[int]]:
+    """For each keyframe, in this order: the keyframes up to it whose pixels no later one paints over."""
+    latest, found = np.full(shape, -1), dict[int, list[int]]()
+    for index in numbers:
+        mask = masks[index]
+        latest[slice(None) if mask is None else mask] = index
+        names, counts = np.unique(latest[latest >= 0], return_counts=True)
+        by_area = sorted(zip(-counts, names, strict=True))
+        found[index] = [index, *(int(name) for _, name in by_area if name != index)]
     return found
 
 
@@ -232,8 +268,10 @@ def read_keyframe(index: int, image: AnyArray, size: tuple[int, int], mask: AnyA
 
 
 def eight_bit(image: AnyArray) -> Bytes:
-    """Convert 16 bits per channel to 8; 8-bit images are returned unchanged."""
-    return np.asarray(image if image.dtype == np.uint8 else image >> 8, np.uint8)
+    """Convert 16 bits or float32 0..1 per channel to 8 bits; 8-bit images are returned unchanged."""
+    if image.dtype == np.uint8:
+        return np.asarray(image, np.uint8)
+    return np.asarray(image >> 8 if image.dtype == np.uint16 else np.rint(image.clip(0, 1) * 255), np.uint8)
 
 
 def _key_mask(index: int, mask: AnyArray, size: tuple[int, int]) -> Bytes:

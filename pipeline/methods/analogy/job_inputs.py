@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 
+from pipeline.arrays import AnyArray
 from pipeline.compute import device
 from pipeline.errors import BadInput
+from pipeline.formats import has_planes
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, direction_data, range_of, read_data
 from pipeline.methods.analogy.inputs import WHOLE, Guide, InputFrame, Keyframe, StylePair, read_keyframe
 from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.analogy.shot_layers import LayerStatistics
 from pipeline.methods.analogy.style_images import default_pair
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import distance
@@ -35,17 +39,18 @@ class JobInputs:
 
     Args:
         keyframe_style: whether the keyframes are the style.
+        statistics: results of the step `scan`; None during the scan.
     """
 
     layer = WHOLE
+    statistics_artefact = "tones"
 
-    def __init__(self, context: TaskContext[AnalogyParams], keyframe_style: bool = False) -> None:
+    def __init__(
+        self, context: TaskContext[AnalogyParams], keyframe_style: bool = False,
+        statistics: LayerStatistics | None = None,
+    ) -> None:  # fmt: skip
         self.params: AnalogyParams = context.params
-        self._context, self._keyframe_style = context, keyframe_style
-
-    @property
-    def statistics_artefact(self) -> str:
-        return "tones"
+        self._context, self._keyframe_style, self._statistics = context, keyframe_style, statistics
 
     # -- frames
 
@@ -60,7 +65,45 @@ class JobInputs:
     def _channels(self, name: str) -> int:
         """Channels of a guide: 1 if its style counterpart (or, without one, its first frame) is gray, else 3."""
         field = f"style_guide_{name}"
-        return 1 if is_gray(self._context.image(field if self._context.has(field) else f"guide_{name}")) else 3
+        return 1 if is_gray(self._data_image(field if self._context.has(field) else f"guide_{name}")) else 3
+
+    # -- inputs that are data
+
+    def _data_files(self, name: str) -> tuple[Mapping[str, bytes], tuple[str, ...]]:
+        """The files of an input, and the paths of its images in order if they have planes."""
+        files = self._context.entries(name)
+        return files, tuple(files) if all(map(has_planes, files)) else ()
+
+    def _data_frames(self, name: str, start: int, stop: int) -> Iterator[Frame]:
+        """Frames of a guide or of `lines`, uint8 (h, w, 3); see `data_images`."""
+        files, paths = self._data_files(name)
+        if not paths:
+            return self._context.frames(name, start, stop)
+        return (data_picture(read_data(files, path), self._range(name)) for path in paths[start:stop])
+
+    def _data_image(self, name: str) -> Frame:
+        """The style's counterpart of a guide or of `lines`, uint8 (h, w, 3); see `data_images`."""
+        files, paths = self._data_files(name)
+        data = read_data(files, paths[0]) if paths else self._context.image(name)
+        return data_picture(data, self._range(name.removeprefix("style_")))
+
+    def _range(self, name: str) -> Range:
+        return UNIT if self._statistics is None else self._statistics.ranges.get(name, UNIT)
+
+    def ranges(self) -> dict[str, Range]:
+        """Ranges of the guides that have values outside 0..1, in all frames and in the style."""
+        found = {}
+        for guide in (f"guide_{name}" for name in GUIDES if self._has(name)):
+            inputs = (name for name in (guide, f"style_{guide}") if self._context.has(name))
+            files = [self._data_files(name) for name in inputs]
+            found[guide] = range_of(read_data(images, path) for images, paths in files for path in paths)
+        return {name: limits for name, limits in found.items() if limits != UNIT}
+
+    def _direction_frames(self, start: int, stop: int) -> Iterator[AnyArray]:
+        files, paths = self._data_files("directions")
+        if not paths:
+            return self._context.frames("directions", start, stop)
+        return (direction_data(files, path) for path in paths[start:stop])
 
     @cached_property
     def has_lines(self) -> bool:
@@ -88,9 +131,9 @@ class JobInputs:
         return self.rotates and self._context.has("directions")
 
     def frames(self, start: int, stop: int) -> Iterator[InputFrame]:
-        guides = {guide: self._context.frames(f"guide_{guide.name}", start, stop) for guide in self.guides}
-        drawings = self._context.frames("lines", start, stop) if self.has_lines else None
-        directions = self._context.frames("directions", start, stop) if self._has_directions else None
+        guides = {guide: self._data_frames(f"guide_{guide.name}", start, stop) for guide in self.guides}
+        drawings = self._data_frames("lines", start, stop) if self.has_lines else None
+        directions = self._direction_frames(start, stop) if self._has_directions else None
         for frame in self._context.frames("video", start, stop):
             planes = [
                 guide_plane(_next(pictures, f"guide_{guide.name}", frame), guide.channels)
@@ -150,13 +193,14 @@ class JobInputs:
     def _style_directions(self, painting: Frame) -> Plane | None:
         if not self.rotates or not self._context.has("style_directions"):
             return None
-        picture = same_size(self._context.image("style_directions"), painting, "inputs.style_directions")
-        return authored_tensors(picture)
+        files, paths = self._data_files("style_directions")
+        given = direction_data(files, paths[0]) if paths else self._context.image("style_directions")
+        return authored_tensors(same_size(given, painting, "inputs.style_directions"))
 
     def _style_lines(self, painting: Frame) -> Plane | None:
         if not self.has_lines or not self._context.has("style_lines"):
             return None
-        return line_distance(same_size(self._context.image("style_lines"), painting, "inputs.style_lines"))
+        return line_distance(same_size(self._data_image("style_lines"), painting, "inputs.style_lines"))
 
     def _style_guides(self, painting: Frame) -> Bytes | None:
         """Style counterparts of the given guides, uint8 (h, w, n)."""
@@ -168,7 +212,7 @@ class JobInputs:
                     f"The guide {guide.name} has no counterpart in the style.", field=f"inputs.{field}",
                     remedy=f"Give {field}, of the painting's size, or leave guide_{guide.name} out.",
                 )  # fmt: skip
-            picture = same_size(self._context.image(field), painting, f"inputs.{field}")
+            picture = same_size(self._data_image(field), painting, f"inputs.{field}")
             planes.append(guide_plane(picture, guide.channels))
         return stacked(planes) if planes else None
 
@@ -215,7 +259,7 @@ def line_distance(picture: Frame) -> Plane:
     return distance(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) < LINE_GRAY, device())
 
 
-def same_size(image: Frame, painting: Bytes, field: str) -> Frame:
+def same_size(image: AnyArray, painting: Bytes, field: str) -> AnyArray:
     """Return `image` unchanged.
 
     Raises:
@@ -229,14 +273,14 @@ def same_size(image: Frame, painting: Bytes, field: str) -> Frame:
     return image
 
 
-def _next(frames: Iterator[Frame], name: str, frame: Frame) -> Frame:
+def _next(frames: Iterator[AnyArray], name: str, frame: Frame) -> AnyArray:
     """The next frame of an input that accompanies the video.
 
     Raises:
         BadInput: the input has fewer frames than the video, or another size.
     """
     found = next(frames, None)
-    if found is None or found.shape != frame.shape:
+    if found is None or found.shape[:2] != frame.shape[:2]:
         problem = "ends before the video" if found is None else f"is {found.shape[1]}x{found.shape[0]}"
         raise BadInput(
             f"The input {name} {problem}.", field=f"inputs.{name}",

@@ -6,7 +6,7 @@ Section 4 of benard2013stylizing. Each keyframe, paired with the frame that it w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,13 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
-from pipeline.methods.analogy.level_animation import EstimatedVelocities, KeyframeAnimation, LevelFrames, levels_of
+from pipeline.methods.analogy.level_animation import (
+    EstimatedVelocities,
+    KeyframeAnimation,
+    LevelFrames,
+    levels_of,
+    style_tones,
+)
 from pipeline.methods.analogy.ordered_output import OrderedOutput
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.plan import KeyInterval, interval_key
@@ -23,14 +29,14 @@ from pipeline.methods.analogy.style_images import energy_of, keyframe_style
 from pipeline.methods.analogy.style_scaling import style_of
 from pipeline.methods.analogy.synthesizer import STEP, PreviousOffsets, Synthesizer
 from pipeline.methods.base import Task, TaskContext, TaskResult
-from pipeline.synthesis.atlas import downscaled_offsets
+from pipeline.synthesis.atlas import AtlasImage, downscaled_offsets, relocated
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, pack_offsets, unpack_offsets
 from pipeline.synthesis.key_blend import KeyColours, Synthesised, with_blended_colours
 from pipeline.synthesis.operations import FrameState
 from pipeline.synthesis.refine import colours
 from pipeline.synthesis.ribbons import ribbons_to_keys
 from pipeline.synthesis.sweeps import SolvedFrame, Sweep, order
-from pipeline.synthesis.tone_matching import ToneMatch, tone_statistics
+from pipeline.synthesis.tone_matching import ToneMatch
 
 _LAST_HALVED_LEVEL = 1
 """Coarsest level at which a sweep covers only the half of an interval that is nearer to its key."""
@@ -62,11 +68,12 @@ class KeyframeSynthesizer(Synthesizer):
         self.interval = interval
         super().__init__(context, inputs, style.pair, inputs.params)
         self.levels, self._painted = levels, style.painted
+        self._images = style.images
         for index, start in interval.fixed:
-            edge = context.load(STEP, f"{interval_key(start, interval.layer)}-edge")[str(index)]
-            self._painted[index] = unpack_offsets(edge, self._style_side(0))
+            edge = context.load(STEP, f"{interval_key(start, interval.layer)}-edge")
+            offsets = unpack_offsets(edge[str(index)], int(edge["side"]))
+            self._painted[index] = relocated(offsets, _images(edge["images"]), self._images)
         self._ribbons: dict[int, Offsets] = {}
-        self._full: list[int] = []
         self._frames = [frames]
         for level in range(1, levels):
             with context.clock("guides"):
@@ -82,14 +89,21 @@ class KeyframeSynthesizer(Synthesizer):
     def _frames_on_device(self) -> int:
         return self.interval.stop - self.interval.start
 
+    @property
+    def _coherent(self) -> bool:
+        return self.params.temporal == "on"
+
     def _iterations(self, level: int) -> int:
-        return self.params.key_iterations
+        return self.params.key_iterations if self._coherent else self.params.iterations
 
     def _search_px(self) -> float:
-        return self.params.key_search_radius
+        return self.params.key_search_radius if self._coherent else self.params.search_radius
 
     def paint(self, key: str) -> None:
         """Run all levels and sweeps, emit the frames, and save the boundary frames for the next interval."""
+        if not self._coherent:
+            self._paint_independently()
+            return
         interval, solved = self.interval, dict[int, SolvedFrame[Any]]()
         for level in reversed(range(1, self.levels)):
             solved = self._level(level, solved)
@@ -99,7 +113,17 @@ class KeyframeSynthesizer(Synthesizer):
         ends = sorted({interval.start, interval.last} & set(solved))
         side = self._style_side(0)
         edge = {str(index): pack_offsets(self.ops.fetch(solved[index].offsets), side) for index in ends}
-        self.context.save(f"{key}-edge", edge)
+        images = [[name, *astuple(image)[:4], *image.cell] for name, image in self._images.items()]
+        self.context.save(f"{key}-edge", {**edge, "side": np.array(side), "images": np.array(images, np.int32)})
+
+    def _paint_independently(self) -> None:
+        """Synthesise each frame without its neighbours, and emit it."""
+        frames = range(self.interval.first, self.interval.last)
+        for done, index in enumerate(frames):
+            if self._shown_at(index) == index:
+                solved = self._all_levels(index, self._animations.__getitem__, done / len(frames))
+                painting = self.painting(index, self.ops.fetch(solved.offsets))
+            self._emit(index, painting)
 
     def _emit(self, index: int, painting: Bytes) -> None:
         self.emit_frame(index, painting, self._frames[0])
@@ -110,10 +134,10 @@ class KeyframeSynthesizer(Synthesizer):
 
     def painting(self, index: int, offsets: AnyArray) -> Bytes:
         """The painted frame; with `key_blend`, between two keyframes, with the blended colours of both."""
-        painting, shown, full = super().painting(index, offsets), self._shown_at(index), self._full
-        last = max((i for i in full if i < shown), default=None)
-        following = min((i for i in full if i > shown), default=None)
-        if self.params.key_blend == 0 or shown in full or last is None or following is None:
+        painting, shown, keys = super().painting(index, offsets), self._shown_at(index), self._painted
+        last = max((i for i in keys if i < shown), default=None)
+        following = min((i for i in keys if i > shown), default=None)
+        if self.params.key_blend == 0 or shown in keys or last is None or following is None or not self._coherent:
             return painting
         share = (shown - last) / (following - last)
         before, after = (
@@ -129,8 +153,6 @@ class KeyframeSynthesizer(Synthesizer):
                 for step in ((1, 0), (0, 1))
             )
             blended = with_blended_colours(Synthesised(opaque, right, below), before, after, self.params.key_blend)
-        if shown in self._painted:
-            blended = np.where(self._painted[shown][..., :1] > NOWHERE, opaque, blended)
         return np.ascontiguousarray(np.concatenate([blended, painting[..., 3:]], axis=-1))
 
     def _level(
@@ -142,10 +164,11 @@ class KeyframeSynthesizer(Synthesizer):
             painted = {index: downscaled_offsets(offsets, level) for index, offsets in self._painted.items()}
             interval = range(self.interval.start, self.interval.stop)
             animation.ribbon_offsets = ribbons_to_keys(self.ops, style, animation, interval, painted)
-        self._ribbons, self._full = animation.ribbon_offsets, animation.full
+        self._ribbons = animation.ribbon_offsets
         solved: dict[int, SolvedFrame[Any]] = {}
         sweeps = self._sweeps(level, animation)
-        for number, frames in enumerate(sweeps):
+        for number, (frames, kept) in enumerate(sweeps):
+            animation.kept = None if kept is None else (kept, lambda index: self.ops.fetch(solved[index].offsets))
             previous, keep_first = self._previous_result(level, solved, coarser), frames[0] in solved
             schedule = self.schedule(level, level * 8 + number)
             sweep = Sweep(self.ops, style, animation, previous, schedule, frames.step > 0, keep_first)
@@ -157,7 +180,7 @@ class KeyframeSynthesizer(Synthesizer):
                     if output is not None:
                         output.emit_finished()
             if output is not None:
-                self._add_finished(output, solved, frames, sweeps[number + 1 :])
+                self._add_finished(output, solved, frames, [later for later, _ in sweeps[number + 1 :]])
         return solved
 
     def _add_finished(
@@ -168,20 +191,26 @@ class KeyframeSynthesizer(Synthesizer):
         for index in sorted(shown.intersection(frames).difference(*later)):
             output.add(index, self.ops.fetch(solved[index].offsets))
 
-    def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[range]:
-        """Frame numbers of each sweep of a level, in order.
+    def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[tuple[range, int | None]]:
+        """Frame numbers of each sweep of a level, in order, and the key of `KeyframeAnimation.kept`.
 
         Departure: at the two finest levels, where nearly all the work lies, sweeps lead from each key to the middle
-        only. Every frame then starts from the nearer key, which the random merge prefers.
+        only. Every frame then starts from the nearer key, which the random merge prefers. If a key is painted in parts,
+        the sweep from the other one goes on to it, and the sweep back changes only pixels that lead to painted ones.
         """
         start, stop = self.interval.start, self.interval.stop
-        ends = [index for index in (start, stop - 1) if index in animation.full]
+        ends = [index for index in (start, stop - 1) if index in self._painted]
         if level > _LAST_HALVED_LEVEL or not ends:
-            return [order(start, stop, number % 2 == 0) for number in range(2 * self.params.sweeps)]
+            return [(order(start, stop, number % 2 == 0), None) for number in range(2 * self.params.sweeps)]
         if len(ends) < 2:
-            return [order(start, stop, ends[0] == start)] * self.params.sweeps
+            return [(order(start, stop, ends[0] == start), None)] * self.params.sweeps
         middle = (start + stop - 1) // 2
-        return [order(start, middle + 1, True), order(middle, stop, False)] * self.params.sweeps
+        halves = order(start, middle + 1, True), order(middle, stop, False)
+        if animation.full.issuperset(ends):
+            return [(frames, None) for frames in halves] * self.params.sweeps
+        forward = start in animation.full or stop - 1 not in animation.full
+        whole: tuple[range, int | None] = order(start, stop, forward), None
+        return [whole, (halves[forward], int(forward))] * self.params.sweeps
 
     def _previous_result(
         self, level: int, solved: Mapping[int, SolvedFrame[Any]], coarser: Mapping[int, SolvedFrame[Any]]
@@ -196,6 +225,13 @@ class KeyframeSynthesizer(Synthesizer):
         return previous
 
 
+def _images(saved: AnyArray) -> dict[int, AtlasImage]:
+    """Images of an atlas, as `paint` saves them."""
+    return {
+        int(name): AtlasImage(*map(int, place), (int(width), int(height))) for name, *place, width, height in saved
+    }  # fmt: skip
+
+
 def _without_inputs(state: FrameState[Any]) -> FrameState[Any]:
     """The part of a finished frame that its neighbours need; frees the rest."""
     return FrameState(state.size, state.field, state.field, state.bins)
@@ -207,5 +243,4 @@ def _given_style_pair(context: TaskContext[AnalogyParams], inputs: SynthesisInpu
     if not pair.derived or inputs.params.tone_match == "off":
         return pair
     statistics = LayerStatistics.of(context.load("scan", inputs.statistics_artefact))
-    own = tone_statistics([pair.guide])
-    return replace(pair, guide=ToneMatch(own, statistics.tones, inputs.params.tone_limit)(pair.guide))
+    return replace(pair, guide=ToneMatch(style_tones(pair), statistics.tones, inputs.params.tone_limit)(pair.guide))

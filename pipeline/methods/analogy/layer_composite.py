@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.compositing import lay_over
-from pipeline.frames import Frame
+from pipeline.compute import device
+from pipeline.frames import Frame, Mask
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import Layer, RenderPasses, layered_shot, paint_artefact
 from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.synthesis.distance import extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes
 
 
@@ -16,7 +20,8 @@ def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult
     """Composite the layers of a run of frames over the background colour of shot.json; emit the frames.
 
     Each layer has an opacity and a blend mode. Layers with `"stylise": false` are composited as they were rendered, as
-    the solid colours of fig. 8d of benard2013stylizing.
+    the solid colours of fig. 8d of benard2013stylizing. A layer continues a few pixels under the silhouettes of the
+    layers in front of it, so that no background shows where their paint does not reach their outline.
     """
     assert task.emits is not None
     shot = layered_shot(context)
@@ -25,9 +30,10 @@ def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult
     passes = [RenderPasses(layer, context.size) for layer in shot.layers]
     for index in range(start, stop):
         canvas = _plain_canvas(context.size, shot.settings.background)
-        for layer, source in zip(shot.layers, passes, strict=True):
+        in_front = _in_front(shot.layers, passes, index)
+        for layer, source, front in zip(shot.layers, passes, in_front, strict=True):
             with context.clock("composite"):
-                canvas = _with_layer(canvas, _picture(context, layer, source, index), layer)
+                canvas = _with_layer(canvas, _continued(_picture(context, layer, source, index), front), layer)
         context.emit(index, canvas)
         context.progress((index + 1 - start) / (stop - start))
     return {"frames": stop - start}
@@ -38,6 +44,33 @@ def _picture(context: TaskContext[AnalogyParams], layer: Layer, passes: RenderPa
     if layer.stylised:
         return np.asarray(context.load("synthesise", paint_artefact(layer.number, index))["rgba"], np.uint8)
     return passes.layer_picture(index)
+
+
+CONTINUED_PX = 4
+"""Distance to which a layer continues under those in front of it, px."""
+
+
+def _in_front(layers: Sequence[Layer], passes: Sequence[RenderPasses], index: int) -> list[Mask | None]:
+    """For each layer from back to front, the pixels of the silhouettes that hide it in a frame; None = none."""
+    found: list[Mask | None] = []
+    front: Mask | None = None
+    for layer, source in zip(reversed(layers), reversed(passes), strict=True):
+        found.append(front)
+        settings = layer.files.settings
+        hides = settings is None or (settings.blend == "over" and settings.opacity == 1)
+        mask = source.mask(index) if hides else None
+        front = mask if front is None else front if mask is None else front | mask
+    return found[::-1]
+
+
+def _continued(picture: Bytes, front: Mask | None) -> Bytes:
+    """A layer with the colours of its nearest opaque pixels under the layers in front of it."""
+    opaque = picture[..., 3] == 255
+    if front is None or not (open_ := front & ~opaque).any() or not opaque.any():
+        return picture
+    sites = nearest(opaque, device(), CONTINUED_PX)
+    reached = open_ & within_reach(sites, CONTINUED_PX)
+    return np.where(reached[..., None], extrapolated(picture, sites), picture)
 
 
 def _with_layer(canvas: Frame, picture: Bytes, layer: Layer) -> Frame:

@@ -7,18 +7,22 @@ beyond the outline is compared with the layer below it, and moves with it (secti
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.compute import device
 from pipeline.errors import BadInput
+from pipeline.formats import has_planes
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, direction_data, range_of, read_data
 from pipeline.methods.analogy.inputs import (
     GUIDE_WEIGHT,
+    OPAQUE,
     WHOLE,
     Guide,
     InputFrame,
@@ -40,6 +44,9 @@ from pipeline.methods.analogy.job_inputs import (
 )
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import (
+    DEPTH,
+    PASS_COLOURS,
+    PASSES_IN_FRAMES,
     Layer,
     LayerStatistics,
     RenderPasses,
@@ -52,7 +59,7 @@ from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import Sites, extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.synthesis.orientation import authored_tensors
-from pipeline.video.guard.pictures import guarded_raw
+from pipeline.video.guard.pictures import guarded_planes, guarded_raw
 from pipeline.video.passes import signed
 
 EXTRAPOLATED_PX = 64
@@ -103,17 +110,20 @@ class LayerInputs:
                     value=name,
                     remedy=f"It has: {', '.join(names) or 'none'}.",
                 )  # fmt: skip
-        chosen = [name for name in names if weights.get(name, GUIDE_WEIGHT) > 0 and self._in_style(name)]
+        chosen = [name for name in names if weights.get(name, GUIDE_WEIGHT) > 0 and self._in_style(name, weights)]
         return tuple(Guide(name, weights.get(name, GUIDE_WEIGHT), self._channels(name)) for name in chosen)
 
-    def _in_style(self, name: str) -> bool:
-        """Whether the style has a counterpart of the guide.
+    def _in_style(self, name: str, weights: Mapping[str, float]) -> bool:
+        """Whether the style has a counterpart of the guide. Keyframes have one of each, because their frames have it;
+        depth in the frames is used only where the user names it.
 
         Raises:
-            BadInput: a user's guide has no counterpart.
+            BadInput: a guide that the user gave or named has no counterpart.
         """
-        found = self._keyframe_style or name in self._layer.style
-        if not found and name not in ("mask", "ids", "normals"):
+        own = name in self._layer.files.guides or name in self._layer.whole.guides
+        keyed = self._keyframe_style and not (self.layer == WHOLE and self.has_style_pair())
+        found = name in self._layer.style or (keyed and (own or name != DEPTH or name in weights))
+        if not found and (own or name in weights):
             raise BadInput(
                 f"{self._layer.where}: the guide {name} has no counterpart in the style.",
                 field=f"guides.{name}", remedy=f"Put {name}.png of the painting's size into style/.",
@@ -123,8 +133,26 @@ class LayerInputs:
     def _channels(self, name: str) -> int:
         if name in ("mask", "ids", "normals"):
             return 1 if name == "mask" else 3
-        picture = self._passes.guide(name, 0) if self._keyframe_style else self._style_picture(name)
-        return 1 if is_gray(picture) else 3
+        return 1 if is_gray(self._guide(name, 0) if self._keyframe_style else self._style_guide(name)) else 3
+
+    def _guide(self, name: str, index: int) -> Frame:
+        return self._passes.guide(name, index, self._range(name))
+
+    def _range(self, name: str) -> Range:
+        return UNIT if self._statistics is None else self._statistics.ranges.get(name, UNIT)
+
+    def ranges(self) -> dict[str, Range]:
+        """Ranges of the guides that have values outside 0..1, in all frames and in the style."""
+        found = {}
+        for guide in self.guides:
+            if guide.name in ("mask", "ids", "normals"):
+                continue
+            path = self._layer.style.get(guide.name)
+            style = [read_data(self._layer.contents, path)] if path else []
+            is_float = self._passes.guide_data(guide.name, 0).dtype == np.float32
+            numbers = range(self._layer.frames if is_float else 0)
+            found[guide.name] = range_of(chain(style, (self._passes.guide_data(guide.name, k) for k in numbers)))
+        return {name: limits for name, limits in found.items() if limits != UNIT}
 
     @property
     def masked(self) -> bool:
@@ -168,12 +196,12 @@ class LayerInputs:
         """The given directions of a frame, see `authored_tensors`; None = none are given, or patches do not rotate."""
         if not self.rotates or not self._passes.has("directions"):
             return None
-        return authored_tensors(self._passes.picture("directions", index))
+        return self._passes.directions(index)
 
     def _guide_plane(self, guide: Guide, index: int, mask: Mask | None) -> Bytes:
         if guide.name == "mask" and mask is not None:
             return np.where(mask, 255, 0).astype(np.uint8)
-        return guide_plane(self._passes.guide(guide.name, index), guide.channels)
+        return guide_plane(self._guide(guide.name, index), guide.channels)
 
     @property
     def _reach_px(self) -> float:
@@ -215,7 +243,7 @@ class LayerInputs:
         paths = self._layer.files.passes
         if index not in paths["keyframes"]:
             return JobInputs(self._context).keyframe(index)
-        painted = self._raw(paths["painted"][index]) if index in paths["painted"] else None
+        painted = self._passes.picture("painted", index) if index in paths["painted"] else None
         image, where = self._raw(paths["keyframes"][index]), paths["keyframes"][index]
         if not self.masked:
             return read_keyframe(index, image, self._context.size, painted, where)
@@ -225,10 +253,12 @@ class LayerInputs:
         return Keyframe(index, np.ascontiguousarray(np.dstack([key.colours, opacity])), key.painted)
 
     def _silhouette(self, index: int) -> Bytes:
-        """Silhouette of the layer, uint8 (h, w): 255 inside, 0 outside."""
-        mask = self._passes.mask(index)
+        """Opacity of a keyframe without opacity, uint8 (h, w): 255 within `overpaint_px` of the silhouette, else 0."""
+        mask, settings = self._passes.mask(index), self._layer.files.settings
         assert mask is not None
-        return np.where(mask, 255, 0).astype(np.uint8)
+        reach_px = settings.overpaint_px if settings is not None else None
+        covered = within_reach(nearest(mask, device(), int(reach_px) + 1), reach_px) if reach_px else mask
+        return np.where(covered, 255, 0).astype(np.uint8)
 
     def overpaint_px(self) -> float:
         """Maximum distance of paint beyond the silhouette, px."""
@@ -267,18 +297,38 @@ class LayerInputs:
         painting = eight_bit(self._raw(style["output"]))
         painting = np.dstack([painting] * 3) if painting.ndim == 2 else painting
         check_painting_size(painting, style["output"])
-        if not self.masked:
-            painting = np.ascontiguousarray(painting[..., :3])
+        painting, usable = self._with_opacity(painting)
         plain = same_size(self._style_picture("input"), painting, style["input"]) if "input" in style else None
         lines = self._style_lines(painting) if self.has_lines and "lines" in style else None
         pair = make_style_pair(painting, plain, self.params.style_smoothing, self._style_guides(painting), lines)
-        return replace(pair, directions=self._style_directions(painting))
+        return replace(pair, directions=self._style_directions(painting), usable=usable)
+
+    def _with_opacity(self, painting: Bytes) -> tuple[Bytes, Bytes | None]:
+        """A painting, and its usable pixels, see `StylePair.usable`.
+
+        Opacity is part of the style if the guide `mask` tells where the layer ends. Otherwise any transparent pixel
+        would be as good as any other: transparent pixels are then not used, and get the nearest opaque colour.
+
+        Raises:
+            BadInput: no pixel is opaque.
+        """
+        if painting.shape[2] == 3 or any(guide.name == "mask" for guide in self.guides):
+            return painting, None
+        known, colours = painting[..., 3] >= OPAQUE, np.ascontiguousarray(painting[..., :3])
+        if known.all():
+            return colours, None
+        if not known.any():
+            raise BadInput(
+                f"{self._layer.where}: the painting is completely transparent.", field=self._layer.style["output"],
+                remedy="Save it with its colours, or remove it.",
+            )  # fmt: skip
+        return extrapolated(colours, nearest(known, device())), known.astype(np.uint8)
 
     def _style_directions(self, painting: Bytes) -> Plane | None:
         if not self.rotates or "directions" not in self._layer.style:
             return None
         path = self._layer.style["directions"]
-        return authored_tensors(same_size(self._style_picture("directions"), painting, path))
+        return authored_tensors(same_size(direction_data(self._layer.contents, path), painting, path))
 
     def _style_pair_of_job(self) -> StylePair:
         """The style pair of the job, or the default pair; without guides."""
@@ -293,24 +343,30 @@ class LayerInputs:
         return make_style_pair(painting, plain, 0.0, None, None)
 
     def _style_lines(self, painting: Bytes) -> Plane:
-        return line_distance(same_size(self._style_picture("lines"), painting, self._layer.style["lines"]))
+        path = self._layer.style["lines"]
+        return line_distance(same_size(data_picture(read_data(self._layer.contents, path)), painting, path))
 
     def _style_guides(self, painting: Bytes) -> Bytes | None:
         """Style counterparts of the guides, uint8 (h, w, n)."""
-        planes = [guide_plane(self._style_guide(guide.name, painting), guide.channels) for guide in self.guides]
+        paths = {guide: self._layer.style[guide.name] for guide in self.guides}
+        pictures = {guide: same_size(self._style_guide(guide.name), painting, path) for guide, path in paths.items()}
+        planes = [guide_plane(picture, guide.channels) for guide, picture in pictures.items()]
         return stacked(planes) if planes else None
 
-    def _style_guide(self, name: str, painting: Bytes) -> Frame:
+    def _style_guide(self, name: str) -> Frame:
         path = self._layer.style[name]
-        raw = self._raw(path)
-        picture = id_colours(raw) if name == "ids" and raw.ndim == 2 else self._style_picture(name)
-        return same_size(picture, painting, path)
+        if has_planes(path) and name in PASSES_IN_FRAMES:
+            found = PASSES_IN_FRAMES[name](guarded_planes(self._layer.contents[path], path))
+            if found is not None:
+                return data_picture(found, self._range(name)) if name == DEPTH else PASS_COLOURS[name](found)
+        data = read_data(self._layer.contents, path)
+        return id_colours(data) if name == "ids" and data.ndim == 2 else data_picture(data, self._range(name))
 
     def _style_picture(self, stem: str) -> Frame:
         return as_rgb(eight_bit(self._raw(self._layer.style[stem])))
 
     def _raw(self, path: str) -> AnyArray:
-        """Decoded image of a file of the shot: uint8 or uint16, gray, RGB or RGBA."""
+        """Decoded picture of a file of the shot: uint8 or uint16, gray, RGB or RGBA."""
         return guarded_raw(self._layer.contents[path], path)
 
 
@@ -321,8 +377,9 @@ def inputs_of(context: TaskContext[AnalogyParams], layer: int, keyframe_style: b
         keyframe_style: whether the keyframes are the style.
     """
     shot = layered_shot(context)
-    if shot is None:
-        return JobInputs(context, keyframe_style)
-    chosen = shot.layer(layer)
-    statistics = LayerStatistics.of(context.load("scan", chosen.statistics_artefact))
+    chosen = None if shot is None else shot.layer(layer)
+    artefact = JobInputs.statistics_artefact if chosen is None else chosen.statistics_artefact
+    statistics = LayerStatistics.of(context.load("scan", artefact))
+    if chosen is None:
+        return JobInputs(context, keyframe_style, statistics)
     return LayerInputs(context, chosen, statistics, keyframe_style)

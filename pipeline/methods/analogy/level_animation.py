@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 
@@ -24,7 +25,7 @@ from pipeline.synthesis.distance import extrapolated, nearest
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
 from pipeline.synthesis.motion import Motion, downscaled_velocity, motions_between, suppress_small_motion
 from pipeline.synthesis.orientation import DirectionSources
-from pipeline.synthesis.tone_matching import ToneMatch, ToneStatistics, lab_guide, tone_statistics
+from pipeline.synthesis.tone_matching import ToneAccumulator, ToneMatch, ToneStatistics, lab_guide
 
 MIN_LEVEL_PX = 24
 """Minimum shorter side of the coarsest level, px: smaller pictures have too little detail to match and no reliable
@@ -50,7 +51,14 @@ def tone_match(params: AnalogyParams, pair: StylePair, tones: ToneStatistics) ->
     """The function that maps a guide of the video to the tones of the style; None if matching is off."""
     if params.tone_match == "off" or (params.tone_match == "auto" and not pair.derived):
         return None
-    return ToneMatch(tones, tone_statistics([pair.guide]), params.tone_limit)
+    return ToneMatch(tones, style_tones(pair), params.tone_limit)
+
+
+def style_tones(pair: StylePair) -> ToneStatistics:
+    """Tone statistics of the usable pixels of a style."""
+    accumulator = ToneAccumulator()
+    accumulator.add(pair.guide, None if pair.usable is None else pair.usable > 0)
+    return accumulator.statistics()
 
 
 class LevelFrames:
@@ -163,7 +171,7 @@ def _reduced_distances(distances: Plane, level: int) -> Plane:
 class EstimatedVelocities:
     """Optical flow at full size, once for all levels, estimated on threads while the caller does other work.
 
-    Nothing is estimated if the inputs have velocities.
+    Nothing is estimated if the inputs have velocities, or if frames are independent.
 
     Attributes:
         firsts: the first frame of each pair that is estimated.
@@ -173,8 +181,9 @@ class EstimatedVelocities:
     def __init__(self, full_size: LevelFrames) -> None:
         self.threads = ThreadPoolExecutor(_THREADS, "impasto-flow")
         firsts = sorted(full_size.frames)[:-1]
-        given = bool(firsts) and full_size.inputs.velocities(firsts[0]) is not None
-        self.firsts = [] if given else firsts
+        independent = full_size.inputs.params.temporal == "off"
+        given = bool(firsts) and not independent and full_size.inputs.velocities(firsts[0]) is not None
+        self.firsts = [] if given or independent else firsts
         gray = {index: to_gray(frame) for index, frame in full_size.frames.items()} if self.firsts else {}
         flow = full_size.inputs.params.flow
         self._pairs = {
@@ -303,7 +312,7 @@ class LevelAnimation:
         free = (paintable > 0)[..., None]
         return np.where(free, NOWHERE, np.asarray(self._usable_position, np.float32)).astype(np.float32)
 
-    def merge_probability(self, index: int, forward: bool) -> float:
+    def merge_probability(self, index: int, forward: bool) -> float | Plane:
         return 1.0 if self._continues else 0.5
 
     def ribbons(self, index: int) -> Offsets | None:
@@ -314,9 +323,11 @@ class KeyframeAnimation(LevelAnimation):
     """The frames of an interval at one level, with their keyframes.
 
     Attributes:
-        full: sorted frame numbers of the keyframes that are painted everywhere.
+        full: frame numbers of the keyframes that are painted everywhere.
         ribbon_offsets: frame number -> offsets of each pixel in the previous and the next keyframe, float32
             (2, h, w, 2).
+        kept: (number of the keyframe, 0 = previous, 1 = next; result of the sweep before by frame number): pixels that
+            do not lead to that keyframe keep this result. None = all pixels are free.
 
     The motion of all pairs of frames is computed on the threads of `velocities`, while the device works on coarser
     levels. Layers are left out, see `LevelAnimation`.
@@ -332,8 +343,9 @@ class KeyframeAnimation(LevelAnimation):
     ) -> None:  # fmt: skip
         super().__init__(level_frames, clock, usable_position, velocities, boil)
         self._painted, self._level = painted, level_frames.level
-        self.full = sorted(i for i, offsets in painted.items() if (offsets[..., 0] > NOWHERE).all())
+        self.full = {i for i, offsets in painted.items() if (offsets[..., 0] > NOWHERE).all()}
         self.ribbon_offsets: dict[int, Offsets] = {}
+        self.kept: tuple[int, Callable[[int], Offsets]] | None = None
         firsts = [] if level_frames.silhouettes else velocities.firsts
         self._submitted = {first: velocities.threads.submit(self._between, first) for first in firsts}
         self._all_motions: dict[int, tuple[Motion, Motion]] = {}
@@ -347,23 +359,38 @@ class KeyframeAnimation(LevelAnimation):
         return self._all_motions[first][0 if index < other else 1]
 
     def fixed_offsets(self, index: int) -> Offsets | None:
-        outside = super().fixed_offsets(index)
-        if index not in self._painted:
-            return outside
-        painted = downscaled_offsets(self._painted[index], self._level)
-        return painted if outside is None else np.where(painted > NOWHERE, painted, outside)
+        fixed = super().fixed_offsets(index)
+        if self.kept is not None:
+            key, result = self.kept
+            leads = self.ribbon_offsets[index][key][..., :1] > NOWHERE
+            fixed = _first(fixed, np.where(leads, NOWHERE, result(index)).astype(np.float32))
+        if index in self._painted:
+            fixed = _first(downscaled_offsets(self._painted[index], self._level), fixed)
+        return fixed
 
-    def merge_probability(self, index: int, forward: bool) -> float:
-        """Probability of the neighbour's offset in the random merge (section 4.1): biased towards the nearer key."""
-        last = max((i for i in self.full if i <= index), default=None)
-        following = min((i for i in self.full if i >= index), default=None)
+    def merge_probability(self, index: int, forward: bool) -> float | Plane:
+        """Probability of the neighbour's offset in the random merge (section 4.1): biased towards the nearer key, at
+        pixels that both keys paint."""
+        last = max((i for i in self._painted if i <= index), default=None)
+        following = min((i for i in self._painted if i >= index), default=None)
         if last is None or following is None or last == following:
             return 0.5
         from_last = (following - index) / (following - last)
-        return from_last if forward else 1 - from_last
+        bias = from_last if forward else 1 - from_last
+        if {last, following} <= self.full:
+            return bias
+        both = (self.ribbon_offsets[index][..., 0] > NOWHERE).all(0)
+        return np.where(both, bias, 0.5).astype(np.float32)
 
     def ribbons(self, index: int) -> Offsets | None:
         return self.ribbon_offsets.get(index)
+
+
+def _first(preferred: Offsets | None, otherwise: Offsets | None) -> Offsets | None:
+    """The preferred offsets where there are any, else the others."""
+    if preferred is None or otherwise is None:
+        return otherwise if preferred is None else preferred
+    return np.where(preferred > NOWHERE, preferred, otherwise)
 
 
 def warp_nearest(image: Bytes, displacement: Flow) -> Bytes:

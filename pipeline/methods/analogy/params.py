@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -17,6 +17,11 @@ _IN_KEYS = (
     "key_search_radius",
 )  # fmt: skip
 _GUIDES = ("a", "b", "c")
+
+
+def overridden(params: AnalogyParams, values: Mapping[str, Any]) -> AnalogyParams:
+    """The parameters with other values for some, as a layer of a shot has them. Raises ValidationError."""
+    return AnalogyParams.model_validate({**params.model_dump(), **values}) if values else params
 
 
 class AnalogyParams(Params):

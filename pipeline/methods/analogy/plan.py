@@ -11,17 +11,19 @@ composite    composites the layers, in runs of frames; no tasks without layers
 
 Intervals (section 4 of benard2013stylizing): keyframes are hard constraints, so frames before the first key, between
 two keys and after the last key are independent. A long interval is divided into parts, from its keyframes to its
-middle: each part starts from the last frame of the part nearer to the keyframe, which is fixed like a keyframe.
+middle: each part starts from the last frame of the part nearer to the keyframe, which is fixed like a keyframe. The
+interval before a keyframe that is painted in parts fills it, and the interval after it starts from the filled frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
+from types import MappingProxyType
 
 from pipeline.methods.analogy.level_animation import levels_of
-from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.analogy.params import AnalogyParams, overridden
 from pipeline.methods.base import PlanContext, Task, TaskResult, VideoInfo
 from pipeline.methods.scan import delivered_shots
 
@@ -41,6 +43,9 @@ MAX_INTERVAL_FRAMES = 48
 20."""
 _MIN_INTERVAL_FRAMES = 8
 MAX_INTERVAL_BYTES = 3 << 30
+MAX_STYLE_PX = 1 << 26
+"""Maximum number of pixels of the keyframes that are the style of an interval, if they are painted in parts."""
+_MAX_SIDE_KEYS = 6
 _INTERVAL_FRAME_BYTES = 60
 """Memory of one frame of an interval at the finest level, bytes per pixel: offsets, pictures, motion in both
 directions, two ribbons."""
@@ -106,38 +111,43 @@ def plan_synthesis(context: PlanContext[AnalogyParams]) -> list[Task]:
     scan = context.results["scan"]["video"]
     layers = scan["layers"]
     if not layers:
-        return _layer_tasks(context, scan, scan["keys"], -1)
+        return _layer_tasks(context, scan, scan, -1)
     return [
         task
         for number, layer in enumerate(layers)
         if layer["stylised"]
-        for task in _layer_tasks(context, scan, layer["keys"], number)
+        for task in _layer_tasks(context, scan, layer, number)
     ]
 
 
-def _layer_tasks(
-    context: PlanContext[AnalogyParams], scan: TaskResult, keyframes: list[tuple[int, bool]], layer: int
-) -> list[Task]:
+def _layer_tasks(context: PlanContext[AnalogyParams], scan: TaskResult, found: TaskResult, layer: int) -> list[Task]:
     """The tasks of one layer (-1 = the whole picture).
 
     Args:
         scan: result of the step scan.
-        keyframes: (frame number, whether it is painted everywhere) of each keyframe.
+        found: what the scan found of the layer: its keyframes, (frame number, whether it is painted everywhere); their
+            sources, see `key_sources`; its own parameters.
     """
+    params = overridden(context.params, found.get("params", {}))
     size = (context.video.width, context.video.height)
+    sources = {int(index): (behind, ahead) for index, behind, ahead in found.get("sources", [])}
     tasks: list[Task] = []
     video = context.video
     for begin, end in delivered_shots(context, scan):
-        keys = [(int(index), bool(full)) for index, full in keyframes if begin <= index < end]
+        keys = [(int(index), bool(full)) for index, full in found["keys"] if begin <= index < end]
         if keys:
-            intervals = dict(split_intervals(begin, end, keys, interval_frames(size), layer))
+            unit, most = 2 if params.on_twos == "on" else 1, key_limit(size)
+            limited = {index: (behind[:most], ahead[:most]) for index, (behind, ahead) in sources.items()}
+            intervals = dict(split_intervals(begin, end, keys, interval_frames(size), layer, limited, unit))
+            if params.temporal == "off":
+                intervals = {key: replace(each, fixed=()) for key, each in intervals.items()}
             tasks += [_interval_task(key, intervals[key]) for key in _needed(intervals, video, layer)]
             continue
         if video.is_piece:
             begin, end = max(begin, video.first), min(end, video.stop)
-        independent = context.params.temporal == "off" or end - begin == 1
-        sweeps = (_independent_runs if independent else _chained_sweeps)(context.params, begin, end, size)
-        short = end - begin <= _run_length(context.params, size, _COARSE_LEVEL)
+        independent = params.temporal == "off" or end - begin == 1
+        sweeps = (_independent_runs if independent else _chained_sweeps)(params, begin, end, size)
+        short = end - begin <= _run_length(params, size, _COARSE_LEVEL)
         tasks += [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), short)]
     return tasks
 
@@ -289,7 +299,8 @@ class KeyInterval:
     """Frames [start, stop) to synthesise, of which [first, last) are emitted.
 
     Attributes:
-        keys: frame numbers of the keyframes that are the style: those at the ends, and partial ones in between.
+        keys: frame numbers of the keyframes that are the style: those at the ends, and those that paint what these
+            leave unpainted.
         fixed: (frame, first frame of the interval that has synthesised it) of frames that are fixed like keyframes.
         layer: number of the layer; -1 = the whole picture.
     """
@@ -309,26 +320,47 @@ def interval_frames(size: tuple[int, int]) -> int:
     return max(_MIN_INTERVAL_FRAMES, min(MAX_INTERVAL_FRAMES, fitting))
 
 
+def key_limit(size: tuple[int, int]) -> int:
+    """Maximum number of keyframes on each side of an interval that are its style, at a frame size (width, height)."""
+    return max(1, min(_MAX_SIDE_KEYS, MAX_STYLE_PX // (2 * size[0] * size[1])))
+
+
 def split_intervals(
-    begin: int, end: int, keys: list[tuple[int, bool]], most: int = MAX_INTERVAL_FRAMES, layer: int = -1
+    begin: int,
+    end: int,
+    keys: list[tuple[int, bool]],
+    most: int = MAX_INTERVAL_FRAMES,
+    layer: int = -1,
+    sources: Mapping[int, tuple[Sequence[int], Sequence[int]]] = MappingProxyType({}),
+    unit: int = 1,
 ) -> Iterator[tuple[str, KeyInterval]]:
-    """Split the frames [begin, end) of a shot at its full keyframes; yields (task key, interval).
+    """Split the frames [begin, end) of a shot at its keyframes; yields (task key, interval).
 
     Args:
         keys: (frame number, whether the keyframe is painted everywhere).
         most: maximum number of frames of an interval.
         layer: number of the layer; -1 = the whole picture.
+        sources: keyframes that are the style before and after a keyframe, see `key_sources`; itself if not given.
+        unit: number of frames that show one painting; parts begin at multiples of it from the keyframe.
     """
-    full = [index for index, whole in keys if whole]
+    full = dict(keys)
     # A keyframe that is the last frame belongs to the interval before it, since a task of its own takes half a second.
     ending = end - 1 if end - 1 in full and end - 1 > begin else end
+    filled_by: int | None = None
+    """First frame of the part before, whose last frame is the keyframe from which the next interval starts."""
     for left, right in pairwise(sorted({begin, *full, ending})):
         stop = right + 1 if right in full else right
-        inside = tuple(index for index, _ in keys if left <= index < stop)
-        style = inside or tuple(index for index, _ in keys)
-        for part in _interval_parts(left, right, stop, style, (left in full, right in full), most):
+        before = sources.get(left, ((left,), ()))[0] if left in full else ()
+        after = sources.get(right, ((), (right,)))[1] if right in full else ()
+        style, next_filled_by = tuple(sorted({*before, *after})), None
+        for part in _interval_parts(left, right, stop, style, (left in full, right in full), most // unit * unit, unit):
+            fixed = part.fixed
+            if part.start == left and filled_by is not None and not full[left]:
+                fixed = ((left, filled_by), *fixed)
             last = end if part.last == ending else part.last
-            yield interval_key(part.start, layer), replace(part, last=last, layer=layer)
+            next_filled_by = part.start if part.last == right else next_filled_by
+            yield interval_key(part.start, layer), replace(part, last=last, layer=layer, fixed=fixed)
+        filled_by = next_filled_by
 
 
 def interval_key(start: int, layer: int = -1) -> str:
@@ -337,7 +369,7 @@ def interval_key(start: int, layer: int = -1) -> str:
 
 
 def _interval_parts(
-    left: int, right: int, stop: int, keys: tuple[int, ...], full: tuple[bool, bool], most: int
+    left: int, right: int, stop: int, keys: tuple[int, ...], keyed: tuple[bool, bool], most: int, unit: int
 ) -> Iterator[KeyInterval]:
     """Divide one interval into parts of at most `most` frames, in the order of their dependencies.
 
@@ -345,13 +377,14 @@ def _interval_parts(
     continue from both of them, and the part in the middle, of `most` frames, leads from one side to the other.
 
     Args:
-        full: whether the frames `left` and `right` are keyframes that are painted everywhere.
+        keyed: whether the frames `left` and `right` are keyframes.
+        unit: see `split_intervals`.
     """
     forward_end, backward_begin = right, right
-    if right - left > most and all(full):
-        forward_end = left + (right - left - most + 1) // 2
+    if right - left > most and all(keyed):
+        forward_end = left + (right - left - most + 1) // 2 // unit * unit
         backward_begin = forward_end + most
-    elif full == (False, True):
+    elif keyed == (False, True):
         forward_end = backward_begin = left
 
     def part(start: int, inner: int, fixed: dict[int, int]) -> KeyInterval:
@@ -367,6 +400,7 @@ def _interval_parts(
         inner = min(start + most, right)
         yield part(start, inner, {inner: after} if inner < right else {})
         after = start
-    if left < forward_end < backward_begin:
-        outer = {forward_end: before} | ({backward_begin: after} if backward_begin < right else {})
+    if forward_end < backward_begin:
+        outer = {forward_end: before} if forward_end > left else {}
+        outer |= {backward_begin: after} if backward_begin < right else {}
         yield part(forward_end, backward_begin, outer)

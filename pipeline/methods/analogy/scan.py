@@ -3,14 +3,15 @@ layers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from itertools import pairwise
 from typing import cast
 
 from pipeline.errors import BadInput
-from pipeline.frames import Frame
-from pipeline.methods.analogy.inputs import SynthesisInputs, checked_keyframes
+from pipeline.frames import Frame, Mask
+from pipeline.methods.analogy.inputs import SynthesisInputs, key_sources, painted_masks
 from pipeline.methods.analogy.job_inputs import JobInputs
 from pipeline.methods.analogy.layer_inputs import LayerInputs
 from pipeline.methods.analogy.params import AnalogyParams
@@ -43,8 +44,9 @@ def plan_scan(context: PlanContext[AnalogyParams]) -> list[Task]:
 def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     """Count the frames, detect cuts, and measure the tones of the video and of each layer.
 
-    The result holds the number of frames, the first frame of each shot but the first, the keyframes, see
-    `checked_keyframes`, and for each layer its name, keyframes, overpaint and a message about its motion vectors.
+    The result holds the number of frames, the first frame of each shot but the first, the keyframes, (frame number,
+    whether it is painted everywhere), their sources, see `key_sources`, and for each layer its name, parameters,
+    keyframes, overpaint and a message about its motion vectors.
     """
     shot, video = layered_shot(context), context.video
     accumulator = ToneAccumulator()
@@ -61,26 +63,28 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
             _sample(context, measure)
     frames = max(scanned, video.total) if video.is_piece else scanned
     tones = accumulator.statistics()
-    keys = checked_keyframes(JobInputs(context), frames) if shot is None else []
-    if not context.has("style_output") and not _all_keyed([first or 0, *cuts, scanned], keys):
+    edges = [first or 0, *cuts, scanned]
+    masks = painted_masks(JobInputs(context), frames) if shot is None else {}
+    if not context.has("style_output") and not _all_keyed(edges, masks):
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
-        context.save("tones", LayerStatistics(tones).arrays())
-        return {"first": first or 0, "frames": scanned, "cuts": cuts, "keys": keys, "layers": []}
+        ranges = JobInputs(context).ranges()
+        context.save(JobInputs.statistics_artefact, LayerStatistics(tones, ranges=ranges).arrays())
+        return {"first": first or 0, "frames": scanned, "cuts": cuts, **_keys(masks, edges), "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
             "Some pictures of the shot could not be read.", field="inputs.video", value=f"{frames} of "
             f"{shot.whole.frames}", remedy="Render the others again.",
         )  # fmt: skip
-    whole, *layers = [_scan_layer(context, layer, tones) for layer in (shot.whole, *shot.layers)]
-    found = {"first": first or 0, "frames": scanned, "cuts": cuts, "keys": whole["keys"]}
-    return found | {"message": whole["message"], "layers": layers}
+    whole, *layers = [_scan_layer(context, layer, tones, edges) for layer in (shot.whole, *shot.layers)]
+    found = {name: whole[name] for name in ("keys", "sources", "message")}
+    return {"first": first or 0, "frames": scanned, "cuts": cuts, **found, "layers": layers}
 
 
-def _all_keyed(edges: list[int], keys: list[tuple[int, bool]]) -> bool:
+def _all_keyed(edges: Sequence[int], keys: Collection[int]) -> bool:
     """Whether every shot has a keyframe, so that no shot needs another style."""
-    return all(any(first <= index < end for index, _ in keys) for first, end in pairwise(edges))
+    return all(any(first <= index < end for index in keys) for first, end in pairwise(edges))
 
 
 def _scanned(context: TaskContext[AnalogyParams], shot: LayeredShot | None) -> tuple[int | None, int | None]:
@@ -93,11 +97,11 @@ def _scanned(context: TaskContext[AnalogyParams], shot: LayeredShot | None) -> t
     if shot is not None:
         inputs = [LayerInputs(context, layer, None) for layer in (shot.whole, *shot.layers)]
     first, stop = video.first, video.stop
-    for keys in (checked_keyframes(own, video.total) for own in inputs):
-        if keys:
-            full = [index for index, whole in keys if whole]
+    for masks in (painted_masks(own, video.total) for own in inputs):
+        if masks:
+            full = [index for index, mask in masks.items() if mask is None]
             first = min(first, max((index for index in full if index <= video.first), default=0))
-            most = min(video.total, video.stop + MAX_INTERVAL_FRAMES)
+            most = video.total if len(full) < len(masks) else min(video.total, video.stop + MAX_INTERVAL_FRAMES)
             stop = max(stop, min((index + 1 for index in full if index >= video.stop - 1), default=most))
     return first, stop
 
@@ -109,25 +113,36 @@ def _sample(context: TaskContext[AnalogyParams], measure: Callable[[Frame], None
             measure(frame)
 
 
-def _scan_layer(context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics) -> TaskResult:
+def _keys(masks: Mapping[int, Mask | None], edges: Sequence[int]) -> TaskResult:
+    """The keyframes, and the sources of those that are partial and of their neighbours."""
+    sources: list[tuple[int, list[int], list[int]]] = []
+    for first, end in pairwise(edges):
+        found = key_sources({index: mask for index, mask in masks.items() if first <= index < end})
+        sources += [(index, *both) for index, both in found.items() if max(map(len, both)) > 1]
+    return {"keys": [(index, mask is None) for index, mask in masks.items()], "sources": sources}
+
+
+def _scan_layer(
+    context: TaskContext[AnalogyParams], layer: Layer, tones: ToneStatistics, edges: Sequence[int]
+) -> TaskResult:
     """Check that every picture of a layer can be read, and determine the sign of its motion vectors."""
     inputs, passes = LayerInputs(context, layer, None), RenderPasses(layer, context.size)
     with context.clock("scan"):
         factors, message = _vector_factors(context, layer, passes)
-        keys = checked_keyframes(inputs, layer.frames)
-        if keys and not layer.stylised:
+        masks = painted_masks(inputs, layer.frames)
+        if masks and not layer.stylised:
             raise BadInput(
                 f"{layer.where} has keyframes, but is not stylised.", field=f"shot.json: layers.{layer.name}.stylise",
                 value=False, remedy="Remove its keyframes, or remove the setting.",
             )  # fmt: skip
         own = tones if layer.number < 0 else _layer_tones(context, layer, passes)
         statistics = LayerStatistics(own, factors, inputs.overpaint_px())
-    LayerInputs(context, layer, statistics, keyframe_style=bool(keys)).guides  # noqa: B018  (raises for invalid guides)
+        statistics = replace(statistics, ranges=LayerInputs(context, layer, None, bool(masks)).ranges())
     with scaled_style_saved(context, LayerInputs(context, layer, statistics)):
         context.save(layer.statistics_artefact, statistics.arrays())
     return {
-        "name": layer.name, "keys": keys, "message": message, "overpaint_px": statistics.reach_px,
-        "stylised": layer.stylised,
+        "name": layer.name, **_keys(masks, edges), "message": message, "params": layer.params,
+        "overpaint_px": statistics.reach_px, "stylised": layer.stylised,
     }  # fmt: skip
 
 
@@ -146,7 +161,7 @@ def _vector_factors(
     """Sign factors of the motion vectors of a layer (None = no vectors), and a message about them."""
     if layer.frames < 2 or not passes.has_vectors():
         return None, "Motion is estimated by optical flow."
-    convention = layer.vectors or context.params.vectors
+    convention = layer.params.get("vectors") or layer.vectors or context.params.vectors
     if not isinstance(convention, str):
         factors = (float(convention[0]), float(convention[1]), float(convention[2]))
         return factors, "Vectors are multiplied by the factors in shot.json."

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -14,18 +14,23 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadInput, BadParameter
 from pipeline.formats import has_planes
 from pipeline.formats.base import Choice, PlaneImage
-from pipeline.frames import Flow, Frame, Mask
+from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, direction_data, plane_data
 from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
 from pipeline.synthesis.images import Bytes
+from pipeline.synthesis.orientation import authored_tensors
 from pipeline.synthesis.tone_matching import NO_CONTRASTS, ToneStatistics
 from pipeline.video.guard.pictures import guarded_planes, guarded_raw
-from pipeline.video.passes import normals, object_ids, picture, raw_vectors
+from pipeline.video.passes import depth, normals, object_ids, picture, raw_vectors
 from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
 from pipeline.video.shot_files import FRAMES, Files, is_shot
+from pipeline.video.stills import over_white
 
 Factors = tuple[float, float, float]
+_RANGE = "range-"
+_WHOLE_PARAMS = frozenset({"cut_sensitivity"})
 _REPLACED_INPUTS = ("guide_a", "guide_b", "guide_c", "lines", "directions", "masks")
 """Inputs of a job that a shot replaces by files of its own."""
 
@@ -71,6 +76,11 @@ class Layer:
         return self.files.settings is None or self.files.settings.stylise
 
     @property
+    def params(self) -> Mapping[str, Any]:
+        """Parameters of the method that shot.json sets for the layer."""
+        return {} if self.files.settings is None else self.files.settings.params
+
+    @property
     def statistics_artefact(self) -> str:
         """Name of the artefact with the layer's `LayerStatistics`."""
         return "tones" if self.number < 0 else f"tones-{self.number}"
@@ -83,24 +93,33 @@ class LayerStatistics:
     Attributes:
         factors: sign factors of its motion vectors; None = no vectors.
         reach_px: maximum distance of paint beyond the silhouette, px.
+        ranges: values that become 0 and 255 in each guide that has values outside 0..1.
     """
 
     tones: ToneStatistics
     factors: Factors | None = None
     reach_px: float = 0.0
+    ranges: Mapping[str, Range] = field(default_factory=dict)
 
     def arrays(self) -> State:
         """The statistics as arrays, for storage."""
         factors = np.array(self.factors if self.factors else (), np.float64)
-        return {**vars(self.tones), "factors": factors, "reach": np.array(self.reach_px)}
+        ranges = {f"{_RANGE}{name}": np.array(limits, np.float64) for name, limits in self.ranges.items()}
+        return {**vars(self.tones), "factors": factors, "reach": np.array(self.reach_px), **ranges}
 
     @staticmethod
     def of(arrays: Arrays) -> LayerStatistics:
         """Restore what `arrays` returned; statistics of programs before 2026-11-25 have no contrasts."""
         known: dict[str, Any] = {"contrasts": NO_CONTRASTS} | dict(arrays)
-        tones = ToneStatistics(*(known[field.name] for field in fields(ToneStatistics)))
+        tones = ToneStatistics(*(known[each.name] for each in fields(ToneStatistics)))
         factors = tuple(float(f) for f in arrays["factors"])
-        return LayerStatistics(tones, (factors[0], factors[1], factors[2]) if factors else None, float(arrays["reach"]))
+        ranges = {
+            name.removeprefix(_RANGE): (float(limits[0]), float(limits[1]))
+            for name, limits in arrays.items()
+            if name.startswith(_RANGE)
+        }
+        signs = (factors[0], factors[1], factors[2]) if factors else None
+        return LayerStatistics(tones, signs, float(arrays["reach"]), ranges)
 
 
 @dataclass(frozen=True)
@@ -182,16 +201,21 @@ def layer_params(params: AnalogyParams, layer: Layer) -> AnalogyParams:
     Raises:
         BadParameter: an unknown name or a value out of range; the field names the place in shot.json.
     """
-    settings = layer.files.settings
-    if settings is None or not settings.params:
+    if not layer.params:
         return params
     from pipeline.methods import method, parse_params
 
+    where = f"shot.json: layers.{layer.name}"
+    for name in _WHOLE_PARAMS & layer.params.keys():
+        raise BadParameter(
+            f"The parameter {name} applies to the whole video, not to a layer.", field=f"{where}.params.{name}",
+            value=layer.params[name], remedy="Set it for the job.",
+        )  # fmt: skip
     try:
-        changed = parse_params(method("analogy"), {**params.model_dump(), **settings.params})
+        changed = parse_params(method("analogy"), {**params.model_dump(), **layer.params})
     except BadParameter as error:
         raise BadParameter(
-            error.message, field=f"shot.json: layers.{layer.name}.{error.field}", value=error.value, remedy=error.remedy
+            error.message, field=f"{where}.{error.field}", value=error.value, remedy=error.remedy
         ) from None
     assert isinstance(changed, AnalogyParams)
     return changed
@@ -204,6 +228,18 @@ def paint_artefact(layer: int, index: int) -> str:
 
 # -- render passes
 
+DEPTH = "depth"
+PASSES_IN_FRAMES: Mapping[str, Callable[[PlaneImage], AnyArray | None]] = {
+    "normals": normals, "ids": object_ids, DEPTH: depth,
+}  # fmt: skip
+
+
+def normal_colours(found: AnyArray) -> Frame:
+    """Normals, components -1 to 1, as colours, uint8 (h, w, 3)."""
+    return np.asarray(np.rint((np.nan_to_num(found).clip(-1, 1) + 1) * 127.5), np.uint8)
+
+
+PASS_COLOURS: Mapping[str, Callable[[AnyArray], Frame]] = {"normals": normal_colours, "ids": id_colours}
 _MAX_CACHED = 3
 """Number of decoded images with planes in memory: a frame and its two neighbours."""
 
@@ -240,8 +276,9 @@ class RenderPasses:
     # -- pictures
 
     def frame(self, index: int) -> Frame:
-        """Frame `index` of the layer: uint8 (h, w, 3)."""
-        return np.ascontiguousarray(self._frame(index)[..., :3])
+        """Frame `index` of the layer: uint8 (h, w, 3). A whole frame with opacity is composited over white."""
+        own = self._frame(index)
+        return over_white(own) if own.shape[2] == 4 and not self.masked else np.ascontiguousarray(own[..., :3])
 
     def _frame(self, index: int) -> Bytes:
         path = self._paths(FRAMES)[index]
@@ -266,8 +303,7 @@ class RenderPasses:
             return None
         own = self._layer.files.passes
         if own["masks"]:
-            mask = eight_bit(self._raw(own["masks"][index]))
-            return np.asarray((mask if mask.ndim == 2 else mask[..., 0]) >= OPAQUE)
+            return np.asarray(data_picture(self._data(own["masks"][index]))[..., 0] >= OPAQUE)
         if self._object_ids:
             return np.isin(self.ids(index), self._object_ids)
         return np.asarray(self._frame(index)[..., 3] >= OPAQUE)
@@ -282,24 +318,36 @@ class RenderPasses:
         return np.dstack([own[..., :3], alpha.astype(np.uint8)])
 
     def picture(self, kind: str, index: int) -> Frame:
-        """Frame `index` of the pass `lines` or `directions`: uint8 (h, w, 3)."""
-        return as_rgb(eight_bit(self._raw(self._paths(kind)[index])))
+        """Frame `index` of the pass `lines` or `painted`: uint8 (h, w, 3)."""
+        return data_picture(self._data(self._paths(kind)[index]))
+
+    def directions(self, index: int) -> Plane:
+        """Given directions of the strokes in frame `index`, see `authored_tensors`."""
+        return authored_tensors(direction_data(self._layer.contents, self._paths("directions")[index]))
 
     # -- guides
 
     def guide_names(self) -> list[str]:
         """Names of the available guides, in a fixed order."""
+        folders = {*self._layer.files.guides, *self._layer.whole.guides}
         named = [kind for kind in ("normals", "ids") if self.has(kind) or self._in_frames(kind)]
-        return named + sorted({*self._layer.files.guides, *self._layer.whole.guides})
+        return named + sorted(folders | ({DEPTH} if self._in_frames(DEPTH) else set()))
 
-    def guide(self, name: str, index: int) -> Frame:
-        """A guide as a picture, uint8 (h, w, 3)."""
+    def guide(self, name: str, index: int, limits: Range = UNIT) -> Frame:
+        """A guide as a picture, uint8 (h, w, 3). `limits`: values of its data that become 0 and 255."""
         if name == "ids":
             return id_colours(self.ids(index))
-        if name == "normals":
-            return self._normals(index)
-        paths = self._layer.files.guides.get(name) or self._layer.whole.guides[name]
-        return as_rgb(eight_bit(self._raw(paths[index])))
+        return self._normals(index) if name == "normals" else data_picture(self.guide_data(name, index), limits)
+
+    def guide_data(self, name: str, index: int) -> AnyArray:
+        """The data of the pass `depth` or of a guide with files of its own, see `data_images`."""
+        if paths := self._layer.files.guides.get(name) or self._layer.whole.guides.get(name):
+            return self._data(paths[index])
+        for image in self._images_of(name, index):
+            if (found := depth(image)) is not None:
+                return found
+        raise BadInput(f"{self._layer.where} has no {name} in frame {index}.", field=name,
+                       remedy="Render the pass for every frame.")  # fmt: skip
 
     def ids(self, index: int) -> NDArray[np.int32]:
         """Object number of each pixel, int32 (h, w).
@@ -325,19 +373,18 @@ class RenderPasses:
             return as_rgb(eight_bit(self._raw(paths[index])))
         for image in self._images_of("normals", index):
             if (found := normals(image)) is not None:
-                return np.asarray(np.rint((np.nan_to_num(found).clip(-1, 1) + 1) * 127.5), np.uint8)
+                return normal_colours(found)
         raise BadInput(f"{self._layer.where} has no normals in frame {index}.", field="normals",
                        remedy="Render the pass for every frame.")  # fmt: skip
 
     def _in_frames(self, kind: str) -> bool:
-        find = normals if kind == "normals" else object_ids
-        return any(find(image) is not None for image in self._images_of(kind, 0))
+        return any(PASSES_IN_FRAMES[kind](image) is not None for image in self._images_of(kind, 0))
 
     # -- vectors
 
     def has_vectors(self) -> bool:
         """Whether the layer has motion vectors in both directions."""
-        return all(field is not None for field in self.vectors(0))
+        return all(vectors is not None for vectors in self.vectors(0))
 
     def vectors(self, index: int) -> tuple[Flow | None, Flow | None]:
         """Vectors as stored: (to the next frame, from the previous frame); None = missing."""
@@ -363,6 +410,9 @@ class RenderPasses:
 
     def _raw(self, path: str) -> AnyArray:
         return guarded_raw(self._layer.contents[path], path)
+
+    def _data(self, path: str) -> AnyArray:
+        return plane_data(self._planes(path), path) if has_planes(path) else self._raw(path)
 
     def _planes(self, path: str) -> PlaneImage:
         if path not in self._images:

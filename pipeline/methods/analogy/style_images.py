@@ -17,7 +17,7 @@ from pipeline.methods.base import TaskContext
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.emboss import emboss
 from pipeline.strokes.layers import StillPainting, paint_still
-from pipeline.synthesis.atlas import Atlas, atlas
+from pipeline.synthesis.atlas import Atlas, AtlasImage, atlas
 from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import Bytes, Offsets, StyleImage, halved, packed
 from pipeline.synthesis.orientation import DirectionSources
@@ -170,6 +170,8 @@ def paint_in_strokes(plain: Frame) -> Frame:
 
 # -- keyframes as style
 
+FURTHER = -1
+"""Name of the style pair that is used in addition to the keyframes of an interval."""
 NO_LINE_DISTANCE_PX = 1e4
 """Distance to the lines of a style that has none, px."""
 
@@ -181,10 +183,12 @@ class KeyframeStyle:
     Attributes:
         pair: the keyframes, and the frames that they were painted over.
         painted: frame number -> offsets that reproduce the keyframe, float32 (h, w, 2).
+        images: the images by the keyframe's number; `FURTHER` = the pair that is used in addition.
     """
 
     pair: StylePair
     painted: dict[int, Offsets]
+    images: dict[int, AtlasImage]
 
 
 def keyframe_style(
@@ -222,7 +226,8 @@ def keyframe_style(
         for number, key in enumerate(keys)
         if interval.start <= key.index < interval.stop
     }
-    return KeyframeStyle(pair, painted)
+    names = [key.index for key in keys] + ([FURTHER] if further else [])
+    return KeyframeStyle(pair, painted, dict(zip(names, layout.images, strict=True)))
 
 
 def _keyframe_pair(context: TaskContext[AnalogyParams], frames: LevelFrames, key: Keyframe) -> StylePair:

@@ -45,10 +45,15 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
     with ThreadPoolExecutor(1, "impasto-style") as thread:
         smooth = thread.submit(_smoothed, painting, smoothing_px / scale) if scale > 1 else None
         output = _scaled(painting, scale)
+        usable = None if pair.usable is None else _at_size(pair.usable, output, cv2.INTER_NEAREST)
         if smooth is None:
-            return StylePair(output, _smoothed(output, smoothing_px), True)
-        guide = cv2.resize(smooth.result(), output.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-    return StylePair(output, np.asarray(guide, np.uint8), True)
+            return StylePair(output, _smoothed(output, smoothing_px), True, usable=usable)
+        return StylePair(output, _at_size(smooth.result(), output, cv2.INTER_LINEAR), True, usable=usable)
+
+
+def _at_size(image: Bytes, other: Bytes, interpolation: int) -> Bytes:
+    """The image at the size of another one."""
+    return np.asarray(cv2.resize(image, other.shape[1::-1], interpolation=interpolation), np.uint8)
 
 
 def _scaled(painting: Bytes, scale: float) -> Bytes:
@@ -93,7 +98,9 @@ def scaled_style_saved(context: TaskContext[AnalogyParams], inputs: SynthesisInp
     with ThreadPoolExecutor(1, "impasto-style") as thread:
         found = thread.submit(scaled)
         yield
-        context.save(_artefact(inputs.layer), {"output": found.result().output, "guide": found.result().guide})
+        scaled_style = {"output": found.result().output, "guide": found.result().guide}
+        usable = found.result().usable
+        context.save(_artefact(inputs.layer), scaled_style if usable is None else {**scaled_style, "usable": usable})
 
 
 def style_of(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> StylePair:
@@ -101,7 +108,8 @@ def style_of(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> St
     if not is_scaled(inputs):
         return inputs.style_pair()
     saved = context.load("scan", _artefact(inputs.layer))
-    return StylePair(np.asarray(saved["output"], np.uint8), np.asarray(saved["guide"], np.uint8), True)
+    output, guide = (np.asarray(saved[name], np.uint8) for name in ("output", "guide"))
+    return StylePair(output, guide, True, usable=saved.get("usable"))
 
 
 def _artefact(layer: int) -> str:

@@ -131,25 +131,13 @@ class SweepSynthesizer(Synthesizer):
                 for _ in range(1, self.levels):
                     level_frames.append(level_frames[-1].halved())
             if self.shown(index, run.begin) == index:
-                solved = self._all_levels(index, level_frames, (index - run.start) / (run.stop - run.start))
+                done = (index - run.start) / (run.stop - run.start)
+                animations = [self.animation(each) for each in level_frames]
+                solved = self._all_levels(index, animations.__getitem__, done)
                 with self.context.clock("colours"):
                     painting = self.painting(index, self._rendered(solved, level_frames[0]))
             self.emit_frame(index, painting, level_frames[0])
             self.context.progress((index + 1 - run.start) / (run.stop - run.start))
-
-    def _all_levels(self, index: int, level_frames: list[LevelFrames], done: float) -> SolvedFrame[Any]:
-        """One frame at full size."""
-        coarser: tuple[int, SolvedFrame[Any]] | None = None
-        for level in reversed(range(self.levels)):
-            previous, schedule = self._upsampled(coarser), self.schedule(level, 64 + level)
-            animation = self.animation(level_frames[level])
-            sweep = Sweep(self.ops, self.style(level), animation, previous, schedule, True)
-            with self.context.clock("synthesis"):
-                coarser = level, next(sweep.run([index]))
-                self.ops.finish()
-            self.context.progress(done)
-        assert coarser is not None
-        return coarser[1]
 
     # -- a run of a sweep
 

@@ -12,7 +12,7 @@ from pipeline.compute import device
 from pipeline.frames import Frame
 from pipeline.methods.analogy.boil import Boil
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
-from pipeline.methods.analogy.level_animation import LevelFrames, levels_of
+from pipeline.methods.analogy.level_animation import LevelAnimation, LevelFrames, levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
@@ -22,7 +22,7 @@ from pipeline.synthesis.exemplar import PaintingColours
 from pipeline.synthesis.images import Bytes, Offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
 from pipeline.synthesis.refine import colours
-from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame
+from pipeline.synthesis.sweeps import SearchSchedule, SolvedFrame, Sweep
 
 COARSEST_FACTOR = 2
 """Factor of iterations at the coarsest level, which starts from random offsets and costs little."""
@@ -121,6 +121,26 @@ class Synthesizer:
     def _unpacked(self, saved: Arrays, index: int, level: int) -> Offsets:
         return unpack_offsets(saved[str(index)], self._style_side(level))
 
+    def _all_levels(
+        self, index: int, animation: Callable[[int], LevelAnimation], done: float = 0.0
+    ) -> SolvedFrame[Any]:  # fmt: skip
+        """One frame at full size, independent of the others.
+
+        Args:
+            animation: the animation at a level.
+            done: fraction of the task's work that is done.
+        """
+        coarser: tuple[int, SolvedFrame[Any]] | None = None
+        for level in reversed(range(self.levels)):
+            previous, schedule = self._upsampled(coarser), self.schedule(level, 64 + level)
+            sweep = Sweep(self.ops, self.style(level), animation(level), previous, schedule, True)
+            with self.context.clock("synthesis"):
+                coarser = level, next(sweep.run([index]))
+                self.ops.finish()
+            self.context.progress(done)
+        assert coarser is not None
+        return coarser[1]
+
     # -- finished frames
 
     def _rendered(self, solved: SolvedFrame[Any], level_frames: LevelFrames) -> AnyArray:
@@ -146,11 +166,9 @@ class Synthesizer:
         if self.inputs.layer < 0:
             self.context.emit(index, np.ascontiguousarray(painting[..., :3]))
             return
-        paintable, silhouette = level_frames.paintable.get(index), level_frames.silhouettes.get(index)
-        if painting.shape[2] == 4:
-            alpha = painting[..., 3] if paintable is None else np.where(paintable > 0, painting[..., 3], 0)
-        else:
-            alpha = np.full(painting.shape[:2], 255) if silhouette is None else np.where(silhouette > 0, 255, 0)
+        paintable = level_frames.paintable.get(index)
+        alpha = painting[..., 3] if painting.shape[2] == 4 else np.full(painting.shape[:2], 255, np.uint8)
+        alpha = alpha if paintable is None else np.where(paintable > 0, alpha, 0)
         rgba = np.dstack([painting[..., :3], alpha.astype(np.uint8)])
         self.context.save(paint_artefact(self.inputs.layer, index), {"rgba": rgba})
 
