@@ -92,7 +92,7 @@ class Pass:
                 raise NotAKey
             if picture.is_corrupt:
                 self._report(f"picture at time {picture.pts} is damaged")
-            at = self._next = place + 1
+            at = self._next = self._index.coded_from(place + 1)
             yield place, picture
 
     def _place(self, picture: av.VideoFrame, at: int) -> int | None:

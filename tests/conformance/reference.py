@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from fractions import Fraction
 from itertools import islice
@@ -13,11 +14,12 @@ import numpy as np
 import OpenEXR
 from av.container import InputContainer
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
+from PIL import Image, ImageCms, ImageOps
 
+from pipeline.formats import IMAGE_SUFFIXES
 from tests.conformance.facts import MOST_PICTURES, Colours, Facts, onset
 
-STILLS = frozenset({".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp", ".tif", ".tiff", ".avif", ".heic", ".apng"})
+STILLS = IMAGE_SUFFIXES - {".exr", ".dpx"} | {".apng"}
 _MOST_S = 30.0
 """Sound after this time is not looked at."""
 
@@ -35,7 +37,7 @@ def by_library(path: Path) -> Facts:
 def _exr(path: Path) -> Facts:
     with OpenEXR.File(str(path), header_only=True) as file:
         header = file.header()
-        (left, top), (right, bottom) = header["dataWindow"]
+        (left, top), (right, bottom) = header["displayWindow"]
         width, height = int(right - left + 1), int(bottom - top + 1)
         aspect = float(header.get("pixelAspectRatio", 1.0))
     return Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000)))
@@ -46,17 +48,39 @@ def _still(path: Path) -> Facts:
     with Image.open(path) as image:
         count = min(getattr(image, "n_frames", 1), MOST_PICTURES)
         animated = getattr(image, "is_animated", False) and image.format in ("GIF", "PNG", "WEBP", "AVIF")
+        first = int(animated and bool(image.info.get("default_image")))  # for programs that do not animate
         at = 0.0
-        for number in range(count if animated else 1):
+        for number in range(first, count if animated else 1):
             image.seek(number)
-            shown = ImageOps.exif_transpose(image).convert("RGBA")
-            colours.add(np.asarray(shown))
+            shown = ImageOps.exif_transpose(image)
+            colours.add(_srgb(shown))
             found.times_s.append(at)
             at += float(image.info.get("duration", 0)) / 1000
             found.size = shown.size
         found.pictures = len(found.times_s)
     found.colours = colours.sampled()
     return found
+
+
+def _srgb(image: Image.Image) -> NDArray[Any]:
+    """The picture converted by its profile, RGBA."""
+    if image.mode[0] in "IF":
+        scale = 1 / 256 if image.mode[0] == "I" else 255
+        gray = np.clip(np.asarray(image, np.float64) * scale, 0, 255).astype(np.uint8)
+        image = Image.fromarray(gray)
+    profile = image.info.get("icc_profile")
+    if profile and image.mode in ("RGB", "CMYK", "L", "P", "RGBA"):
+        source = image if image.mode in ("RGB", "CMYK", "L") else image.convert("RGB")
+        try:
+            stored = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+            made = ImageCms.profileToProfile(source, stored, ImageCms.createProfile("sRGB"), outputMode="RGB")
+        except ImageCms.PyCMSError:
+            made = None
+        if made is not None:
+            if image.has_transparency_data:
+                made.putalpha(image.convert("RGBA").getchannel("A"))
+            image = made
+    return np.asarray(image.convert("RGBA"))
 
 
 def _film(path: Path) -> Facts:
