@@ -40,7 +40,27 @@ def _exr(path: Path) -> Facts:
         (left, top), (right, bottom) = header["displayWindow"]
         width, height = int(right - left + 1), int(bottom - top + 1)
         aspect = float(header.get("pixelAspectRatio", 1.0))
-    return Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000)))
+        deep = all(part.header["type"] in (OpenEXR.deepscanline, OpenEXR.deeptile) for part in file.parts)
+    if deep:
+        return Facts(refused="deep pixels")
+    found, colours = Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000))), Colours()
+    with OpenEXR.File(str(path)) as file:
+        planes = {name: channel.pixels for name, channel in file.channels().items()}
+    pixels = next((planes[name] for name in ("RGBA", "RGB", "Y") if name in planes), None)
+    if pixels is not None and pixels.shape[:2] == (height, width):
+        colours.add(_encoded(pixels))
+        found.colours = colours.sampled()
+    return found
+
+
+def _encoded(linear: NDArray[Any]) -> NDArray[np.uint8]:
+    """sRGB of linear light, premultiplied if it has opacity."""
+    light = np.nan_to_num(np.atleast_3d(linear).astype(np.float64))
+    clear = np.clip(light[..., 3:], 0, 1)
+    shown = np.clip(light[..., :3] / np.maximum(clear, 1e-4) if light.shape[2] == 4 else light[..., :3], 0, 1)
+    shown = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+    shown = np.repeat(shown, 3 // shown.shape[2], 2)
+    return np.asarray(np.rint(255 * np.concatenate([shown, clear], 2)), np.uint8)
 
 
 def _still(path: Path) -> Facts:
@@ -51,11 +71,13 @@ def _still(path: Path) -> Facts:
         first = int(animated and bool(image.info.get("default_image")))  # for programs that do not animate
         at = 0.0
         for number in range(first, count if animated else 1):
-            image.seek(number)
+            if animated:
+                image.seek(number)
             shown = ImageOps.exif_transpose(image)
             colours.add(_srgb(shown))
             found.times_s.append(at)
-            at += float(image.info.get("duration", 0)) / 1000
+            shown_ms = float(image.info.get("duration", 0))
+            at += (shown_ms if shown_ms >= 20 else 100) / 1000  # as browsers do
             found.size = shown.size
         found.pictures = len(found.times_s)
     found.colours = colours.sampled()
@@ -93,9 +115,10 @@ def _film(path: Path) -> Facts:
         first_s = None
         for picture in islice(_decoded(source, stream, found), MOST_PICTURES):
             time = picture.pts if picture.pts is not None else picture.dts
-            at = float(time * picture.time_base) if time is not None else None
+            rate = stream.average_rate or stream.guessed_rate or 25
+            at = float(found.pictures / rate if time is None else time * picture.time_base)
             first_s = at if first_s is None else first_s
-            found.times_s.append((at or 0.0) - (first_s or 0.0))
+            found.times_s.append(at - first_s)
             found.size = found.size if found.pictures else _displayed(picture, stream.sample_aspect_ratio)
             found.damaged |= picture.is_corrupt
             colours.add(_pixels(picture))
