@@ -21,7 +21,7 @@ FILMS = frozenset(
     (".mp4", ".mkv", ".webm", ".mov", ".avi", ".ts", ".flv", ".mpg", ".mpeg", ".ps", ".3gp", ".m4v", ".ogv", ".mxf")
 ) | {".m2ts", ".mts", ".wmv", ".h264"}
 KINDS = {"films": FILMS, "stills": STILLS | {".exr", ".dpx"}, "all": FILMS | STILLS | {".exr", ".dpx"}}
-TIMEOUT_S = 120
+TIMEOUT_S = 600
 MEMORY_BYTES = 6 << 30
 
 

@@ -46,7 +46,8 @@ def _exr(path: Path) -> Facts:
     found, colours = Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000))), Colours()
     with OpenEXR.File(str(path)) as file:
         planes = {name: channel.pixels for name, channel in file.channels().items()}
-    pixels = next((planes[name] for name in ("RGBA", "RGB", "Y") if name in planes), None)
+    known = ("RGBA", "RGB") if "RY" in planes else ("RGBA", "RGB", "Y")
+    pixels = next((planes[name] for name in known if name in planes), None)
     if pixels is not None and pixels.shape[:2] == (height, width):
         colours.add(_encoded(pixels))
         found.colours = colours.sampled()

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import get_args
 from urllib.parse import urlsplit
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
 from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, Method, Params, missing_inputs
-from pipeline.video.media import Fields, SourceOptions
 from pipeline.video.numbered import no_such_frame
 from pipeline.video.numbering import described, numbers_of_runs
 from workers.contract.record import Asset
@@ -29,7 +27,7 @@ from workers.contract.request import (
     JobRequest,
     OutputSpec,
 )
-from workers.jobs.frame_window import stream_info, window_info
+from workers.jobs.frame_window import check_source, window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
@@ -63,7 +61,7 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     with _collected(faults):
         check_output(chosen, request.output)
     with _collected(faults):
-        check_source(request.source, assets.get("video"))
+        check_source(request.source, assets["video"].info if "video" in assets else None)
     with _collected(faults):
         check_frames(request.frames, assets.get("video"))
     with _collected(faults):
@@ -148,14 +146,6 @@ def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
     if not 0 <= frames[0] < frames[1] or (count and frames[1] > count):
         end = f"The video has {count} frames." if count else "Frames are counted from 0."
         _refuse("frames", list(frames), f"Use [first, end) with first < end. {end}")
-
-
-def check_source(source: SourceOptions, video: Asset | None) -> None:
-    """Check that the video has the stream, and that fields are read in a known way."""
-    if source.fields not in get_args(Fields):
-        _refuse("source.fields", source.fields, f"Use one of: {', '.join(get_args(Fields))}.")
-    if source.picture is not None and video is not None:
-        stream_info(video.info, source.picture)
 
 
 def check_output(chosen: Method, output: OutputSpec) -> None:
