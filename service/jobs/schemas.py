@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.formats import OutputName
+from service.prefix import Address
 from workers.contract.record import Job
 from workers.contract.request import (
     MAX_LABEL_NAME,
@@ -103,10 +104,10 @@ class PreviewIn(Work):
 
 @dataclass(frozen=True)
 class Links:
-    self: str
-    events: str
-    result: str
-    tasks: str
+    self: Address
+    events: Address
+    result: Address
+    tasks: Address
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ class FileOut:
     media_type: str
     filename: str
     etag: str
-    url: str
+    url: Address
 
 
 @dataclass(frozen=True)

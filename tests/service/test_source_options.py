@@ -91,7 +91,7 @@ def test_a_project_shows_and_paints_the_chosen_picture(what: str, number: int, c
     frame = next(data for header, data in records(answer.content) if header["type"] == "frame")
     assert picture(frame).shape[1::-1] == SIZES[number]
     sent = client.post(f"{url}/jobs", json={})
-    job = client.get(f"/v1/jobs/{sent.json()['jobs'][0]['job']['id']}").json()
+    job = client.get(f"/v1/jobs/{sent.json()['items'][0]['job']['id']}").json()
     assert job["request"]["source"]["picture"] == number
 
 
