@@ -62,19 +62,21 @@ def main() -> int:
     options.add_argument("--table", type=Path, help="write every verdict to this file")
     asked = options.parse_args()
     found: list[Verdict] = []
+    if asked.table:
+        asked.table.write_text("| file | verdict | why |\n|---|---|---|\n")
     for root in asked.folders:
         within = [root] if root.is_file() else root.rglob("*")
         files = sorted(p for p in within if p.suffix.lower() in KINDS[asked.kinds] and p.is_file())
         small = [path for path in files if path.stat().st_size <= asked.largest][: asked.most]
         for path in small:
             found.append(verdict(path, root.parent, apart(by_library, path), guarded(path)))
+            if asked.table:
+                with asked.table.open("a") as table:
+                    table.write(f"| {found[-1].file} | {found[-1].kind} | {found[-1].why.replace('|', '/')} |\n")
             if found[-1].kind == "different":
                 print(f"{found[-1].file}: {found[-1].why}", flush=True)
     counts = Counter(each.kind for each in found)
     print(f"{len(found)} files: " + ", ".join(f"{count} {kind}" for kind, count in counts.most_common()))
-    if asked.table:
-        rows = (f"| {each.file} | {each.kind} | {each.why.replace('|', '/')} |\n" for each in found)
-        asked.table.write_text("| file | verdict | why |\n|---|---|---|\n" + "".join(rows))
     return min(1, counts["different"])
 
 

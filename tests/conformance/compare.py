@@ -48,8 +48,8 @@ def verdict(path: Path, root: Path, reference: Facts, ours: Facts) -> Verdict:
 def differences(reference: Facts, ours: Facts) -> list[str]:
     """What differs, the reference's value first."""
     found = []
-    read = ours.pictures - ours.repeated if reference.damaged else ours.pictures
-    if reference.pictures != read:
+    least = ours.pictures - ours.repeated if reference.damaged else ours.pictures
+    if not least <= reference.pictures <= ours.pictures:
         found.append(f"pictures {reference.pictures} / {ours.pictures}")
     elif worst := _worst_time(reference, ours):
         found.append(worst)

@@ -79,7 +79,7 @@ def _still(path: Path) -> Facts:
             found.times_s.append(at)
             shown_ms = float(image.info.get("duration", 0))
             at += (shown_ms if shown_ms >= 20 else 100) / 1000  # as browsers do
-            found.size = shown.size
+            found.size = found.size if found.times_s[1:] else shown.size
         found.pictures = len(found.times_s)
     found.colours = colours.sampled()
     return found
