@@ -1,19 +1,33 @@
 """The path prefix under which a proxy serves the service, for example "/paint".
 
 It comes from the proxy's header X-Forwarded-Prefix or from uvicorn's root path. A proxy may remove it from addresses or
-leave it. Pages, redirects, `Location` and the servers of the OpenAPI document carry it.
+leave it. Pages, redirects, `Location`, `Address`es in answers and the servers of the OpenAPI document carry it.
 """
 
 from __future__ import annotations
 
 import re
+from contextvars import ContextVar
+from typing import Annotated
 
+from pydantic import PlainSerializer
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 HEADER = "X-Forwarded-Prefix"
 _PREFIX = re.compile(r"(?:/[A-Za-z0-9._~-]{1,64}){1,8}")
 _LINK = re.compile(r'((?:href|src)=")/(?!/)')
+
+_current: ContextVar[str] = ContextVar("prefix", default="")
+"""The prefix of the request that is being answered."""
+
+
+def _behind_prefix(path: str) -> str:
+    return _current.get() + path
+
+
+Address = Annotated[str, PlainSerializer(_behind_prefix, return_type=str)]
+"""A path of this service in a response, which is sent with the request's prefix."""
 
 
 def prefix_of(scope: Scope) -> str:
@@ -31,6 +45,7 @@ class OutsidePrefix:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         prefix = prefix_of(scope) if scope["type"] in ("http", "websocket") else ""
+        _current.set(prefix)
         if not prefix:
             await self._app(scope, receive, send)
             return

@@ -23,7 +23,7 @@ MAX_KEPT = 200
 def estimate_render(request: JobRequest, video: Path, home: Path) -> Json:
     """Estimated time, memory and disk space of a render of the video, as the fields of `Estimate`.
 
-    Raises: UnreadableMedia, NoVideoStream.
+    Raises: UnreadableMedia, NoVideoStream, BadParameter (the video has no such stream).
     """
     info = _facts(probe_guarded(video))
     return dataclasses.asdict(estimate_from(request, info, _read(home).get(request.method, [])))
@@ -48,7 +48,7 @@ def remember(home: Path, request: JobRequest, video: MediaInfo, job: Job) -> Non
 
 
 def _facts(video: MediaInfo) -> Json:
-    return {name: getattr(video, name) for name in ("frames", "width", "height", "fps", "duration_s")}
+    return {name: getattr(video, name) for name in ("frames", "width", "height", "fps", "duration_s", "streams")}
 
 
 def _read(home: Path) -> dict[str, list[MeasuredJob]]:

@@ -37,6 +37,11 @@ def square_pixels(picture: AnyArray, aspect: float) -> AnyArray:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC))
 
 
+def aspect_notes(aspect: float) -> tuple[str, ...]:
+    """What `square_pixels` does, for the warnings of a job."""
+    return (f"Pixels have the aspect {aspect:g}: pictures are scaled to square pixels.",) if aspect != 1 else ()
+
+
 @dataclass(frozen=True)
 class Carries:
     """Capabilities of a format. `depth_bits`: maximum number of bits of a colour channel."""

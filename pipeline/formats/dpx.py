@@ -8,14 +8,15 @@ from typing import BinaryIO
 
 import av
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.formats.base import Carries, Choice, ImageFormat, ImageHeader
+from pipeline.arrays import AnyArray
+from pipeline.formats.base import Carries, Choice, ImageFormat, ImageHeader, aspect_notes, square_pixels
 from pipeline.formats.pillow import faults
 from pipeline.video.media import Limits, check_size
 
 _ORDERS = {b"SDPX": ">", b"XPDS": "<"}
-_SIZE_AT, _TRANSFER_AT = 772, 801
+_SIZE_AT, _TRANSFER_AT, _ASPECT_AT = 772, 801, 1628
+_UNSET = 0xFFFFFFFF
 
 
 class Dpx(ImageFormat):
@@ -33,9 +34,10 @@ class Dpx(ImageFormat):
 
     def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
         log = data[_TRANSFER_AT : _TRANSFER_AT + 1] in (b"\1", b"\3")
-        return ("The DPX is logarithmic: its values are read as they are, without a film curve.",) if log else ()
+        found = ["The DPX is logarithmic: its values are read as they are, without a film curve."] if log else []
+        return (*found, *aspect_notes(_aspect(data)))
 
-    def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> NDArray[np.uint16]:
+    def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> AnyArray:
         found = self.header(io.BytesIO(data))
         check_size(found.width, found.height, limits, f"The image {name}")
         options = {"max_pixels": str(2 * limits.pixels)}
@@ -45,7 +47,16 @@ class Dpx(ImageFormat):
         ):
             picture = next(container.decode(video=0))
             alpha = any(component.is_alpha for component in picture.format.components)
-            return np.asarray(picture.to_ndarray(format="rgba64le" if alpha else "rgb48le"), np.uint16)
+            pixels = np.asarray(picture.to_ndarray(format="rgba64le" if alpha else "rgb48le"), np.uint16)
+            return square_pixels(pixels, _aspect(data))
+
+
+def _aspect(data: bytes) -> float:
+    """Width : height of a pixel; 1 if the header does not give it."""
+    if len(data) < _ASPECT_AT + 8:
+        return 1.0
+    across, down = struct.unpack_from(f"{_ORDERS[data[:4]]}II", data, _ASPECT_AT)
+    return across / down if across not in (0, _UNSET) and down not in (0, _UNSET) else 1.0
 
 
 DPX = Dpx()

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
-from pipeline.formats.base import Carries, Choice, ImageFormat, ImageHeader, PlaneImage, square_pixels
+from pipeline.formats.base import Carries, Choice, ImageFormat, ImageHeader, PlaneImage, aspect_notes, square_pixels
 from pipeline.frames import Plane
 from pipeline.video.media import Limits, check_window, unreadable
 from pipeline.video.passes import picture, picture_choice
 
+_DEEP = (OpenEXR.deepscanline, OpenEXR.deeptile)
 _LINEAR_709 = "lin_rec709_scene"
 
 
@@ -35,9 +36,12 @@ class Exr(ImageFormat):
 
     def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
         headers = _headers(io.BytesIO(data), "image")
-        planes = {name: np.zeros((0, 0), np.float32) for header in headers for name in _names(header)}
+        flat = [header for header in headers if header.get("type") not in _DEEP]
+        planes = {name: np.zeros((0, 0), np.float32) for header in flat for name in _names(header)}
         named = PlaneImage((0, 0), planes, 1.0, _views(headers))
-        return (*picture_choice(named, choice).notes, *_facts(headers[0]))
+        deep = [str(header.get("name")) for header in headers if header.get("type") in _DEEP]
+        left = (f"Parts with deep pixels are left out: {', '.join(deep)}.",) if deep else ()
+        return (*picture_choice(named, choice).notes, *_facts(headers[0]), *left)
 
     def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> NDArray[np.uint8]:
         image = self.planes(data, limits, name)
@@ -62,6 +66,8 @@ class Exr(ImageFormat):
             for header in headers:
                 for window in ("displayWindow", "dataWindow"):
                     check_window(*_extent(header[window]), limits, name)
+            if all(header.get("type") in _DEEP for header in headers):
+                unreadable("The EXR has deep pixels only.", name, "Flatten it: one value for each pixel and channel.")
             try:
                 with OpenEXR.File(stream, separate_channels=True, num_threads=0) as file:
                     planes = _placed(file.parts, headers, name)
@@ -123,6 +129,8 @@ def _views(headers: list[Mapping[str, Any]]) -> tuple[str, ...]:
 def _placed(parts: list[Any], headers: list[Mapping[str, Any]], name: str) -> dict[str, Plane]:
     planes: dict[str, Plane] = {}
     for header, part in zip(headers, parts, strict=True):
+        if header.get("type") in _DEEP:
+            continue
         extent, size = _extent(header["dataWindow"]), _extent(header["displayWindow"])
         shift = np.array(header["dataWindow"][0]) - np.array(header["displayWindow"][0])
         for full, channel in zip(_names(header), header["channels"], strict=True):
@@ -164,9 +172,7 @@ def _facts(header: Mapping[str, Any]) -> Iterator[str]:
         yield f"The data window ({sizes[0]}) reaches beyond the display window ({sizes[1]}): the overscan is left out."
     elif sizes[0] != sizes[1]:
         yield f"The data window ({sizes[0]}) is smaller than the display window ({sizes[1]}): the rest is empty."
-    aspect = float(header.get("pixelAspectRatio", 1.0))
-    if aspect != 1:
-        yield f"Pixels have the aspect {aspect:g}: pictures are scaled to square pixels."
+    yield from aspect_notes(float(header.get("pixelAspectRatio", 1.0)))
     space = _colour_space(header)
     if space != _LINEAR_709:
         yield f"The colours are {space}; they are read as linear Rec. 709, without conversion."

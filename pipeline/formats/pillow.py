@@ -19,7 +19,7 @@ from PIL import Image, ImageCms, ImageOps
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
-from pipeline.formats.base import Animation, Choice, ImageFormat, ImageHeader, square_pixels
+from pipeline.formats.base import Animation, Choice, ImageFormat, ImageHeader, aspect_notes, square_pixels
 from pipeline.video.media import Limits, check_size, unreadable
 
 Image.MAX_IMAGE_PIXELS = None  # `check_size` refuses by the header, with the limits of the caller
@@ -28,6 +28,8 @@ _UNSET_MS, _SHORTEST_MS = 100, 20
 _SAME_LEVELS = 1
 """A profile that changes no colour by more than this many levels is sRGB: then the stored values are kept."""
 _ORIENTATION = 0x0112
+_BLACK = ImageCms.Flags.BLACKPOINTCOMPENSATION
+"""The darkest colour of a profile becomes black, as in browsers."""
 
 
 @contextmanager
@@ -69,8 +71,7 @@ class PillowFormat(ImageFormat):
             yield f"The file holds {pages} pictures: the first is read."
         if extra > 0:
             yield f"{extra} bytes follow the picture in the file, as in a motion photo: only the picture is read."
-        if (aspect := _aspect(image)) != 1:
-            yield f"Pixels have the aspect {aspect:g}: pictures are scaled to square pixels."
+        yield from aspect_notes(_aspect(image))
         profile = image.info.get("icc_profile")
         if profile:
             yield from _profile_notes(profile, image.mode)
@@ -125,6 +126,8 @@ class PillowAnimation(Animation):
         return True
 
     def frames(self, start: int) -> Iterator[AnyArray]:
+        self.close()
+        self._image = self._form._open(self._path, self._path.name)  # Pillow loses a palette when it goes back
         shown: AnyArray | None = None
         for number in range(len(self.starts)):
             if (
@@ -155,9 +158,9 @@ def as_displayed(image: Image.Image) -> AnyArray:
         return np.asarray(image, np.float32)
     if image.mode.startswith("I"):
         return np.asarray(np.clip(np.asarray(image), 0, 65535), np.uint16)
-    if image.mode == "1":
-        return np.asarray(image.convert("L"))
     transparent = image.has_transparency_data
+    if image.mode == "1" and not transparent:
+        return np.asarray(image.convert("L"))
     if transparent or image.mode not in ("L", "RGB"):
         image = _in_colour(image, profile, transparent)
     elif profile and image.mode == "RGB":
@@ -229,7 +232,7 @@ def _transform(profile: bytes, mode: str) -> ImageCms.ImageCmsTransform | None:
     if found is None:
         return None
     try:
-        return ImageCms.buildTransform(found, _srgb(), mode, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC)
+        return ImageCms.buildTransform(found, _srgb(), mode, "RGB", ImageCms.Intent.RELATIVE_COLORIMETRIC, _BLACK)
     except (ImageCms.PyCMSError, ValueError):  # a profile of another colour space than the picture
         return None
 

@@ -16,6 +16,7 @@ from pipeline.formats.pillow import PillowFormat, faults
 from pipeline.video.media import Limits, check_window, unreadable
 
 _TAG = ExifTags.Base
+_RGB, _PREMULTIPLIED = 2, 1
 _TURNED = (5, 6, 7, 8)
 """Orientations that exchange width and height."""
 
@@ -52,7 +53,8 @@ TIFF = Tiff()
 
 @dataclass(frozen=True)
 class _Facts:
-    """Facts of the first picture. `is_deep`: it has colours of more than 8 bits a channel."""
+    """Facts of the first picture. `is_deep`: it has RGB colours of more than 8 bits a channel, in a layout that OpenCV
+    reads right: channels side by side, opacity (if any) apart from the colours."""
 
     size: tuple[int, int]
     orientation: int
@@ -67,8 +69,9 @@ def _facts(stream: BinaryIO) -> _Facts:
         stream.seek(tags.next)
         tags.load(stream)
         size = int(tags[_TAG.ImageWidth]), int(tags[_TAG.ImageLength])
-        deep = max(tags.get(_TAG.BitsPerSample, (1,))) > 8 and int(tags.get(_TAG.SamplesPerPixel, 1)) >= 3
-        facts = _Facts(size, int(tags.get(_TAG.Orientation, 1)), deep)
+        deep = max(tags.get(_TAG.BitsPerSample, (1,))) > 8 and tags.get(_TAG.PhotometricInterpretation) == _RGB
+        apart = tags.get(_TAG.PlanarConfiguration, 1) == 1 and _PREMULTIPLIED not in tags.get(_TAG.ExtraSamples, ())
+        facts = _Facts(size, int(tags.get(_TAG.Orientation, 1)), deep and apart)
     stream.seek(0)
     return facts
 

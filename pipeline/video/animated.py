@@ -53,7 +53,8 @@ class AnimatedImage:
             self.position = at + 1
             if at in self.index.incomplete:
                 self.unreadable.append(at)
-            yield _frame(picture)
+            width, height = self.geometry.size
+            yield _frame(picture[:height, :width])  # pictures of a GIF can reach beyond its screen
 
 
 def _frame(picture: AnyArray) -> Frame:

@@ -14,6 +14,7 @@ from av.container import InputContainer, OutputContainer
 from av.packet import Packet
 from av.stream import Stream
 from av.subtitles.stream import SubtitleStream
+from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
@@ -22,8 +23,9 @@ from pipeline.video.container import film_streams, open_container
 from pipeline.video.media import Limits, Note
 from pipeline.video.timeline import timed_packets
 
-_SUBTITLES = {"mp4": frozenset({"mov_text"}), "webm": frozenset({"webvtt"})}
-"""Codecs of subtitles that the container holds."""
+_SUBTITLES = {"mp4": "mov_text", "webm": "webvtt"}
+"""The codec of subtitles that the container holds; other texts are converted to it."""
+_TEXTS = frozenset({"mov_text", "webvtt", "subrip", "srt", "ass", "ssa", "text"})
 _OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "encoder", "duration", "timecode"})
 """Tags that describe the source's file, not the film."""
 _TIMECODE = ("timecode", "reel_name")
@@ -42,33 +44,35 @@ class Carried:
     """Whether the output shows the whole film: a timecode counts from its first frame."""
 
     def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, container: str) -> list[Note]:
-        """Set tags, chapters and timecode of `out`, and name what is left out."""
+        """Set tags, chapters and timecode of `out`, and name what is left out or converted."""
         out.metadata.update({k: v for k, v in source.metadata.items() if k.lower() not in _OF_THE_FILE})
         out.set_chapters(self._chapters(source))
         return [*self._timecode(source, film, container), *self._left_out(source, container)]
 
     def subtitles(self, source: InputContainer, out: OutputContainer, container: str) -> Iterator[Timed]:
-        """Add the subtitles that the container holds; their packets."""
-        kept = [s for s in source.streams.subtitles if _codec(s) in _SUBTITLES[container]]
-        targets = {stream.index: _added(out, stream) for stream in kept}
-        return self._packets(source, kept, targets) if kept else iter(())
+        """Add the subtitles that the container holds, or that are texts; their packets."""
+        kept = {s.index: _Text.added(out, s, _SUBTITLES[container]) for s in _held(source, container)}
+        return self._packets(source, kept) if kept else iter(())
 
-    def _packets(
-        self, source: InputContainer, kept: list[SubtitleStream], targets: Mapping[int, Stream]
-    ) -> Iterator[Timed]:
+    def _packets(self, source: InputContainer, kept: Mapping[int, _Text]) -> Iterator[Timed]:
         try:
-            for packet, shift_us in timed_packets(source, kept):
-                if packet.size and packet.pts is not None:
-                    yield from self._moved(packet, shift_us, targets[packet.stream_index])
+            for packet, shift_us in timed_packets(source, [text.stream for text in kept.values()]):
+                text = kept[packet.stream_index]
+                made = text.converted(packet) if packet.size and packet.pts is not None else None
+                if made is not None:
+                    yield from self._moved(made, shift_us, text.target)
         except (av.FFmpegError, OSError):
             return
 
     def _moved(self, packet: Packet[Any], shift_us: int, target: Stream) -> Iterator[Timed]:
+        """The packet in the output's time; one that begins before the output begins with it."""
         tick = packet.time_base
-        packet.pts = (packet.pts or 0) + round((Fraction(shift_us, 1_000_000) - self.zero_s) / tick)
-        packet.dts = packet.pts
+        start = (packet.pts or 0) + round((Fraction(shift_us, 1_000_000) - self.zero_s) / tick)
+        packet.pts = packet.dts = max(0, start)
         packet.stream = target
-        if packet.pts >= 0:
+        if start < 0:
+            packet.duration = (packet.duration or 0) + start
+        if start >= 0 or packet.duration > 0:
             yield packet.pts * tick, packet
 
     def _chapters(self, source: InputContainer) -> list[Any]:
@@ -98,8 +102,9 @@ class Carried:
         return [Note("left-out", f"The timecode {found['timecode']} was left out: {where} cannot hold it.")]
 
     def _left_out(self, source: InputContainer, container: str) -> list[Note]:
-        lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles
-                if _codec(s) not in _SUBTITLES.get(container, ())]  # fmt: skip
+        held = _held(source, container)
+        kept = {stream.index for stream in held}
+        lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles if s.index not in kept]
         told = bool(source.chapters())
         lost += [
             f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))
@@ -107,9 +112,13 @@ class Carried:
         lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
         covers = len(source.streams.video) - len(film_streams(source))
         lost += ["a cover picture"] * covers
-        if not lost:
-            return []
-        return [Note("left-out", f"Left out, because {_NAMES[container]} cannot hold it: {_listed(lost)}.")]
+        changed = [_described(s) for s in held if _codec(s) != _SUBTITLES[container]]
+        notes = []
+        if lost:
+            notes.append(f"Left out, because {_NAMES[container]} cannot hold it: {_listed(lost)}.")
+        if changed:
+            notes.append(f"Subtitles were converted to {_SUBTITLES[container]}: {_listed(changed)}.")
+        return [Note("left-out", message) for message in notes]
 
 
 def _timecode_rate(streams: list[VideoStream]) -> Fraction | None:
@@ -127,10 +136,56 @@ def open_source(path: Path) -> InputContainer | None:
         return None
 
 
-def _added(out: OutputContainer, stream: SubtitleStream) -> Stream:
-    target = out.add_stream_from_template(stream)
-    target.metadata.update({k: v for k, v in stream.metadata.items() if k in ("language", "title", "handler_name")})
-    return target
+def _held(source: InputContainer, container: str) -> list[SubtitleStream]:
+    """The subtitles that go along: those of the container's codec, and texts that can be converted to it."""
+    wanted = _SUBTITLES.get(container)
+    return [s for s in source.streams.subtitles if wanted and (_codec(s) == wanted or _is_decodable(s))]
+
+
+def _is_decodable(stream: SubtitleStream) -> bool:
+    if _codec(stream) not in _TEXTS:
+        return False
+    try:
+        stream.codec_context.open(strict=False)
+    except (av.FFmpegError, ValueError):
+        return False
+    return bool(stream.codec_context.subtitle_header)
+
+
+@dataclass(frozen=True)
+class _Text:
+    """A track of subtitles, and its track in the output."""
+
+    stream: SubtitleStream
+    target: Stream
+
+    @classmethod
+    def added(cls, out: OutputContainer, stream: SubtitleStream, codec: str) -> _Text:
+        target: Stream
+        if _codec(stream) == codec:
+            target = out.add_stream_from_template(stream)
+        else:
+            target = made = out.add_stream(codec)
+            made.time_base = made.codec_context.time_base = Fraction(1, 1000)
+            made.codec_context.subtitle_header = stream.codec_context.subtitle_header
+        target.metadata.update({k: v for k, v in stream.metadata.items() if k in ("language", "title", "handler_name")})
+        return cls(stream, target)
+
+    def converted(self, packet: Packet[Any]) -> Packet[Any] | None:
+        """The packet in the codec of the output; None: it shows no text."""
+        if _codec(self.stream) == _codec(self.target):
+            return packet
+        try:
+            found = self.stream.codec_context.decode2(packet)
+        except (av.FFmpegError, ValueError):
+            return None
+        lines = [rect.ass for rect in (found.rects if found else ()) if isinstance(rect, AssSubtitle) and rect.ass]
+        if not lines:
+            return None
+        shown = SubtitleSet.create(b"\\N".join(lines), 0, packet.duration or 0, packet.pts or 0)
+        made = self.target.codec_context.encode_subtitle(shown)
+        made.pts, made.duration, made.time_base = packet.pts, packet.duration, packet.time_base
+        return made
 
 
 def _codec(stream: Stream) -> str:

@@ -5,10 +5,13 @@ Only demuxers of self-contained formats are allowed, since a playlist could refe
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
 import av
+import av.logging
 from av.audio.stream import AudioStream
 from av.codec import CodecContext
 from av.container import InputContainer
@@ -30,6 +33,19 @@ _WITH_ALPHA: dict[str, Literal["libvpx", "libvpx-vp9"]] = {"vp8": "libvpx", "vp9
 """Decoders that also decode the separate alpha plane, which FFmpeg's native decoders ignore."""
 _NO_FILM = Disposition.attached_pic | Disposition.timed_thumbnails
 _SECONDARY = Disposition.still_image | Disposition.dependent | Disposition.metadata
+
+
+@contextmanager
+def logging_at(level: int) -> Iterator[None]:
+    """FFmpeg reports messages of this level, each of them, while the block runs."""
+    before, repeats = av.logging.get_level(), av.logging.get_skip_repeated()
+    av.logging.set_level(level)
+    av.logging.set_skip_repeated(False)
+    try:
+        yield
+    finally:
+        av.logging.set_level(before)
+        av.logging.set_skip_repeated(repeats)
 
 
 def open_container(path: Path, limits: Limits) -> InputContainer:

@@ -48,7 +48,7 @@ class Pass:
         self._container = open_container(path, limits)
         # Error concealment may depend on the number of decoder threads; the output of undamaged files does not.
         self._stream = video_stream(self._container, options.picture)
-        self.crop = crop_of(path, self._container, self._stream)
+        self.crop = crop_of(self._container, self._stream)
         """Borders of each picture that the container says not to show."""
         self._decoder = decoder_of(self._stream, limits, threads=0 if errors is None else 1)
         self.failed: set[int] = set()
@@ -92,7 +92,7 @@ class Pass:
                 raise NotAKey
             if picture.is_corrupt:
                 self._report(f"picture at time {picture.pts} is damaged")
-            at = self._next = place + 1
+            at = self._next = self._index.coded_from(place + 1)
             yield place, picture
 
     def _place(self, picture: av.VideoFrame, at: int) -> int | None:

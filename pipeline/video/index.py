@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.video.media import SEQUENCE_FPS, Note
 
+_NO_TIME = np.iinfo(np.int64).min
 Gap = tuple[int, int]
 """(frame, count): `count` frames are missing before frame number `frame` of the file."""
 
@@ -39,6 +40,8 @@ class Index:
     stored: NDArray[np.int64] | None = None
     """Times of the pictures in the file, ticks of the stream, by which decoded pictures are recognised; None: they are
     counted."""
+    repeats: frozenset[int] = frozenset()
+    """Frames without a picture of their own in an undamaged file, which show the picture before."""
     notes: tuple[Note, ...] = ()
     """Notes about streams that were chosen, and times that were corrected or assumed."""
     numbers: tuple[int, ...] = ()
@@ -65,6 +68,12 @@ class Index:
         """Number of a frame in the source: in file names of an image sequence, otherwise its index."""
         return self.numbers[frame] if frame < len(self.numbers) else frame
 
+    def coded_from(self, frame: int) -> int:
+        """The first frame at or after `frame` that has a picture of its own."""
+        while frame in self.repeats:
+            frame += 1
+        return frame
+
     def key_before(self, frame: int) -> int:
         """The last frame at or before `frame` at which decoding can start."""
         return int(self.keys[max(0, int(np.searchsorted(self.keys, frame, side="right")) - 1)])
@@ -72,6 +81,23 @@ class Index:
     def without_keys(self) -> Self:
         """The index for reads that always begin at the start."""
         return replace(self, keys=np.zeros(1, np.int64))
+
+    def without_holes(self) -> Self:
+        """The index of frames of one tick each, with a repeated frame in each hole between two pictures."""
+        first, last = int(self.pts[0]), int(self.pts[-1])
+        places, pts = self.pts - first, np.arange(first, last + 1, dtype=np.int64)
+        stored = None if self.stored is None else np.full(len(pts), _NO_TIME)
+        if stored is not None:
+            stored[places] = self.stored
+        return replace(
+            self,
+            pts=pts,
+            keys=places[self.keys],
+            missing=tuple((int(places[at]) if at < len(places) else len(pts), count) for at, count in self.missing),
+            incomplete=frozenset(int(places[frame]) for frame in self.incomplete),
+            stored=stored,
+            repeats=frozenset(range(len(pts))) - frozenset(places.tolist()),
+        )
 
     def without_first(self, count: int) -> Self:
         """The index without the first `count` frames, of which no picture can be decoded."""
@@ -84,5 +110,6 @@ class Index:
             missing=tuple((max(0, frame - count), gap) for frame, gap in self.missing),
             incomplete=frozenset(frame - count for frame in self.incomplete if frame >= count),
             stored=None if self.stored is None else self.stored[count:],
+            repeats=frozenset(frame - count for frame in self.repeats if frame >= count),
             notes=(*self.notes, Note("left-out", message)),
         )

@@ -65,13 +65,20 @@ def build_index(path: Path, limits: Limits, options: SourceOptions | None = None
             incomplete=_incomplete(packets, len(index.pts)),
         )
         notes = (*choice_notes(container, stream), *_correction_note(timeline.corrections), *index.notes)
-        return replace(index, notes=notes)
+        index = replace(index, notes=notes)
+        return index.without_holes() if container.format.name == AVI and _is_steady(index, limits) else index
+
+
+def _is_steady(index: Index, limits: Limits) -> bool:
+    """Whether frames take one tick each: an empty chunk, or a picture that is not coded, leaves a hole in an AVI."""
+    steps = np.diff(index.pts)
+    return index.exact and len(steps) > 0 and bool(np.median(steps) == 1) and int(steps.sum()) < limits.frames
 
 
 class _Packet(NamedTuple):
     pts: int | None
     time: int | None
-    """`pts`, or for want of it the decoding time; in ticks, corrected."""
+    """`pts`, or for want of it the decoding time, which in AVI is the place; in ticks, corrected."""
     duration: int
     key: bool
     incomplete: bool
@@ -80,13 +87,14 @@ class _Packet(NamedTuple):
 def _shown(container: InputContainer, stream: VideoStream, timeline: Timeline) -> list[_Packet]:
     """Every packet that yields a picture."""
     vp8, broadcast = stream.codec_context.name in ("vp8", "libvpx"), container.format.name == MPEGTS
+    avi = container.format.name == AVI  # its presentation times are made up by the demuxer
     tick = stream.time_base or Fraction(1, 1000)
     found: list[_Packet] = []
     try:
         for packet, shift_us in timed_packets(container, [stream], timeline):
             hidden = packet.is_discard or (vp8 and packet.size > 0 and not memoryview(packet)[0] & 0x10)
             if packet.size and not hidden:
-                time = packet.dts if packet.pts is None else packet.pts
+                time = packet.dts if packet.pts is None or avi else packet.pts
                 shifted = None if time is None else time + round(Fraction(shift_us, 1_000_000) / tick)
                 # A counter of a broadcast that jumps is no damage of the packet: streams may be joined there.
                 incomplete = packet.is_corrupt and not broadcast

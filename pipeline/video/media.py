@@ -90,6 +90,8 @@ class MediaInfo:
     codec: str = ""
     pixel_format: str = ""
     has_audio: bool = False
+    sounds: int = 0
+    """Number of sound tracks that can be decoded: see `SourceOptions.sound`."""
     rotation_deg: int = 0
     """Clockwise rotation for display, from the file's metadata: 0, 90, 180 or 270."""
     damage: str = ""

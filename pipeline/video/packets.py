@@ -59,7 +59,7 @@ def decoded(
 def decoded_times(container: InputContainer, stream: VideoStream, decoder: VideoCodecContext) -> list[int | None]:
     """Times of all pictures in the order of display, ticks of the stream, corrected; None: unknown."""
     tick, avi = stream.time_base or Fraction(1, 1000), container.format.name == AVI
-    best, found, first = BestTimes(trusts_pts=not avi), list[int | None](), list[int]()
+    best, found, places = BestTimes(trusts_pts=not avi), list[int | None](), list[int]()
     decoder.copy_opaque = True
     usual = max(1, round(1 / (Fraction(stream.average_rate or 25) * tick)))
 
@@ -67,8 +67,8 @@ def decoded_times(container: InputContainer, stream: VideoStream, decoder: Video
         try:
             for packet, shift_us in timed_packets(container, [stream]):
                 packet.opaque = shift_us
-                if packet.dts is not None and not first:
-                    first.append(packet.dts)
+                if packet.dts is not None and packet.size:
+                    places.append(packet.dts + round(Fraction(shift_us, 1_000_000) / tick))
                 yield packet
         except (av.FFmpegError, OSError):
             yield Packet()
@@ -79,7 +79,9 @@ def decoded_times(container: InputContainer, stream: VideoStream, decoder: Video
             found.append(found[-1] + usual if found and found[-1] is not None else None)
         else:
             found.append(time + round(Fraction(int(str(picture.opaque or 0)), 1_000_000) / tick))
-    if avi and first and found and found[0] is not None:  # a picture's time is its place; B-frames delay all of them
-        delay = found[0] - first[0]
+    if avi and len(places) == len(found):  # a picture's time is its place
+        return [*places]
+    if avi and places and found and found[0] is not None:  # B-frames delay all of them
+        delay = found[0] - places[0]
         return [None if time is None else time - delay for time in found]
     return found

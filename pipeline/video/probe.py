@@ -173,7 +173,8 @@ def _probe_stream(path: Path, media_type: str, limits: Limits, options: SourceOp
             "video",
             media_type or _media_type(container.format.name),
             codec=context.name,
-            has_audio=bool(sound_streams(container)),
+            has_audio=bool(sounds := len(sound_streams(container))),
+            sounds=sounds,
         )
     return _described(Clip(path, limits, options), found, limits)
 

@@ -133,8 +133,6 @@ def open_zip(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Se
         frames = {member.filename: member for member in members}
         images = sequence_numbers(pictures_of(frames), options.pattern)
         loaders = [(number, (name, partial(read_entry, archive, frames[name]))) for number, name in images]
-        if is_shot(frames) and options.missing == "hold":
-            unreadable("Missing frames of a shot cannot be held.", options.missing, "Use skip, or render them.")
         return Sequence(loaders, limits, archive.close, options)
     except BaseException:
         archive.close()

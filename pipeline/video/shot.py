@@ -34,11 +34,9 @@ from pipeline.errors import UnreadableMedia
 from pipeline.formats.decoding import format_of
 from pipeline.video.archive import MANIFEST
 from pipeline.video.numbering import frame_numbers
-from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, Files
+from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, SPARSE, Files
 
 NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted")
-SPARSE = frozenset({"keyframes", "painted"})
-"""Passes that may lack frames."""
 WHOLE = ""
 """Layer name of the whole picture."""
 

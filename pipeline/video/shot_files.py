@@ -17,6 +17,8 @@ from pipeline.video.sequence_options import SequenceOptions
 FRAMES, LAYERS = "frames", "layers"
 PASSES = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted", "guides", "style")
 """Folders that a shot or a layer may contain besides `frames`."""
+SPARSE = frozenset({"keyframes", "painted"})
+"""Folders that need no picture for every frame."""
 Files = Mapping[str, bytes]
 """Path relative to the shot, separated by "/" -> contents, read on access."""
 
@@ -60,7 +62,7 @@ def pictures_of(names: Iterable[str]) -> list[str]:
 class ShotFiles(Mapping[str, bytes]):
     """The files of a shot, or of a sequence, in a zip archive, read on access. The caller closes it.
 
-    Of a sequence, only its frames are listed; a frame that is shown again for a missing one has a name of its own.
+    Of a sequence, only its frames are listed. A picture that is used again for a missing one has a name of its own.
 
     Attributes:
         choice: layer and view of the frames' pictures.
@@ -77,7 +79,9 @@ class ShotFiles(Mapping[str, bytes]):
         options = options_in(self._archive) or SequenceOptions()
         self.choice: Choice = options.choice
         if not is_shot(self._members):
-            self._members = _frames(self._members, options)
+            self._members = _frames(self._members, options.missing, options.pattern, range_of(options.pattern))
+        elif options.missing == "hold":
+            self._members = _held(self._members)
 
     def __getitem__(self, name: str) -> bytes:
         return read_entry(self._archive, self._members[name])
@@ -92,14 +96,31 @@ class ShotFiles(Mapping[str, bytes]):
         self._archive.close()
 
 
-def _frames(members: Mapping[str, ZipInfo], options: SequenceOptions) -> dict[str, ZipInfo]:
+def _held(members: Mapping[str, ZipInfo]) -> dict[str, ZipInfo]:
+    """The entries of a shot; in every pass, the picture before a missing one is used again."""
+    folders: dict[PurePosixPath, dict[str, ZipInfo]] = {}
+    for name, member in members.items():
+        folders.setdefault(PurePosixPath(name).parent, {})[name] = member
+    numbers = [number or 0 for number in frame_numbers(folders.get(PurePosixPath(FRAMES), ())).values()]
+    found: dict[str, ZipInfo] = {}
+    for folder, files in folders.items():
+        whole = not numbers or folder.name in SPARSE or not _of_frame(next(iter(files)))
+        found |= files if whole else _frames(files, "hold", "", (min(numbers), max(numbers)))
+    return found
+
+
+def _frames(
+    members: Mapping[str, ZipInfo], missing: str, pattern: str, bounds: tuple[int, int] | None
+) -> dict[str, ZipInfo]:
     """The entries of a sequence's frames; those of missing frames that are held are named by their numbers."""
-    images = sequence_numbers(members, options.pattern)
+    images = sequence_numbers(members, pattern)
     numbers = [number for number, _ in images if number is not None]
     if not numbers:
         return dict(members)
-    frames, names = frames_of(numbers, options.missing, range_of(options.pattern)), [name for _, name in images]
-    return {
-        names[at] if numbers[at] == number else f"{number:07d}{PurePosixPath(names[at]).suffix}": members[names[at]]
-        for number, at in zip(frames.numbers, frames.shown, strict=True)
-    }
+    frames, names = frames_of(numbers, missing, bounds), [name for _, name in images]
+    found = {}
+    for number, at in zip(frames.numbers, frames.shown, strict=True):
+        path = PurePosixPath(names[at])
+        held = numbers[at] != number
+        found[str(path.with_name(f"{number:07d}{path.suffix}")) if held else names[at]] = members[names[at]]
+    return found

@@ -17,7 +17,7 @@ from av.container import InputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
-from pipeline.video.container import AVI, MATROSKA, MOV
+from pipeline.video.container import AVI, MATROSKA, MOV, logging_at
 from pipeline.video.index import Gap, Index
 
 _FLV = "flv"
@@ -50,16 +50,9 @@ def reported_errors(container: InputContainer) -> Iterator[list[str]]:
     if container.format.name != MATROSKA:
         yield found
         return
-    before, repeats = av.logging.get_level(), av.logging.get_skip_repeated()
-    av.logging.set_level(av.logging.ERROR)
-    av.logging.set_skip_repeated(False)
-    try:
-        with av.logging.Capture() as logs:
-            yield found
-        found += [text.strip() for _level, name, text in logs if name == MATROSKA]
-    finally:
-        av.logging.set_level(before)
-        av.logging.set_skip_repeated(repeats)
+    with logging_at(av.logging.ERROR), av.logging.Capture() as logs:
+        yield found
+    found += [text.strip() for _level, name, text in logs if name == MATROSKA]
 
 
 def is_cut_off(path: Path, stream: VideoStream, index: Index, read: Reading) -> bool:

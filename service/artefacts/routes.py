@@ -17,6 +17,7 @@ from fastapi import Path, Response
 from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
+from service.prefix import Address
 from service.routing import Router
 from service.schemas import FileName, JobId, Listing, Responses, binary
 from service.serving import CONTENT_CSP
@@ -39,7 +40,7 @@ class EntryOut:
     name: str
     size_bytes: int
     media_type: str
-    url: str
+    url: Address
 
 
 @router.get("/artefacts/{name}")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.formats import OutputName
-from pipeline.video.media import Fields, SourceOptions
+from service.prefix import Address
 from workers.contract.record import Job
 from workers.contract.request import (
     MAX_LABEL_NAME,
@@ -23,6 +23,7 @@ from workers.contract.request import (
     Json,
     OutputSpec,
 )
+from workers.projects.document import Reading
 
 Name = Annotated[str, Field(min_length=1, max_length=MAX_LABEL_NAME, pattern=r"^[A-Za-z0-9._-]+$")]
 Frame = Annotated[int, Field(ge=0, le=10_000_000)]
@@ -44,25 +45,6 @@ class OutputIn(_Body):
 
     def spec(self) -> OutputSpec:
         return OutputSpec(self.format, self.quality, self.artefacts, self.report)
-
-
-class SourceIn(_Body):
-    """How the video is read."""
-
-    picture: int | None = Field(
-        default=None, ge=0, le=1000, description="Which of its video streams, from 0; null: the main one."
-    )
-    sound: tuple[Annotated[int, Field(ge=0, le=1000)], ...] | None = Field(
-        default=None, max_length=16, description="Which of its sound tracks are delivered, from 0; null: all."
-    )
-    fields: Fields = Field(
-        default="auto",
-        description="`auto`: deinterlace what the file marks as interlaced; `progressive`: nothing; `top`, `bottom`: "
-        "everything, with this field first.",
-    )
-
-    def options(self) -> SourceOptions:
-        return SourceOptions(self.picture, self.sound, self.fields)
 
 
 class ExportIn(_Body):
@@ -100,7 +82,7 @@ class JobIn(Work):
         "job, or fail with the code `damaged-media`.",
     )
 
-    source: SourceIn = SourceIn()
+    source: Reading = Reading()
 
     def request(self) -> JobRequest:
         values = {name: getattr(self, name) for name in type(self).model_fields}
@@ -114,17 +96,18 @@ class PreviewIn(Work):
     artefacts_of: str | None = Field(
         default=None, max_length=100, description="A job of the same method whose artefacts this preview builds on."
     )
+    source: Reading = Reading()
 
     def request(self) -> JobRequest:
-        return JobRequest(self.method, self.inputs, self.params, self.seed)
+        return JobRequest(self.method, self.inputs, self.params, self.seed, source=self.source.options())
 
 
 @dataclass(frozen=True)
 class Links:
-    self: str
-    events: str
-    result: str
-    tasks: str
+    self: Address
+    events: Address
+    result: Address
+    tasks: Address
 
 
 @dataclass(frozen=True)
@@ -149,7 +132,7 @@ class FileOut:
     media_type: str
     filename: str
     etag: str
-    url: str
+    url: Address
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.jobs.schemas import JobOut, job_out
+from service.prefix import Address
 from workers.contract.project import Project, ProjectJob
 from workers.contract.record import Job
 from workers.contract.request import Json
@@ -53,10 +54,10 @@ class ProjectJobsIn(_In):
 
 @dataclass(frozen=True)
 class ProjectLinks:
-    self: str
-    versions: str
-    jobs: str
-    export: str
+    self: Address
+    versions: Address
+    jobs: Address
+    export: Address
 
 
 @dataclass(frozen=True, kw_only=True)

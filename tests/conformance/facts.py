@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 SAMPLED = (0.0, 0.5, 1.0)
 """Places of the pictures whose colours are compared, as shares of the film."""
-MOST_PICTURES = 1500
+MOST_PICTURES = 300
 """Only the first pictures of a longer film are read."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from fractions import Fraction
 from itertools import islice
@@ -13,11 +14,12 @@ import numpy as np
 import OpenEXR
 from av.container import InputContainer
 from numpy.typing import NDArray
-from PIL import Image, ImageOps
+from PIL import Image, ImageCms, ImageOps
 
+from pipeline.formats import IMAGE_SUFFIXES
 from tests.conformance.facts import MOST_PICTURES, Colours, Facts, onset
 
-STILLS = frozenset({".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp", ".tif", ".tiff", ".avif", ".heic", ".apng"})
+STILLS = IMAGE_SUFFIXES - {".exr", ".dpx"} | {".apng"}
 _MOST_S = 30.0
 """Sound after this time is not looked at."""
 
@@ -35,10 +37,31 @@ def by_library(path: Path) -> Facts:
 def _exr(path: Path) -> Facts:
     with OpenEXR.File(str(path), header_only=True) as file:
         header = file.header()
-        (left, top), (right, bottom) = header["dataWindow"]
+        (left, top), (right, bottom) = header["displayWindow"]
         width, height = int(right - left + 1), int(bottom - top + 1)
         aspect = float(header.get("pixelAspectRatio", 1.0))
-    return Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000)))
+        deep = all(part.header["type"] in (OpenEXR.deepscanline, OpenEXR.deeptile) for part in file.parts)
+    if deep:
+        return Facts(refused="deep pixels")
+    found, colours = Facts(1, [0.0], _square(width, height, Fraction(aspect).limit_denominator(1000))), Colours()
+    with OpenEXR.File(str(path)) as file:
+        planes = {name: channel.pixels for name, channel in file.channels().items()}
+    known = ("RGBA", "RGB") if "RY" in planes else ("RGBA", "RGB", "Y")
+    pixels = next((planes[name] for name in known if name in planes), None)
+    if pixels is not None and pixels.shape[:2] == (height, width):
+        colours.add(_encoded(pixels))
+        found.colours = colours.sampled()
+    return found
+
+
+def _encoded(linear: NDArray[Any]) -> NDArray[np.uint8]:
+    """sRGB of linear light, premultiplied if it has opacity."""
+    light = np.nan_to_num(np.atleast_3d(linear).astype(np.float64))
+    clear = np.clip(light[..., 3:], 0, 1)
+    shown = np.clip(light[..., :3] / np.maximum(clear, 1e-4) if light.shape[2] == 4 else light[..., :3], 0, 1)
+    shown = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+    shown = np.repeat(shown, 3 // shown.shape[2], 2)
+    return np.asarray(np.rint(255 * np.concatenate([shown, clear], 2)), np.uint8)
 
 
 def _still(path: Path) -> Facts:
@@ -46,17 +69,41 @@ def _still(path: Path) -> Facts:
     with Image.open(path) as image:
         count = min(getattr(image, "n_frames", 1), MOST_PICTURES)
         animated = getattr(image, "is_animated", False) and image.format in ("GIF", "PNG", "WEBP", "AVIF")
+        first = int(animated and bool(image.info.get("default_image")))  # for programs that do not animate
         at = 0.0
-        for number in range(count if animated else 1):
-            image.seek(number)
-            shown = ImageOps.exif_transpose(image).convert("RGBA")
-            colours.add(np.asarray(shown))
+        for number in range(first, count if animated else 1):
+            if animated:
+                image.seek(number)
+            shown = ImageOps.exif_transpose(image)
+            colours.add(_srgb(shown))
             found.times_s.append(at)
-            at += float(image.info.get("duration", 0)) / 1000
-            found.size = shown.size
+            shown_ms = float(image.info.get("duration", 0))
+            at += (shown_ms if shown_ms >= 20 else 100) / 1000  # as browsers do
+            found.size = found.size if found.times_s[1:] else shown.size
         found.pictures = len(found.times_s)
     found.colours = colours.sampled()
     return found
+
+
+def _srgb(image: Image.Image) -> NDArray[Any]:
+    """The picture converted by its profile, RGBA."""
+    if image.mode[0] in "IF":
+        scale = 1 / 256 if image.mode[0] == "I" else 255
+        gray = np.clip(np.asarray(image, np.float64) * scale, 0, 255).astype(np.uint8)
+        image = Image.fromarray(gray)
+    profile = image.info.get("icc_profile")
+    if profile and image.mode in ("RGB", "CMYK", "L", "P", "RGBA"):
+        source = image if image.mode in ("RGB", "CMYK", "L") else image.convert("RGB")
+        try:
+            stored = ImageCms.ImageCmsProfile(io.BytesIO(profile))
+            made = ImageCms.profileToProfile(source, stored, ImageCms.createProfile("sRGB"), outputMode="RGB")
+        except ImageCms.PyCMSError:
+            made = None
+        if made is not None:
+            if image.has_transparency_data:
+                made.putalpha(image.convert("RGBA").getchannel("A"))
+            image = made
+    return np.asarray(image.convert("RGBA"))
 
 
 def _film(path: Path) -> Facts:
@@ -69,9 +116,10 @@ def _film(path: Path) -> Facts:
         first_s = None
         for picture in islice(_decoded(source, stream, found), MOST_PICTURES):
             time = picture.pts if picture.pts is not None else picture.dts
-            at = float(time * picture.time_base) if time is not None else None
+            rate = stream.average_rate or stream.guessed_rate or 25
+            at = float(found.pictures / rate if time is None else time * picture.time_base)
             first_s = at if first_s is None else first_s
-            found.times_s.append((at or 0.0) - (first_s or 0.0))
+            found.times_s.append(at - first_s)
             found.size = found.size if found.pictures else _displayed(picture, stream.sample_aspect_ratio)
             found.damaged |= picture.is_corrupt
             colours.add(_pixels(picture))

@@ -6,10 +6,12 @@ import contextlib
 import io
 import struct
 from collections.abc import Mapping
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import av
 import cv2
 import numpy as np
 from PIL import Image
@@ -47,9 +49,20 @@ def samples() -> Mapping[str, tuple[bytes, ...]]:
     found |= {kind: (_still(f".{kind}"), _still(f".{kind}", gray=True)) for kind in ("png", "jpg", "webp")}
     import pipeline.formats.iso_images  # noqa: F401 - registers the writer of HEIF with Pillow
 
-    return found | {
-        form.lower(): _by_pillow(form) for form in ("AVIF", "HEIF", "TIFF", "BMP", "TGA", "JPEG2000", "PSD")
-    }
+    forms = ("AVIF", "HEIF", "TIFF", "BMP", "TGA", "JPEG2000", "PSD", "PPM", "ICO", "PCX", "SGI")
+    animated = {f"animated-{form.lower()}": _by_pillow(form)[2:] for form in ("PNG", "WEBP", "GIF")}
+    return found | {form.lower(): _by_pillow(form) for form in forms} | animated | {"dpx": _dpx()}
+
+
+def _dpx() -> tuple[bytes, ...]:
+    made = []
+    for pixel_format in ("rgb24", "gbrp10be", "rgba"):
+        codec = av.CodecContext.create("dpx", "w")
+        assert isinstance(codec, av.VideoCodecContext)
+        codec.width, codec.height, codec.pix_fmt, codec.time_base = *SIZE, pixel_format, Fraction(1, 24)
+        shown = av.VideoFrame.from_ndarray(picture(1, *SIZE), format="rgb24").reformat(format=pixel_format)
+        made.append(b"".join(bytes(packet) for packet in [*codec.encode(shown), *codec.encode(None)]))
+    return tuple(made)
 
 
 def _by_pillow(form: str) -> tuple[bytes, ...]:

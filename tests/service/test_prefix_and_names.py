@@ -108,6 +108,23 @@ def test_a_tus_client_finds_its_upload(client: TestClient, path: str) -> None:
     assert client.get(f"/paint/v1/assets/{done.headers['impasto-asset']}", headers=PREFIX).status_code == 200
 
 
+@pytest.mark.parametrize("asked", ["/v1/jobs", "/paint/v1/jobs"])
+def test_addresses_in_answers_are_behind_the_prefix(asked: str, client: TestClient) -> None:
+    video = client.post("/v1/assets", files={"file": ("s.png", still())}).json()["id"]
+    job = client.post(asked, json={"method": "abstraction", "inputs": {"video": video}}, headers=PREFIX)
+    links = job.json()["links"]
+    assert job.headers["location"] == links["self"] and links["self"].startswith("/paint/v1/jobs/")
+    assert {each.split("/")[1] for each in links.values()} == {"paint"}
+    assert client.get(links["self"], headers=PREFIX).json()["links"] == links
+    (listed,) = client.get(asked, headers=PREFIX).json()["items"]
+    assert listed["links"] == links
+    document = {"schema": 1, "name": "P"}
+    project = client.post("/v1/projects", json={"document": document}, headers=PREFIX).json()
+    assert all(each.startswith("/paint/v1/projects/") for each in project["links"].values())
+    plain = client.get(f"/v1/jobs/{job.json()['id']}").json()["links"]
+    assert plain["self"] == links["self"].removeprefix("/paint")
+
+
 @pytest.mark.parametrize("prefix", ["//evil.example", '/a"><script>', "/../x", "javascript:x", "/a b", "/" * 9])
 def test_a_prefix_that_is_no_path_is_ignored(client: TestClient, prefix: str) -> None:
     assert client.get("/docs", headers={"X-Forwarded-Prefix": prefix}).text == client.get("/docs").text

@@ -9,6 +9,7 @@ import pytest
 
 from pipeline.methods import method
 from pipeline.methods.base import PROCESS_BYTES
+from pipeline.video.media import SourceOptions
 from tests.workers.projects.documents import asset
 from workers.contract.record import AnyOwner, Asset, Job, RunState, StepView
 from workers.contract.request import JobRequest
@@ -113,3 +114,17 @@ def test_a_tiny_job_does_not_tell_what_a_large_one_takes() -> None:
 
 def test_an_unknown_video_gives_no_estimate() -> None:
     assert _estimate(JobRequest("toy", {}), []) == Estimate(None, None, 0)
+
+
+def test_the_estimate_is_of_the_picture_that_is_read() -> None:
+    """Of a file with several pictures, and of a piece of it."""
+    streams = [{"frames": 100, "width": 640, "height": 360}, {"frames": 60, "width": 64, "height": 36}]
+    info = {"frames": 100, "width": 640, "height": 360, "streams": streams}
+    first, second = (
+        estimate_from(JobRequest("abstraction", {"video": "a"}, source=SourceOptions(picture)), info, [])
+        for picture in (0, 1)
+    )
+    assert (first.frames, second.frames) == (100, 60)
+    assert first.cpu_s is not None and second.cpu_s is not None and first.cpu_s > 3 * second.cpu_s
+    piece = JobRequest("abstraction", {"video": "a"}, frames=(50, 90), source=SourceOptions(1))
+    assert estimate_from(piece, info, []).frames == 10

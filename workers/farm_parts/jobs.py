@@ -262,7 +262,17 @@ class FarmJobs:
         params = check_request(request, assets).params
         artefacts = {} if artefacts_of is None else self._artefact_keys(artefacts_of, request.method)
         wanted = json.dumps(
-            [request.method, params, request.seed, request.inputs, frame, max_side_px, design, artefacts],
+            [
+                request.method,
+                params,
+                request.seed,
+                request.inputs,
+                request.source.as_json(),
+                frame,
+                max_side_px,
+                design,
+                artefacts,
+            ],
             sort_keys=True,
         )
         documents = {} if design is None else {"design": design}

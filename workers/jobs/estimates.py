@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import log
 
+from pipeline.errors import BadParameter
 from pipeline.formats import output_format
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import PROCESS_BYTES, PlanContext
@@ -71,7 +72,8 @@ def parts(request: JobRequest) -> list[JobRequest]:
     if request.method != LAYERS:
         return [request]
     rows = request.params["layers"]
-    return [JobRequest(row["method"], request.inputs, row["params"], frames=request.frames) for row in rows]
+    return [JobRequest(row["method"], request.inputs, row["params"], frames=request.frames, source=request.source)
+            for row in rows]  # fmt: skip
 
 
 def summed(estimates: Sequence[Estimate]) -> Estimate:
@@ -102,7 +104,7 @@ def estimate_from(request: JobRequest, info: Json | None, history: Sequence[Meas
     """
     if info is None:
         return Estimate(None, None, 0)
-    info = window_info(info, request.frames)
+    info = window_info(info, request.frames, request.source)
     frames, pixels = _size(info)
     if frames is None or not pixels:
         return Estimate(frames, None, 0)
@@ -145,8 +147,9 @@ def measured(job: Job, find: Callable[[str, str], Asset]) -> MeasuredJob | None:
         find: returns the asset of an id and an owner. Raises NotFound.
     """
     try:
-        frames, pixels = _size(window_info(find(job.request.inputs["video"], job.owner).info, job.request.frames))
-    except (KeyError, NotFound):
+        info = find(job.request.inputs["video"], job.owner).info
+        frames, pixels = _size(window_info(info, job.request.frames, job.request.source))
+    except (KeyError, NotFound, BadParameter):
         return None
     if not frames or not pixels or not job.started_at or not job.finished_at:
         return None

@@ -5,13 +5,13 @@ which frames are painted, so that everything with a time is evaluated at the fil
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import JsonValue
 
 from pipeline.errors import BadParameter
 from pipeline.methods.base import VideoInfo
-from pipeline.video.media import SourceOptions
+from pipeline.video.media import Fields, SourceOptions
 from workers.contract.request import Json
 
 Span = tuple[int, int]
@@ -44,6 +44,27 @@ def stream_info(info: Json, number: int) -> Json:
             f"The video has {count}.", field="source.picture", value=number, remedy=f"Use 0 to {len(streams) - 1}."
         )
     return dict(streams[number])
+
+
+def check_source(source: SourceOptions, info: Json | None) -> None:
+    """Check that the video has the chosen streams, and that fields are read in a known way. Raises BadParameter.
+
+    Args:
+        info: facts of its asset; None: unknown.
+    """
+    if source.fields not in get_args(Fields):
+        remedy = f"Use one of: {', '.join(get_args(Fields))}."
+        raise BadParameter(
+            "There is no such order of fields.", field="source.fields", value=source.fields, remedy=remedy
+        )
+    if source.picture is not None and info is not None:
+        stream_info(info, source.picture)
+    count = None if info is None else info.get("sounds")
+    for number in source.sound or ():
+        if count is not None and not 0 <= number < count:
+            remedy = f"Use 0 to {count - 1}." if count else "Leave it out."
+            message = f"The video has {count or 'no'} sound {'track' if count == 1 else 'tracks'}."
+            raise BadParameter(message, field="source.sound", value=number, remedy=remedy)
 
 
 def window_inputs(

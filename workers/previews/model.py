@@ -13,6 +13,7 @@ from pydantic import JsonValue
 
 from pipeline.compositing import Blend
 from pipeline.errors import ImpastoError
+from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
 
 SINGLE = "single"
@@ -20,12 +21,27 @@ SINGLE = "single"
 MEDIA_TYPE = "application/vnd.impasto.records"
 
 
+_READ_AS = "\n"
+"""Between the blob key of a video and how it is read; blob keys are one line."""
+
+
+def video_key(blob: str, source: SourceOptions) -> str:
+    """The key of a video's frames: its blob key, and how it is read."""
+    return blob if source == SourceOptions() else f"{blob}{_READ_AS}{json.dumps(source.as_json(), sort_keys=True)}"
+
+
+def of_video_key(key: str) -> tuple[str, SourceOptions]:
+    """The inverse of `video_key`."""
+    blob, _, source = key.partition(_READ_AS)
+    return blob, SourceOptions.from_json(json.loads(source) if source else None)
+
+
 @dataclass(frozen=True)
 class LayerSources:
     """A layer of a shot with all inputs of its method.
 
     Attributes:
-        video: blob key of the layer's video.
+        video: `video_key` of the layer's video.
         files: blob keys of inputs that are files, by input name.
         images: input -> frame -> blob key or bytes of the image, for inputs that are images by frame.
         documents: inputs that are JSON, parsed.
@@ -44,7 +60,7 @@ class LayerSources:
     matte: str | None = None
     """Blob key of the matte, gray pictures: white where the layer is visible."""
     below: str = ""
-    """Blob key of the shot's video, over which the backmost layer lies."""
+    """`video_key` of the shot's video, over which the backmost layer lies."""
 
     @cached_property
     def digest(self) -> str:

@@ -17,7 +17,7 @@ from workers.blobs.base import Blobs
 from workers.contract.record import Asset, asset_key
 from workers.contract.request import JobRequest, Json
 from workers.previews.memory import Check
-from workers.previews.model import LayerSources
+from workers.previews.model import LayerSources, video_key
 from workers.previews.painting import LayerPainter
 from workers.previews.warm import WarmFrames
 
@@ -67,7 +67,7 @@ def frame_png(job: PreviewJob, frames: WarmFrames, blobs: Blobs, check: Check) -
         }
         artefacts = {name: _entries(exit_stack, blobs, key) for name, key in ask.artefacts.items()}
         layer = LayerSources(
-            "", chosen.name, job.request.params, job.request.seed, keys.pop("video"),
+            "", chosen.name, job.request.params, job.request.seed, video_key(keys.pop("video"), job.request.source),
             {name: key for name, key in keys.items() if name not in archives}, documents=ask.documents,
         )  # fmt: skip
         painter = LayerPainter(layer, frames, check, artefacts, archives)

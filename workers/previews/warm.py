@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 
 from pydantic import JsonValue
 
@@ -15,18 +15,20 @@ from pipeline.methods.base import VideoInfo
 from pipeline.video.contact import fit
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.pictures import guarded_raw
+from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff
 from pipeline.video.shot_files import ShotFiles
 from workers.blobs.base import Blobs
 from workers.execution.decoders import Decoders, frame_at
 from workers.previews.byte_cache import ByteCache
+from workers.previews.model import of_video_key
 
 _AHEAD = 4
 """Number of frames decoded in advance, because users often step forwards."""
 
 
 class WarmFrames:
-    """Frames of videos by blob key. Thread-safe.
+    """Frames of videos by `video_key`. Thread-safe.
 
     Arrays are returned as copies, so that callers cannot change the cache, and so that kernels compiled for writable
     arrays are used.
@@ -43,7 +45,7 @@ class WarmFrames:
         """Size at full resolution, frame count, frame rate."""
 
         def probe() -> VideoInfo:
-            with self._decoders.reader(key) as reader:
+            with self._reader(key, 0) as reader:
                 width, height = reader.size
                 return VideoInfo(width, height, reader.frames, reader.fps, reader.frames / max(reader.fps, 1e-6))
 
@@ -65,18 +67,18 @@ class WarmFrames:
         index = min(max(index, 0), self.info(key).frames - 1)
         for frame in self.frames(key, index, index + 1, side_px):
             return frame
-        with self._decoders.reader(key, index) as reader:
+        with self._reader(key, index) as reader:
             return fit(frame_at(reader, index), side_px)
 
     def full(self, key: str, index: int) -> Frame:
         """A frame at full resolution, which is not cached."""
         index = min(max(index, 0), self.info(key).frames - 1)
-        with self._decoders.reader(key, index) as reader:
+        with self._reader(key, index) as reader:
             return next(reader.read(index, index + 1))
 
     def stream(self, key: str, start: int, stop: int) -> Iterator[Frame]:
         """Frames [start, stop) at full resolution, one at a time."""
-        with self._decoders.reader(key, start) as reader:
+        with self._reader(key, start) as reader:
             yield from reader.read(start, stop)
 
     def image(self, source: str | bytes, field: str) -> AnyArray:
@@ -108,8 +110,12 @@ class WarmFrames:
             raise BadParameter(f"The input is not JSON: {error}.", field=field) from None
         return parsed
 
+    def _reader(self, key: str, start: int) -> AbstractContextManager[GuardedReader]:
+        blob, source = of_video_key(key)
+        return self._decoders.reader(blob, start, source)
+
     def _decode(self, key: str, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:
-        with self._decoders.reader(key, start) as reader:
+        with self._reader(key, start) as reader:
             for index, frame in enumerate(reader.read(start, min(stop + _AHEAD, reader.frames)), start):
                 small = fit(frame, side_px)
                 self._cache.put((key, side_px, index), small, small.nbytes)

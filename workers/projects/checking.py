@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
+from pipeline.errors import BadParameter
 from pipeline.methods import methods, param_faults
 from pipeline.methods.base import InputSpec, Method, missing_inputs
 from workers.contract.record import Asset
+from workers.jobs.frame_window import check_source, window_info
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
 from workers.projects.submissions import Pick, Selection, images_of, is_plain, parts_used, picks
@@ -67,6 +70,13 @@ class _Check:
         if video is not None and video.kind not in FITS["video"]:
             yield fault((*path, "video"), f"This asset is no video: it is {video.kind}.", value=video.id,
                         remedy="Name a video, an image or a zip of numbered images.")  # fmt: skip
+        if video is not None:
+            try:
+                source = shot.source.options()
+                check_source(source, video.info)
+                video = replace(video, info=window_info(video.info, None, source))
+            except BadParameter as wrong:
+                yield fault_at((*path, *wrong.field.split(".")), wrong)
         count = self._count(video)
         span = self._frames or shot.range
         if span is not None and span[0] >= span[1]:

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.compositing import Blend, covers
 from pipeline.formats import OutputName
+from pipeline.video.media import Fields, SourceOptions
 from workers.contract.request import MAX_SEED, Json
 
 SCHEMA = 1
@@ -141,12 +142,32 @@ class Layer(Part):
         return {"version": 1, **parts} if any(parts.values()) else None
 
 
+class Reading(Part):
+    """How a video is read."""
+
+    picture: int | None = Field(
+        default=None, ge=0, le=1000, description="Which of its video streams, from 0; null: the main one."
+    )
+    sound: tuple[Annotated[int, Field(ge=0, le=1000)], ...] | None = Field(
+        default=None, max_length=16, description="Which of its sound tracks are delivered, from 0; null: all."
+    )
+    fields: Fields = Field(
+        default="auto",
+        description="`auto`: deinterlace what the file marks as interlaced; `progressive`: nothing; `top`, `bottom`: "
+        "everything, with this field first.",
+    )
+
+    def options(self) -> SourceOptions:
+        return SourceOptions(self.picture, self.sound, self.fields)
+
+
 class Shot(Part):
     """A video, or a piece of it, and its layers from back to front."""
 
     id: Id
     name: Title = ""
     video: AssetName
+    source: Reading = Reading()
     range: FrameRange | None = None
     layers: tuple[Layer, ...] = Field(default=(), max_length=32)
     ui: Ui = {}

@@ -8,7 +8,7 @@ from pipeline.methods import methods
 from workers.contract.record import Asset, asset_key
 from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.previews.model import LayerSources
+from workers.previews.model import LayerSources, video_key
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.submissions import parts_used
 
@@ -39,12 +39,12 @@ def layer_sources(document: Document, shot: Shot, layer: Layer, assets: Mapping[
         method=layer.method,
         params=dict(layer.params),
         seed=layer.seed,
-        video=key(layer.source or shot.video),
+        video=key(layer.source) if layer.source else video_key(key(shot.video), shot.source.options()),
         files={name: key(asset) for name, asset in layer.inputs.items() if name in names and name != "video"},
         images=images,
         documents=documents,
         opacity=layer.opacity,
         blend=layer.blend,
         matte=None if layer.matte is None else key(layer.matte),
-        below=key(shot.video),
+        below=video_key(key(shot.video), shot.source.options()),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import ValidationError
@@ -13,6 +13,7 @@ from pipeline.methods import methods
 from pipeline.methods.base import InputSpec, Method
 from pipeline.methods.layers import LAYERS
 from pipeline.methods.layers.names import MATTE, VIDEO, input_name
+from pipeline.video.media import SourceOptions
 from workers.contract.request import WARN, JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
 from workers.projects.faults import BadProject, Path, fault
@@ -54,12 +55,13 @@ class Submission:
     """[first, end) of the video; None: all of it."""
     priority: int = 0
     on_damage: str = WARN
+    source: SourceOptions = field(default_factory=SourceOptions)
 
     def request(self, ids: Mapping[str, str], labels: Mapping[str, str]) -> JobRequest:
         """The job request. `ids`: asset id of every input."""
         return JobRequest(
             self.method, dict(ids), self.params, self.seed, self.output, self.priority, self.name, dict(labels),
-            frames=self.frames, on_damage=self.on_damage,
+            frames=self.frames, on_damage=self.on_damage, source=self.source,
         )  # fmt: skip
 
 
@@ -120,6 +122,7 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
         frames=frames,
         priority=selection.priority,
         on_damage=output.on_damage,
+        source=shot.source.options(),
     )
 
 

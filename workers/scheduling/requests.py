@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import get_args
 from urllib.parse import urlsplit
 
 from pydantic import JsonValue
@@ -14,7 +13,6 @@ from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputFacts, InputKind, InputSpec, Method, Params, missing_inputs
 from pipeline.methods.input_check import input_faults
-from pipeline.video.media import Fields, SourceOptions
 from pipeline.video.numbered import no_such_frame
 from pipeline.video.numbering import described, numbers_of_runs
 from workers.contract.record import Asset
@@ -32,7 +30,7 @@ from workers.contract.request import (
     JobRequest,
     OutputSpec,
 )
-from workers.jobs.frame_window import stream_info, window_info
+from workers.jobs.frame_window import check_source, window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY, no_effect_warning
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
@@ -69,7 +67,7 @@ def check_request(
     faults += input_faults(chosen, parsed, _facts(chosen, parsed, request, assets, read, faults))
     faults += _output_faults(chosen, request.output)
     for check in (
-        lambda: check_source(request.source, assets.get("video")),
+        lambda: check_source(request.source, assets["video"].info if "video" in assets else None),
         lambda: check_frames(request.frames, assets.get("video")),
         lambda: _check_envelope(request),
         lambda: _check_damage(request, assets),
@@ -194,14 +192,6 @@ def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
     if not 0 <= frames[0] < frames[1] or (count and frames[1] > count):
         end = f"The video has {count} frames." if count else "Frames are counted from 0."
         _refuse("frames", list(frames), f"Use [first, end) with first < end. {end}")
-
-
-def check_source(source: SourceOptions, video: Asset | None) -> None:
-    """Check that the video has the stream, and that fields are read in a known way."""
-    if source.fields not in get_args(Fields):
-        _refuse("source.fields", source.fields, f"Use one of: {', '.join(get_args(Fields))}.")
-    if source.picture is not None and video is not None:
-        stream_info(video.info, source.picture)
 
 
 def _output_faults(chosen: Method, output: OutputSpec) -> list[BadInput]:

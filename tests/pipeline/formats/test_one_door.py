@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import struct
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from PIL import Image, ImageCms, ImageOps
 from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.formats import IMAGES, OUTPUTS, image_format
 from pipeline.formats.decoding import decode_raw, decode_rgb
+from pipeline.formats.dpx import DPX
 from pipeline.video.media import Limits
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
@@ -131,6 +133,53 @@ def test_a_tiff_of_many_bits_keeps_them(dtype: Any) -> None:
     assert np.abs(decode_rgb(data, Limits()).astype(int) - RGB).max() <= 1
 
 
+@pytest.mark.parametrize("layout", ["side by side", "planes", "premultiplied", "CMYK"])
+def test_sixteen_bit_tiffs_of_every_layout_have_pillows_colours(layout: str, tmp_path: Path) -> None:
+    """OpenCV reads planes and premultiplied colours of TIFF wrongly, without a word."""
+    data = _tiff16(layout)
+    image = Image.open(io.BytesIO(data))
+    shown = Image.alpha_composite(Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
+    assert np.abs(decode_rgb(data, Limits()).astype(int) - np.asarray(shown)).max() <= 2
+
+
+def _tiff16(layout: str) -> bytes:
+    """An uncompressed TIFF of 16 bits a channel."""
+    alpha = np.linspace(0.2, 1, 96)[None, :, None] * np.ones((48, 1, 1))
+    pixels = RGB / 255
+    if "premultiplied" in layout:
+        pixels = np.concatenate([pixels * alpha, alpha], 2)
+    if layout == "CMYK":
+        pixels = np.concatenate([1 - pixels, np.zeros((48, 96, 1))], 2)
+    values = np.rint(pixels * 65535).astype("<u2")
+    channels, planes = values.shape[2], "planes" in layout
+    stored = [np.ascontiguousarray(values[..., c]).tobytes() for c in range(channels)] if planes else [values.tobytes()]
+    starts = np.cumsum([8, *(len(each) for each in stored)])
+    kind, arrangement = (5 if layout == "CMYK" else 2), (2 if planes else 1)
+    tags: dict[int, tuple[int, ...]] = {
+        256: (96,), 257: (48,), 258: (16,) * channels, 259: (1,), 262: (kind,), 273: tuple(starts[:-1]),
+        277: (channels,), 278: (48,), 279: tuple(len(each) for each in stored), 284: (arrangement,),
+    }  # fmt: skip
+    if "premultiplied" in layout:
+        tags[338] = (1,)
+    table, extra = struct.pack("<H", len(tags)), b""
+    after = int(starts[-1]) + 2 + 12 * len(tags) + 4
+    for tag, given in tags.items():
+        packed = struct.pack(f"<{len(given)}I", *given)
+        table += struct.pack("<HHI", tag, 4, len(given))
+        table += packed if len(given) == 1 else struct.pack("<I", after + len(extra))
+        extra += packed if len(given) > 1 else b""
+    return b"II*\0" + struct.pack("<I", starts[-1]) + b"".join(stored) + table + bytes(4) + extra
+
+
+def test_a_transparent_value_of_one_bit(tmp_path: Path) -> None:
+    image = Image.fromarray(RGB[..., 0] > 128)
+    out = io.BytesIO()
+    image.save(out, "PNG", transparency=0)
+    raw = decode_raw(out.getvalue(), Limits())
+    np.testing.assert_array_equal(raw[..., 3] == 255, RGB[..., 0] > 128)
+    assert (decode_rgb(out.getvalue(), Limits()) == 255).all()
+
+
 def test_a_16_bit_png_of_numbers_keeps_them() -> None:
     numbers = np.arange(48 * 96, dtype=np.uint16).reshape(48, 96) * 13
     np.testing.assert_array_equal(decode_raw(encoded(Image.fromarray(numbers), "PNG"), Limits()), numbers)
@@ -216,6 +265,38 @@ def test_an_animation_is_a_video_with_its_own_times(form: str, tmp_path: Path) -
     np.testing.assert_array_equal(again, frames[1])
 
 
+def test_an_animation_of_palettes_is_the_same_when_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "upload"
+    first, *rest = (each.quantize(16) for each in _moving())
+    first.save(path, "PNG", save_all=True, append_images=rest, duration=40)
+    with VideoReader(path) as reader:
+        frames = list(reader.read())
+        assert np.abs(frames[0].astype(int) - np.asarray(first.convert("RGB"))).max() <= 2
+        for start in (3, 1, 0):
+            np.testing.assert_array_equal(next(reader.read(start, start + 1)), frames[start])
+
+
+def test_a_default_picture_is_no_frame_of_an_animation(tmp_path: Path) -> None:
+    path = tmp_path / "upload"
+    first, *rest = _moving()
+    first.save(path, "PNG", save_all=True, append_images=rest, duration=40, default_image=True)
+    with VideoReader(path) as reader:
+        frames = list(reader.read())
+    assert len(frames) == len(rest) and np.abs(frames[0].astype(int) - np.asarray(rest[0])).max() <= 2
+
+
+@pytest.mark.parametrize("size", [(96, 30), (60, 48), (60, 30)])
+def test_pictures_of_a_gif_beyond_its_screen_are_cut(size: tuple[int, int], tmp_path: Path) -> None:
+    path, parts = tmp_path / "upload", []
+    for each in (COLOUR.crop((0, 0, *size)), COLOUR):
+        each.save(path, "GIF")
+        parts.append(path.read_bytes())
+    colours = 3 << (parts[1][10] & 7) + 1
+    path.write_bytes(parts[0][:-1] + parts[1][13 + colours :])
+    with VideoReader(path) as reader:
+        assert [frame.shape[1::-1] for frame in reader.read()] == [size, size]
+
+
 @pytest.mark.parametrize("form", ["GIF", "PNG"])
 def test_a_cut_animation_shows_the_frame_before_and_says_so(form: str, tmp_path: Path) -> None:
     first, *rest = _moving()
@@ -237,12 +318,24 @@ def test_heic_is_the_whole_picture_turned(tmp_path: Path) -> None:
     assert (info.media_type, info.kind, {info.width, info.height}) == ("image/heif", "image", {320, 640})
 
 
-def test_dpx_of_ten_bits(tmp_path: Path) -> None:
+def _dpx(pixel_format: str) -> bytes:
     import av
 
-    frame = av.VideoFrame.from_ndarray(RGB, format="rgb24").reformat(format="gbrp10le")
+    frame = av.VideoFrame.from_ndarray(RGB, format="rgb24").reformat(format=pixel_format)
     context = av.CodecContext.create("dpx", "w")
-    context.width, context.height, context.pix_fmt = 96, 48, "gbrp10le"  # type: ignore[attr-defined]
+    context.width, context.height, context.pix_fmt = 96, 48, pixel_format  # type: ignore[attr-defined]
     context.time_base = Fraction(1, 24)
-    data = b"".join(bytes(packet) for packet in context.encode(frame))  # type: ignore[attr-defined]
-    assert np.abs(decode_rgb(data, Limits()).astype(int) - RGB).max() <= 2
+    return b"".join(bytes(packet) for packet in context.encode(frame))  # type: ignore[attr-defined]
+
+
+def test_dpx_of_ten_bits() -> None:
+    assert np.abs(decode_rgb(_dpx("gbrp10le"), Limits()).astype(int) - RGB).max() <= 2
+
+
+@pytest.mark.parametrize(("aspect", "size"), [((2, 1), (192, 48)), ((1, 2), (96, 96)), ((0xFFFFFFFF,) * 2, (96, 48))])
+def test_pixels_of_dpx_become_square(aspect: tuple[int, int], size: tuple[int, int]) -> None:
+    data = _dpx("rgb24")
+    order = ">" if data[:4] == b"SDPX" else "<"
+    data = data[:1628] + struct.pack(f"{order}II", *aspect) + data[1636:]
+    assert decode_rgb(data, Limits()).shape[1::-1] == size
+    assert any("aspect" in note for note in DPX.notes(data)) == (size != (96, 48))

@@ -34,7 +34,7 @@ def frame(number: int, flashes: Sequence[int] = FLASHES) -> np.ndarray:
 
 def film(
     path: Path, codec: str = "libx264", sound: str | None = "aac", times_ms: Sequence[int] | None = None,
-    frames: range = range(FRAMES), offset_s: float = 0.0, options: dict[str, str] | None = None,
+    frames: Sequence[int] = range(FRAMES), offset_s: float = 0.0, options: dict[str, str] | None = None,
     layout: str = "mono", rate: int = RATE, keeps: Callable[[float], bool] = lambda time_s: True,
 ) -> Path:  # fmt: skip
     """Encode frames of the film, with the clicks that belong to them.
@@ -59,7 +59,8 @@ def film(
             packet.time_base, packet.pts, packet.dts = Fraction(1, 1000), times_ms[at], times_ms[at]  # type: ignore[index]
             packets[at] = (Fraction(times_ms[at], 1000), packet)  # type: ignore[index]
         if track is not None:
-            marks = [time - frames.start / 25 for time in MARKS_S if frames.start / 25 <= time < frames.stop / 25]
+            first, last = frames[0] / 25, (frames[-1] + 1) / 25
+            marks = [time - first for time in MARKS_S if first <= time < last]
             heard = samples(track, marks, len(frames) / 25, rate, layout)
             packets += [(p.pts * p.time_base, p) for p in heard if keeps(float(p.pts * p.time_base))]
         _mux(out, packets, shift)

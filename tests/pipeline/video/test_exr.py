@@ -132,3 +132,20 @@ def test_velocities_of_a_rendered_box(media: Path) -> None:
     _, forth, back = raw_vectors(read(3)[0])
     found = signed(forth, back, factors)
     assert found.plus is not None and found.minus is not None and factors[2] > 0
+
+
+def test_deep_pixels_are_refused_with_the_remedy(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableMedia) as raised:
+        EXR.planes(write_deep(tmp_path / "d.exr"), Limits(), "d.exr")
+    assert "deep" in raised.value.message and "Flatten" in str(raised.value.remedy)
+
+
+def write_deep(path: Path) -> Path:
+    samples = np.empty((32, 32), dtype=object)
+    for at in np.ndindex(32, 32):
+        samples[at] = np.array([0.5, 0.2][: 1 + sum(at) % 2], np.float32)
+    channels = {name: OpenEXR.Channel(name, samples) for name in "RGBAZ"}
+    header = {"type": OpenEXR.deepscanline, "compression": OpenEXR.ZIPS_COMPRESSION}
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+    return path

@@ -262,11 +262,32 @@ def test_h264_with_b_frames_in_avi(tmp_path: Path) -> None:
     assert len(apart) == 4 and np.ptp(apart) < 0.01
 
 
-def test_empty_chunks_of_an_avi_prolong_the_picture_before(tmp_path: Path) -> None:
-    chunks, keys = avi_packets(tmp_path, 0)
-    path = write_avi(tmp_path / "d.avi", b"XVID", [b"" if at in (7, 8, 19) else c for at, c in enumerate(chunks)], keys)
+@pytest.mark.parametrize("dropped", [(7, 8, 9, 18, 19), (1, 23, 26), tuple(range(16, 30, 2))])
+@pytest.mark.parametrize(("fourcc", "codec"), [(b"XVID", "mpeg4"), (b"H264", "libx264"), (b"MJPG", "mjpeg")])
+def test_empty_chunks_of_an_avi_repeat_the_picture_before(
+    fourcc: bytes, codec: str, dropped: tuple[int, ...], tmp_path: Path
+) -> None:
+    """Recorders write an empty chunk for a picture that they dropped."""
+    kept = [at for at in range(FRAMES) if at not in dropped]
+    chunks, keys = coded(film(tmp_path / "raw.avi", codec, None, frames=kept, options={"g": "12", "bf": "0"}))
+    held = [b"" if at in dropped else chunks[kept.index(at)] for at in range(FRAMES)]
+    marks = [at not in dropped and keys[kept.index(at)] for at in range(FRAMES)]
+    path = write_avi(tmp_path / "d.avi", fourcc, held, marks)
     frames, times, damaged = read(path)
-    assert not damaged and [times[at] for at in flashes(frames)] == pytest.approx(MARKS_S)
+    assert (len(frames), flashes(frames), damaged) == (FRAMES, list(FLASHES), False)
+    assert times == pytest.approx([at / 25 for at in range(FRAMES)], abs=0.001)
+    assert all(np.array_equal(frames[at], frames[at - 1]) for at in dropped)
+    with VideoReader(path) as reader:
+        for start in (30, 3, 17, 38, 8):
+            assert all(np.array_equal(a, frames[start + at]) for at, a in enumerate(reader.read(start, start + 2)))
+
+
+def test_pictures_that_are_not_coded_between_b_frames(tmp_path: Path) -> None:
+    chunks, keys = avi_packets(tmp_path, 1)
+    kept = [NOT_CODED if at in (20, 21, 22) else chunk for at, chunk in enumerate(chunks)]
+    frames, times, damaged = read(write_avi(tmp_path / "n.avi", b"DX50", kept, keys))
+    assert (len(frames), damaged) == (FRAMES, False)
+    assert [times[at] for at in flashes(frames)] == pytest.approx(MARKS_S)
 
 
 @pytest.mark.parametrize("length", [400, 1 << 30, 0])

@@ -39,6 +39,38 @@ def test_a_shot_is_a_video_of_its_frames_for_any_method(tmp_path: Path, root: st
     assert "frames/0000.png" in ShotFiles(path)
 
 
+@pytest.mark.parametrize("missing", ["0001", "0002"])
+@pytest.mark.parametrize("everywhere", [True, False], ids=["in every pass", "in the frames"])
+@pytest.mark.parametrize("root", ["", "my shot/"])
+def test_missing_frames_of_a_shot_are_held_on_request(
+    missing: str, everywhere: bool, root: str, tmp_path: Path
+) -> None:
+    folders = ("frames/",) if not everywhere else ("",)
+    files = {
+        name: data for name, data in scene_files().items()
+        if not (missing in name and "keyframes" not in name and "painted" not in name and name.startswith(folders))
+    }  # fmt: skip
+    with pytest.raises(BadMedia):
+        probe(zipped(tmp_path / "gap.zip", files, root))
+    path = zipped(tmp_path / "held.zip", files | {"sequence.json": b'{"missing": "hold"}'}, root)
+    info = probe(path)
+    assert info.frames == 4 and any(missing.lstrip("0") in note for note in info.notes)
+    before = int(missing) - 1
+    with VideoReader(path) as reader:
+        frames = list(reader.read())
+    np.testing.assert_array_equal(frames[before + 1], frames[before])
+    shot = ShotFiles(path)
+    layout = read_shot(shot)
+    assert layout.frames == 4
+    check_pictures(shot, layout, SIZE)
+    whole = layout.whole.passes["frames"]
+    assert shot[whole[before + 1]] == shot[whole[before]]
+    for layer in layout.layers:
+        for name in ("masks", "normals"):
+            if layer.passes.get(name) and everywhere:
+                assert shot[layer.passes[name][before + 1]] == shot[layer.passes[name][before]]
+
+
 def test_plain_numbered_images_are_not_a_shot() -> None:
     assert not is_shot(["clip/frames/1.png", "clip/frames/2.png"]) and not is_shot(["1.png"])
     assert pictures_of(["b/10.png", "b/2.png"]) == ["b/10.png", "b/2.png"]

@@ -11,6 +11,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+from av.subtitles.subtitle import SubtitleSet
 
 from pipeline.errors import BadParameter
 from pipeline.video import audio
@@ -300,10 +301,63 @@ def test_subtitles_go_along_or_are_named(tmp_path: Path) -> None:
         assert text.language == "fra"
         at = [float(p.pts * p.time_base) for p in made.demux(text) if p.size > 2]
     assert at == pytest.approx([0.2, 1.0], abs=0.002)
+
+
+@pytest.mark.parametrize(("codec", "name"), [("subrip", "s.mkv"), ("webvtt", "s.mkv"), ("mov_text", "s.mp4")])
+@pytest.mark.parametrize(("container", "held"), [("mp4", "mov_text"), ("webm", "webvtt")])
+def test_texts_of_another_kind_are_converted(codec: str, name: str, container: str, held: str, tmp_path: Path) -> None:
+    path, out = carrying(tmp_path / name, codec), tmp_path / f"out.{container}"
+    notes = painted(path, out, container)
+    assert [note.message for note in notes if "converted" in note.message] == (
+        [] if codec == held else [f"Subtitles were converted to {held}: {codec}, fra."]
+    )
+    assert _lines(out) == [(0.2, 0.3, "Bonjour"), (1.0, 0.3, "Bonjour")]
+    with av.open(str(out)) as made:
+        assert [(s.language, s.codec_context.codec.canonical_name) for s in made.streams.subtitles] == [("fra", held)]
+    painted(path, out, container, piece=(6, 30))
+    assert _lines(out) == [(0.0, 0.26, "Bonjour"), (0.76, 0.3, "Bonjour")]
+
+
+def _lines(path: Path) -> list[tuple[float, float, str]]:
+    """Time, duration, s, and text of the subtitles."""
+    with av.open(str(path)) as made:
+        packets = [p for p in made.demux(made.streams.subtitles[0]) if p.size and bytes(p) != b"\0\0"]
+        texts = [bytes(p).removeprefix(b"\0\x07").decode() for p in packets]
+        times = [(float(p.pts * p.time_base), float(p.duration * p.time_base)) for p in packets]
+    return [(round(at, 2), round(long, 2), text) for (at, long), text in zip(times, texts, strict=True)]
+
+
+def test_styled_texts_keep_their_words_and_pictures_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.mkv"
+    with av.open(str(film(tmp_path / "plain.mp4"))) as source, av.open(str(path), "w") as out:
+        streams = {s.index: out.add_stream_from_template(s) for s in source.streams}
+        styled, drawn = out.add_stream("ass"), out.add_mux_stream("hdmv_pgs_subtitle")
+        styled.codec_context.subtitle_header = _ASS
+        for packet in source.demux():
+            if packet.size:
+                packet.stream = streams[packet.stream_index]
+                out.mux(packet)
+        line = SubtitleSet.create(rb"0,0,Default,,0,0,0,,{\i1}Ahoy{\i0}\Nthere", 0, 300, 200)
+        for made, target in ((styled.codec_context.encode_subtitle(line), styled), (av.Packet(b"\x80\0\0"), drawn)):
+            made.stream, made.time_base, made.duration = target, Fraction(1, 1000), 300
+            made.pts = made.dts = 200
+            out.mux(made)
     notes = painted(path, tmp_path / "out.webm", "webm")
-    assert any("mov_text, fra" in note.message for note in notes)
-    notes = painted(carrying(tmp_path / "s.mkv", "subrip"), tmp_path / "no.mp4")
-    assert any("subrip" in note.message for note in notes)
+    assert "hdmv_pgs_subtitle" in notes[-2].message and "converted" in notes[-1].message
+    ((at, _duration, text),) = _lines(tmp_path / "out.webm")
+    assert at == 0.2 and text.replace("<i>", "").replace("</i>", "") == "Ahoy\nthere"
+
+
+_ASS = b"""[Script Info]
+ScriptType: v4.00+
+
+[V4+ Styles]
+Format: Name, Fontname, Fontsize
+Style: Default,Arial,16
+
+[Events]
+Format: Layer, Start, End, Style, Name, MarginL, MarginR, MarginV, Effect, Text
+"""
 
 
 def test_the_same_film_has_the_same_bytes(tmp_path: Path) -> None:
