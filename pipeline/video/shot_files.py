@@ -11,7 +11,7 @@ from pipeline.errors import UnreadableMedia
 from pipeline.formats.base import Choice
 from pipeline.video.archive import MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.media import Limits
-from pipeline.video.numbering import frames_of, range_of, sequence_numbers
+from pipeline.video.numbering import frame_numbers, frames_of, range_of, sequence_numbers
 from pipeline.video.sequence_options import SequenceOptions
 
 FRAMES, LAYERS = "frames", "layers"
@@ -94,6 +94,13 @@ class ShotFiles(Mapping[str, bytes]):
 
     def close(self) -> None:
         self._archive.close()
+
+
+def _of_frame(name: str) -> bool:
+    """Whether a path names a file of one frame."""
+    parts = PurePosixPath(name).parts
+    inner = parts[2:] if parts[0] == LAYERS else parts
+    return name != MANIFEST and (len(inner) == 1 or inner[0] != "style")
 
 
 def _held(members: Mapping[str, ZipInfo]) -> dict[str, ZipInfo]:
