@@ -22,6 +22,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.session import AbstractionSession, PipelinedRunner
 from pipeline.methods.abstraction.svg_archive import SvgArchive
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.masks import fitted, mask_plane
 from pipeline.methods.scan import delivered_shots, scan_video
 
 RUN_FRAMES = 96
@@ -109,28 +110,23 @@ def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskRes
 
 
 def _masks(context: TaskContext[AbstractionParams], start: int) -> Mapping[int, Plane]:
-    return _Masks(context.images("importance"), start) if context.has("importance") else {}
+    return _Masks(context.images("importance"), start, context.size) if context.has("importance") else {}
 
 
 class _Masks(Mapping[int, Plane]):
     """Importance masks by frame number, decoded on access. A run starts with the latest mask up to its first frame."""
 
-    def __init__(self, images: Mapping[int, AnyArray], start: int) -> None:
-        self._images = images
+    def __init__(self, images: Mapping[int, AnyArray], start: int, size: tuple[int, int]) -> None:
+        self._images, self._size = images, size
         earlier = [number for number in images if number <= start]
         self._source = {number: number for number in images} | ({start: max(earlier)} if earlier else {})
 
     def __getitem__(self, number: int) -> Plane:
-        return _plane(self._images[self._source[number]])
+        source = self._source[number]
+        return fitted(mask_plane(self._images[source]), self._size, f"inputs.importance[{source}]")
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._source)
 
     def __len__(self) -> int:
         return len(self._source)
-
-
-def _plane(image: AnyArray) -> Plane:
-    """Importance 0..1 of a gray or RGB image of 8 or 16 bit."""
-    gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
-    return np.asarray(gray / np.iinfo(image.dtype).max, np.float32)

@@ -16,6 +16,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.masks import mask_plane
 from pipeline.synthesis.images import Bytes, stacked
 
 WHOLE = -1
@@ -280,5 +281,4 @@ def _key_mask(index: int, mask: AnyArray, size: tuple[int, int]) -> Bytes:
             f"Mask {index} does not have the size of the video.", field="inputs.masks",
             value=f"{mask.shape[1]}x{mask.shape[0]}", remedy=f"Make it {size[0]}x{size[1]}.",
         )  # fmt: skip
-    pixels = eight_bit(mask)
-    return pixels if pixels.ndim == 2 else np.ascontiguousarray(pixels[..., 0])
+    return np.asarray(np.rint(mask_plane(mask) * 255), np.uint8)

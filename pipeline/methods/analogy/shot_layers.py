@@ -19,6 +19,7 @@ from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, dire
 from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
+from pipeline.methods.masks import mask_plane
 from pipeline.synthesis.images import Bytes
 from pipeline.synthesis.orientation import authored_tensors
 from pipeline.synthesis.tone_matching import NO_CONTRASTS, ToneStatistics
@@ -303,7 +304,7 @@ class RenderPasses:
             return None
         own = self._layer.files.passes
         if own["masks"]:
-            return np.asarray(data_picture(self._data(own["masks"][index]))[..., 0] >= OPAQUE)
+            return np.asarray(mask_plane(self._data(own["masks"][index])) >= OPAQUE / 255)
         if self._object_ids:
             return np.isin(self.ids(index), self._object_ids)
         return np.asarray(self._frame(index)[..., 3] >= OPAQUE)

@@ -135,7 +135,9 @@ class DirectionKey(_Part):
     frame: FrameNumber = 0
     edge_weight: Annotated[float, Field(ge=0, le=1, description="w of P = w E + (1 - w) sum of M.")] = 0.5
     elements: Annotated[tuple[ElementAt, ...], Field(max_length=200)] = ()
-    follow: Annotated[bool, Field(description="Elements translate, rotate and scale with the region.")] = True
+    follow: Annotated[
+        bool, Field(description="Elements translate, rotate and scale with the region; those of rest stay.")
+    ] = True
     free: Annotated[
         bool, Field(description="No directions of its own: those of the surroundings are spread into the region.")
     ] = False
@@ -355,6 +357,13 @@ def keys_around(keys: Iterable[Key], region: str, frame: int) -> tuple[Key, Key,
         if frame < after.frame:
             return before, after, eased((frame - before.frame) / (after.frame - before.frame), before.ease)
     return own[-1], own[-1], 0.0
+
+
+def followed(design: Design) -> list[tuple[str, int]]:
+    """(region, keyframe) of the directions whose elements follow their region. Those of `rest` stay: its shape changes
+    with the regions that move in front of it."""
+    keys = (key for key in design.directions if key.elements and key.follow and key.region != REST)
+    return sorted({(key.region, key.frame) for key in keys})
 
 
 def eased(t: float, ease: Ease) -> float:

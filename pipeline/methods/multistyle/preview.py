@@ -16,7 +16,7 @@ from pipeline.frames import Frame
 from pipeline.methods.base import FrameRegions, PreviewRequest
 from pipeline.methods.multistyle.analysis import StrokeAnalysis
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
-from pipeline.methods.multistyle.design import REST, Design, parse
+from pipeline.methods.multistyle.design import REST, Design, followed, parse
 from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.label_propagation import RegionMap
@@ -110,10 +110,9 @@ def _placed(
 ) -> RegionPlacement:
     given = RegionKeys(design, masks, size)
     now = _map(given, number, found)
-    follow = {(key.region, key.frame) for key in design.directions if key.elements and key.follow}
     keyed: dict[tuple[str, int], Ellipse] = {}
     present: dict[str, Ellipse] = {}
-    for name, frame in sorted(follow):
+    for name, frame in followed(design):
         index = design.names.index(name)
         there = now if frame == number else _map(given, frame, found)
         own = fit_ellipse(there == index)

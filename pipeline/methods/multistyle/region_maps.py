@@ -18,7 +18,7 @@ from pipeline.arrays import Arrays, State, part
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult, VideoInfo
-from pipeline.methods.multistyle.design import REST, Design
+from pipeline.methods.multistyle.design import REST, Design, followed
 from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.label_propagation import RegionMap
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -51,7 +51,7 @@ def requirements(design: Design | None, context: TaskContext[MultistyleParams], 
     return {
         "channels": keys.channels, "tubes": shown or design.wants_tubes, "made": made,
         "maps": shown or bool(set(design.regions) - {REST}), "names": list(design.names),
-        "follow": [[key.region, key.frame] for key in design.directions if key.elements and key.follow],
+        "follow": [[name, frame] for name, frame in followed(design)],
     }  # fmt: skip
 
 

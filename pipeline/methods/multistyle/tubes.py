@@ -6,8 +6,9 @@ kagaya2011video uses the segmentation of Brendel and Todorovic, and notes that a
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -204,15 +205,11 @@ def _reattached(found: Mapping[int, _Stats], shots: list[tuple[int, int]], side:
     """Map each tube id to the first id of the same tube: a tube that appears where an earlier one is expected continues
     it. Each tube is continued at most once, by the most similar one."""
     root = {name: name for name in found}
-    pairs = []
+    pairs = list[tuple[float, int, int]]()
     for start, stop in shots:
         mine = [name for name in sorted(found) if start <= found[name].first < stop]
         large = [name for name in mine if found[name].sums[0] >= LEAST_AREA * side * side * _frames(found[name])]
-        for one in large:
-            for other in large:
-                cost = _continuation_cost(found[one], found[other], side)
-                if cost is not None:
-                    pairs.append((cost, one, other))
+        pairs += _continuations({name: found[name] for name in large}, side)
     continued, continuing = set[int](), set[int]()
     for _, one, other in sorted(pairs):
         if one not in continued and other not in continuing:
@@ -228,18 +225,24 @@ def _frames(stats: _Stats) -> int:
     return stats.last - stats.first + 1
 
 
-def _continuation_cost(before: _Stats, after: _Stats, side: int) -> float | None:
-    """Dissimilarity of a tube and a possible continuation; None if it cannot be one."""
-    gap = after.first - before.last
-    if not 0 < gap <= GAP_FRAMES:
-        return None
-    expected = np.array(before.exit[:2]) + before.velocity * gap
-    distance = float(np.hypot(*(np.array(after.entry[:2]) - expected))) / side
-    colour = float(np.sqrt(((before.lab - after.lab) ** 2).sum()))
-    sizes = sorted((before.sums[0] / _frames(before), after.sums[0] / _frames(after)))
-    if distance > GAP_DISTANCE or colour > GAP_LAB or sizes[1] > GAP_GROWTH * sizes[0]:
-        return None
-    return colour / GAP_LAB + distance / GAP_DISTANCE
+def _continuations(found: Mapping[int, _Stats], side: int) -> Iterator[tuple[float, int, int]]:
+    """(dissimilarity, tube, tube that may continue it) of tubes with up to `GAP_FRAMES` - 1 frames between them."""
+    names = sorted(found, key=lambda name: found[name].first)
+    firsts = [found[name].first for name in names]
+    labs = np.array([found[name].lab for name in names]).reshape(-1, 3)
+    entries = np.array([found[name].entry[:2] for name in names]).reshape(-1, 2)
+    areas = np.array([found[name].sums[0] / _frames(found[name]) for name in names])
+    for k, name in enumerate(names):
+        before = found[name]
+        later = slice(bisect_right(firsts, before.last), bisect_right(firsts, before.last + GAP_FRAMES))
+        gaps = np.array(firsts[later]).reshape(-1, 1) - before.last
+        apart = entries[later] - (np.array(before.exit[:2]) + before.velocity * gaps)
+        distance = np.hypot(apart[:, 0], apart[:, 1]) / side
+        colour = np.sqrt(((labs[k] - labs[later]) ** 2).sum(axis=1))
+        alike = np.maximum(areas[later], areas[k]) <= GAP_GROWTH * np.minimum(areas[later], areas[k])
+        cost = colour / GAP_LAB + distance / GAP_DISTANCE
+        for at in np.flatnonzero((distance <= GAP_DISTANCE) & (colour <= GAP_LAB) & alike).tolist():
+            yield float(cost[at]), name, names[later.start + at]
 
 
 def _numbered(
@@ -297,35 +300,89 @@ def _merged(
     mine: list[int], sums: Mapping[int, NDArray[np.int64]], touch: Mapping[tuple[int, int], int], scale: float,
     objects: int,
 ) -> dict[int, int]:  # fmt: skip
-    area = {name: float(max(sums[name][0], 1)) for name in mine}
-    features = {
-        name: np.array([*sums[name][1:4], *(v / 16 * scale for v in sums[name][4:6])], np.float64) / area[name]
-        for name in mine
-    }
-    near: dict[int, dict[int, int]] = {name: {} for name in mine}
-    for (one, other), length in touch.items():
-        if one in near and other in near:
-            near[one][other] = near[other][one] = length
+    clusters = _Clusters(mine, sums, touch, scale)
     owner = {name: name for name in mine}
+    for _ in range(len(mine) - objects):
+        pair = clusters.cheapest_pair()
+        if pair is None:
+            break
+        clusters.merge(*pair)
+        owner[mine[pair[1]]] = mine[pair[0]]
+    for name in mine:  # ascending, and each cluster is merged into one with a smaller number
+        owner[name] = owner[owner[name]]
+    return owner
 
-    def cost(one: int, other: int) -> float:
-        apart = features[one] - features[other]
-        weight = area[one] * area[other] / (area[one] + area[other])
-        return float(weight * (apart @ apart + 4)) / near[one][other]
 
-    costs = {(a, b): cost(a, b) for a in near for b in near[a] if a < b}
-    while len(near) > objects and costs:
-        a, b = min(costs, key=lambda pair: (costs[pair], pair))
+class _Clusters:
+    """Clusters of adjacent tubes, numbered by their first tube, and the cheapest merge of each.
+
+    A merge changes the costs of all neighbours of its cluster. Where a cost rises, the cheapest merge of the neighbour
+    is found anew only when its former cost, a lower bound, is the least of all.
+    """
+
+    def __init__(
+        self, mine: list[int], sums: Mapping[int, NDArray[np.int64]], touch: Mapping[tuple[int, int], int], scale: float
+    ) -> None:
+        table = np.array([sums[name] for name in mine], np.float64).reshape(-1, 6)
+        self._area = np.maximum(table[:, 0], 1)
+        self._features = np.column_stack([table[:, 1:4], table[:, 4:6] / 16 * scale]) / self._area[:, None]
+        at = {name: k for k, name in enumerate(mine)}
+        self._near: list[dict[int, int]] = [{} for _ in mine]
+        for (one, other), length in touch.items():
+            if one in at and other in at:
+                self._near[at[one]][at[other]] = self._near[at[other]][at[one]] = length
+        self._least = np.full(len(mine), np.inf)
+        self._partner = np.full(len(mine), -1)
+        self._stale = np.zeros(len(mine), np.bool_)
+        for k in range(len(mine)):
+            self._find(k)
+
+    def cheapest_pair(self) -> tuple[int, int] | None:
+        """The pair of the cheapest merge, of equal ones the first; None if no clusters are adjacent."""
+        while True:
+            least = self._least.min(initial=np.inf)
+            if least == np.inf:
+                return None
+            found = np.flatnonzero(self._least == least)
+            stale = found[self._stale[found]]
+            if not len(stale):
+                pairs = ((k, int(self._partner[k])) for k in found.tolist())
+                return min((min(pair), max(pair)) for pair in pairs)
+            for k in stale.tolist():
+                self._find(k)
+
+    def merge(self, a: int, b: int) -> None:
+        """Merge the cluster `b` into `a`."""
+        area, near = self._area, self._near
         total = area[a] + area[b]
-        features[a], area[a] = (features[a] * area[a] + features[b] * area[b]) / total, total
-        for other, length in near.pop(b).items():
-            near[other].pop(b)
-            costs.pop((min(b, other), max(b, other)), None)
+        self._features[a] = (self._features[a] * area[a] + self._features[b] * area[b]) / total
+        area[a] = total
+        self._least[b] = np.inf
+        for other, length in near[b].items():
+            del near[other][b]
             if other != a:
                 near[a][other] = near[other][a] = near[a].get(other, 0) + length
-        for other in near[a]:
-            costs[min(a, other), max(a, other)] = cost(a, other)
-        for name, group in owner.items():
-            if group == b:
-                owner[name] = a
-    return owner
+        near[b] = {}
+        self._find(a)
+        others, costs = self._costs(a)
+        cheaper = (costs < self._least[others]) | ((costs == self._least[others]) & (a < self._partner[others]))
+        dearer = np.isin(self._partner[others], (a, b)) & (costs > self._least[others])
+        renamed = (self._partner[others] == b) & (costs == self._least[others])
+        self._stale[others[dearer]] = True
+        now = others[cheaper | renamed]
+        self._least[now], self._partner[now], self._stale[now] = costs[cheaper | renamed], a, False
+
+    def _costs(self, k: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The neighbours of a cluster, and the costs of merging it with each."""
+        others = np.fromiter(self._near[k], np.int64, len(self._near[k]))
+        lengths = np.fromiter(self._near[k].values(), np.float64, len(self._near[k]))
+        apart = ((self._features[k] - self._features[others]) ** 2).sum(axis=1)
+        weight = self._area[k] * self._area[others] / (self._area[k] + self._area[others])
+        return others, weight * (apart + 4) / lengths
+
+    def _find(self, k: int) -> None:
+        """Find the cheapest merge of a cluster; of equal ones, with the smallest number."""
+        others, costs = self._costs(k)
+        self._stale[k] = False
+        self._least[k] = costs.min(initial=np.inf)
+        self._partner[k] = others[costs == self._least[k]].min(initial=len(self._least)) if len(others) else -1

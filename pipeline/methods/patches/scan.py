@@ -24,6 +24,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.masks import mask_plane
 from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams
 from pipeline.methods.scan import delivered_shots, scan_video
 
@@ -238,7 +239,8 @@ def label_map(image: AnyArray, grid: WorkingGrid, number: int) -> Labels:
 def mask_map(image: AnyArray, grid: WorkingGrid, number: int) -> Plane:
     """Convert a foreground mask: float32 (h, w) at the working size, 1 = foreground, 0 = background, NaN = unknown.
 
-    Gray (between 0.25 and 0.75) and transparent pixels are unknown, so that scribbles can be used as masks.
+    Gray (between 0.25 and 0.75) and transparent pixels are unknown, so that scribbles can be used as masks. In a mask
+    in colours, every colour but black is foreground.
 
     Args:
         image: uint8 or uint16, (H, W), (H, W, 3) or (H, W, 4), any size with the aspect ratio of the video.
@@ -249,7 +251,7 @@ def mask_map(image: AnyArray, grid: WorkingGrid, number: int) -> Plane:
     """
     field = f"inputs.masks[{number}]"
     top = np.float32(np.iinfo(image.dtype).max)
-    gray = (image if image.ndim == 2 else image[..., :3].mean(axis=-1)) / top
+    gray = mask_plane(image)
     _check_aspect(gray, grid, field)
     unknown = (gray > 0.25) & (gray < 0.75)
     if image.ndim == 3 and image.shape[2] == 4:

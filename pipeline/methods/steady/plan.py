@@ -10,18 +10,16 @@ The saved state is complete, so the result equals that of one filter over the wh
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from fractions import Fraction
-
-import cv2
-import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.masks import fitted, mask_plane
 from pipeline.methods.scan import delivered_shots, scan_video
 from pipeline.methods.steady.confidence import motion
 from pipeline.methods.steady.filter import SourceAnalysis, SteadyFilter
@@ -181,15 +179,12 @@ def _masks(context: TaskContext[SteadyParams], start: int, stop: int) -> Iterato
     """The mask of each frame: the latest image up to it, None before the first image."""
     images = context.images("mask") if context.has("mask") else {}
     newest = max((number for number in images if number <= start), default=None)
-    mask = None if newest is None else _plane(images[newest], context.size)
+    mask = None if newest is None else _mask(images, newest, context.size)
     for index in range(start, stop):
         if index in images and index != newest:
-            mask = _plane(images[index], context.size)
+            mask = _mask(images, index, context.size)
         yield mask
 
 
-def _plane(image: AnyArray, size: tuple[int, int]) -> Plane:
-    """A mask 0..1 of the frames' size, from a gray or RGB image of 8 or 16 bit."""
-    gray = image if image.ndim == 2 else image[..., :3].mean(axis=-1)
-    plane = np.asarray(gray / np.iinfo(image.dtype).max, np.float32)
-    return np.asarray(cv2.resize(plane, size, interpolation=cv2.INTER_AREA), np.float32)
+def _mask(images: Mapping[int, AnyArray], index: int, size: tuple[int, int]) -> Plane:
+    return fitted(mask_plane(images[index]), size, f"inputs.mask[{index}]")

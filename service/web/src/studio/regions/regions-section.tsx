@@ -8,7 +8,6 @@ import { Icon, IconButton } from "../../ui/icons";
 import {
   type Design,
   type Ease,
-  keyAt,
   type Layer,
   mergeRegions,
   type Pattern,
@@ -20,6 +19,7 @@ import {
   withDesign,
 } from "../document/document";
 import type { Store } from "../state/store";
+import { styleAt } from "../state/timeline";
 import { StyleCards } from "../styles/style-cards";
 import { editElements, pattern, presentKey, REST, selectedElement } from "./direction-tool";
 import { objectCount, type RegionsState, regionsState } from "./region-tool";
@@ -188,7 +188,7 @@ function styleNames(store: Store): string[] {
 function StyleKeys({ store }: { store: Store }) {
   const region = store.region.value || REST;
   const track = trackOf(store.layer.value.style_keys, region);
-  const key = keyAt(track, store.frame.value);
+  const key = styleAt(track, store.frame.value);
   const exact = key?.frame === store.frame.value;
   const edit = (label: string, change: Partial<StyleKey>, group = "") => {
     const next: StyleKey = { ...key, ...change, region, frame: store.frame.value };

@@ -22,7 +22,7 @@ export function StyleLane({ store }: { store: Store }) {
   const span = store.span.value;
   const values = keys.map(({ value }) => value);
   const [least, most] = [Math.min(...values), Math.max(...values)];
-  const value = (frame: number) => valueAt(keys, frame) ?? least;
+  const value = (frame: number) => valueAt(keys, frame, name) ?? least;
   const height = (frame: number) => 92 - (84 * (value(frame) - least)) / Math.max(1e-6, most - least);
   const frames = Array.from({ length: POINTS + 1 }, (_, i) => span[0] + ((span[1] - span[0]) * i) / POINTS);
   const course = keys.map((key) => `${key.value} at frame ${key.frame + 1}`).join(", ");

@@ -1,6 +1,6 @@
 /** Frames, times and steps of the timeline. */
 
-import type { Ease } from "../document/document";
+import { type Ease, keyAt, type StyleKey } from "../document/document";
 
 /** Time code of a frame at a nominal rate: "00:01:05:12" (hours, minutes, seconds, frames). */
 export function timeCode(frame: number, fps: number): string {
@@ -70,11 +70,11 @@ export const shotStarts = (cuts: readonly number[]): number[] => [0, ...cuts];
 /** Number of the shot that has a frame, from 1. */
 export const shotAt = (cuts: readonly number[], frame: number): number => 1 + cuts.filter((cut) => cut <= frame).length;
 
-/** Share of the next key at a position 0..1 between two keys, by the easing of the first. */
+/** Share of the next key at a position 0..1 between two keys, by the easing of the first: as the film has it. */
 export function eased(ease: Ease, t: number): number {
   if (ease === "hold") return t < 1 ? 0 : 1;
-  if (ease === "in") return t * t;
-  if (ease === "out") return t * (2 - t);
+  if (ease === "in") return t ** 3;
+  if (ease === "out") return 1 - (1 - t) ** 3;
   return ease === "smooth" ? t * t * (3 - 2 * t) : t;
 }
 
@@ -84,13 +84,33 @@ interface ValueKey {
   ease: Ease;
 }
 
-/** The value of a curve at a frame: constant before the first and after the last key. */
-export function valueAt(keys: readonly ValueKey[], frame: number): number | undefined {
+/** The value of a parameter at a frame: constant before the first and after the last key. Hues, in degrees, change the
+ * shorter way round. */
+export function valueAt(keys: readonly ValueKey[], frame: number, name = ""): number | undefined {
   const before = keys.findLast((key) => key.frame <= frame);
   const after = keys.find((key) => key.frame > frame);
   if (!before || !after) return (before ?? after)?.value;
   const t = (frame - before.frame) / (after.frame - before.frame);
-  return before.value + (after.value - before.value) * eased(before.ease, t);
+  const difference = after.value - before.value;
+  const shorter = name === "hue" && Math.abs(difference) > 180 ? difference - 360 * Math.sign(difference) : difference;
+  return before.value + shorter * eased(before.ease, t);
+}
+
+/** The style at a frame, from the keys of one region: between two keys, the numbers that both set are interpolated. */
+export function styleAt(track: readonly StyleKey[], frame: number): StyleKey | undefined {
+  const key = keyAt(track, frame);
+  const after = track.find((other) => other.frame > frame);
+  if (!key?.set || !after?.set || key.frame >= frame) return key;
+  const ends = [key, after];
+  const set = Object.fromEntries(
+    Object.entries(key.set).map(([name, value]) => {
+      if (ends.some((end) => typeof end.set?.[name] !== "number")) return [name, value];
+      const keys = ends.map((end) => ({ frame: end.frame, value: Number(end.set?.[name]), ease: end.ease ?? "linear" }));
+      const found = valueAt(keys, frame, name) ?? Number(value);
+      return [name, name === "hue" ? found - 360 * Math.round(found / 360) : found];
+    }),
+  );
+  return { ...key, set };
 }
 
 /** Playback speed of the J, K, L keys: each press in a direction doubles the speed up to 8; K stops. */

@@ -42,7 +42,30 @@ test("curves are constant outside, and eased between keys", () => {
     { frame: 20, value: 30, ease: "linear" as const },
   ];
   expect([-1, 5, 10, 19, 20, 99].map((frame) => t.valueAt(keys, frame))).toEqual([0, 5, 10, 10, 30, 30]);
-  expect(t.eased("smooth", 0.5)).toBe(0.5);
+  expect(["linear", "smooth", "in", "out", "hold"].map((ease) => t.eased(ease as "in", 0.5))).toEqual([
+    0.5, 0.5, 0.125, 0.875, 0,
+  ]); // as pipeline/methods/multistyle/design.py
+});
+
+test("a hue changes the shorter way round", () => {
+  const keys = [
+    { frame: 0, value: 170, ease: "linear" as const },
+    { frame: 10, value: -170, ease: "linear" as const },
+  ];
+  expect([2, 5, 8].map((frame) => t.valueAt(keys, frame, "hue"))).toEqual([174, 180, 186]);
+  expect(t.valueAt(keys, 5)).toBe(0);
+});
+
+test("a style between two keys has the values of its time", () => {
+  const track = [
+    { region: "rest", frame: 10, style: "colorist-wash", set: { size: 10, hue: 170, soft: 3 }, ease: "in" as const },
+    { region: "rest", frame: 20, set: { size: 90, hue: -170 } },
+  ];
+  expect(t.styleAt(track, 15)).toEqual({ ...track[0], set: { size: 20, hue: 172.5, soft: 3 } });
+  expect(t.styleAt(track, 18)?.set?.hue).toBeCloseTo(-179.76);
+  expect([0, 10, 20, 30].map((frame) => t.styleAt(track, frame)?.frame)).toEqual([10, 10, 20, 20]);
+  expect(t.styleAt(track, 30)).toBe(track[1]);
+  expect(t.styleAt([], 3)).toBeUndefined();
 });
 
 test("J and L double their speed, K stops", () => {
