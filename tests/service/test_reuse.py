@@ -136,6 +136,7 @@ def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_
     assert {name for name in ran if name.startswith(("cluster/", "correct/"))} == {
         f"correct/{which}" for which in (f"front-{start}-{start}", f"back-{start}-{start}", f"run-{start}")
     }
+    assert f"register/run-{SHOT_FRAMES:07d}" not in ran, "the run of the same shot that the correction does not touch"
     painted = f"paint/run-{SHOT_FRAMES + half:07d}"
     assert {"scan/inputs", f"register/run-{start}", painted, "assemble/assemble"} <= ran
     with service(tmp_path / "other", reuse_s=0) as http:  # rendered as a whole

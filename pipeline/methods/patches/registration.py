@@ -42,8 +42,10 @@ def plan_register(context: PlanContext[PatchesParams]) -> list[Task]:
     every = patch_tracks(context)
     tasks = []
     for start, stop, begin, end in runs(context):
+        # Without the area, which a correction of other frames changes: a run that it does not touch keeps its result.
         tracks = [
-            track.args() for track in every if track.begin == begin and track.start < stop and track.stop > start
+            track.args() | {"area": 0} for track in every
+            if track.begin == begin and track.start < stop and track.stop > start
         ]  # fmt: skip
         args = {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks}
         tasks.append(Task(run_key(start), args, weight=0.3 * (stop - start)))

@@ -13,6 +13,12 @@ const POLL_MS = 700;
 export const exportsOf = (own: OutputName | undefined): OutputName[] =>
   outputOf(own).lossy ? [] : outputs.map(({ name }) => name).filter((name) => name !== outputOf(own).name);
 
+/** What the exports of a film of a format contain. */
+export const exportsHint = (own: OutputName | undefined): string =>
+  outputOf(own).shownAs === "video"
+    ? `Exports are converted from this ${outputOf(own).file} film. Its PNG frames are the film's decoded frames, which differ from the painted ones by a few levels of 255. For the painted frames themselves, paint the film as PNG frames.`
+    : "Exports are converted from the painted frames.";
+
 /** Buttons for the other formats. */
 export function Exports({ job }: { job: Job }) {
   const offered = exportsOf(job.request.output?.format);
@@ -25,6 +31,7 @@ export function Exports({ job }: { job: Job }) {
         .map(({ name, title, help }) => (
           <ExportButton key={name} job={job} format={name} title={title} help={help} />
         ))}
+      <p class="hint">{exportsHint(job.request.output?.format)}</p>
     </div>
   );
 }

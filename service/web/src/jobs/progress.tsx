@@ -55,9 +55,28 @@ export function queueText(queue: Queue | null): string {
 export const progressText = (job: Job, queue: Queue | null): string =>
   job.state === "queued" ? queueText(queue) : timeLeft(job);
 
+/** Seconds in which a shown time left moves most of the way to a new estimate. */
+const SETTLE_S = 20;
+/** The time left of a job as it was shown last: seconds, and when, seconds. */
+const shownLeft = new Map<string, { left: number; at: number }>();
+
+/** The time left to show, seconds: it runs down with the clock, and moves towards new estimates without a jump. */
+export function steadyLeft(job: string, eta: number, now = performance.now() / 1000): number {
+  const before = shownLeft.get(job);
+  const elapsed = before ? now - before.at : 0;
+  const expected = before ? Math.max(0, before.left - elapsed) : eta;
+  const left = eta + (expected - eta) * Math.exp(-elapsed / SETTLE_S);
+  shownLeft.set(job, { left, at: now });
+  return left;
+}
+
 function timeLeft(job: Job): string {
-  if (job.state !== "running") return stateWord(job);
-  return job.eta_s === null || job.eta_s === undefined ? "estimating the time left" : remaining(job.eta_s);
+  if (job.state !== "running") {
+    shownLeft.delete(job.id);
+    return stateWord(job);
+  }
+  const known = job.eta_s !== null && job.eta_s !== undefined;
+  return known ? remaining(steadyLeft(job.id, job.eta_s ?? 0)) : "estimating the time left";
 }
 
 /** Tell assistive technology of each new state and step, not of every percent. */

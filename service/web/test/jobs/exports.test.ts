@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { Job } from "../../src/api/schemas";
-import { exportsOf } from "../../src/jobs/exports";
+import { exportsHint, exportsOf } from "../../src/jobs/exports";
 import { ownLabels } from "../../src/jobs/job-list";
 import { commandLine, pythonLine } from "../../src/jobs/recipes";
 
@@ -13,6 +13,12 @@ test("a film is exported in every format but its own, and a GIF in none", () => 
   expect(exportsOf("mp4")).toEqual(["webm", "png", "gif"]);
   expect(exportsOf("png")).toEqual(["mp4", "webm", "gif"]);
   expect(exportsOf("gif")).toEqual([]);
+});
+
+test("the page says whether exported PNG frames are the painted ones", () => {
+  expect(exportsHint("mp4")).toContain("decoded frames, which differ from the painted ones");
+  expect(exportsHint("webm")).toContain("WebM");
+  expect(exportsHint("png")).toBe("Exports are converted from the painted frames.");
 });
 
 test("recipes name a file of the job's format, and ask for that format", () => {

@@ -1,5 +1,19 @@
 import { expect, test } from "vitest";
-import { queueText } from "../../src/jobs/progress";
+import { queueText, steadyLeft } from "../../src/jobs/progress";
+
+test("the time left runs down with the clock, and follows estimates without jumping", () => {
+  expect(steadyLeft("job", 30, 0)).toBe(30);
+  expect(steadyLeft("job", 180, 0.5)).toBeLessThan(35);
+  let [left, at] = [0, 0.5];
+  for (const eta of [180, 60, 170, 60, 55, 50]) {
+    const before = left || 33;
+    at += 1;
+    left = steadyLeft("job", eta, at);
+    expect(Math.abs(left - before)).toBeLessThan(9);
+  }
+  for (let k = 0; k < 100; k++) left = steadyLeft("job", 200 - k, ++at);
+  expect(left).toBeGreaterThan(99);
+});
 
 test("the queue sentence states the position, and the expected wait if it is known", () => {
   expect(queueText(null)).toBe("Queued");
