@@ -14,6 +14,7 @@ from typing import Any
 
 from pipeline.methods import methods
 from pipeline.methods.abstraction import AbstractionParams
+from pipeline.methods.applies import When, in_words
 from pipeline.methods.base import Method
 
 PAGE = Path(__file__).resolve().parent / "abstraction.md"
@@ -44,11 +45,17 @@ def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         symbol = SYMBOLS.get(field.get("symbol", ""), field.get("symbol", ""))
         cells = [
             f"**{field['title']}**<br>`{name}`",
-            field["description"].replace("|", "\\|"),
+            (field["description"] + _condition(field)).replace("|", "\\|"),
             field.get("unit", ""),
             _range(field),
         ]
         yield "| " + " | ".join([*cells, f"{_value(field['default'])}", symbol]) + " |"
+
+
+def _condition(field: Mapping[str, Any]) -> str:
+    """The conditions under which a parameter has an effect, as a sentence."""
+    when = tuple(When(**one) for one in field.get("applies_when", ()))
+    return f" Applies only {in_words(when)}." if when else ""
 
 
 def _range(field: Mapping[str, Any]) -> str:
@@ -63,6 +70,8 @@ def _value(value: object) -> str:
 
 def _pictures(properties: Mapping[str, Mapping[str, Any]], captions: Mapping[str, str]) -> Iterator[str]:
     for name, field in properties.items():
+        if name not in captions:  # it changes no frame of a whole film
+            continue
         yield f"**{field['title']}**, `{name}`: {captions[name]}"
         yield ""
         yield f"![What {field['title'].lower()} does](abstraction/{name}.jpg)"
@@ -100,7 +109,8 @@ def _inputs(method: Method) -> Iterator[str]:
     yield "|---|---|---|---|"
     for spec in method.inputs:
         required = "yes" if spec.required else "no"
-        yield f"| `{spec.name}` | {spec.kind} | {required} | {spec.help.replace('|', '&#124;')} |"
+        only = f" Applies only {in_words(spec.applies_when)}." if spec.applies_when else ""
+        yield f"| `{spec.name}` | {spec.kind} | {required} | {(spec.help + only).replace('|', '&#124;')} |"
 
 
 if __name__ == "__main__":

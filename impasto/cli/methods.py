@@ -61,7 +61,7 @@ def describe(chosen: Method) -> Json:
 
 
 def parameters(chosen: Method) -> list[Json]:
-    """One row per parameter: name, type, unit, range, default, symbol, group, help."""
+    """One row per parameter: name, type, unit, range, default, symbol, group, when it applies (empty: always), help."""
     schema = chosen.Params.model_json_schema()
     kinds = schema.get("$defs", {})
     return [_parameter(name, _resolved(field, kinds)) for name, field in schema["properties"].items()]
@@ -76,6 +76,8 @@ def _resolved(field: Json, kinds: Json) -> Json:
 
 
 def _parameter(name: str, field: Json) -> Json:
+    from pipeline.methods.applies import When, in_words
+
     return {
         "name": name,
         "type": "choice" if "enum" in field else field.get("type", "value"),
@@ -84,6 +86,7 @@ def _parameter(name: str, field: Json) -> Json:
         "default": field.get("default"),
         "symbol": field.get("symbol", ""),
         "group": field.get("group", ""),
+        "applies": in_words(tuple(When(**one) for one in field.get("applies_when", ()))),
         "help": field.get("description", ""),
     }
 
@@ -143,7 +146,7 @@ def _teach_parameter(row: Json) -> None:
     facts += [row["unit"]] if row["unit"] else []
     facts += [f"{row['symbol']} in the paper"] if row["symbol"] else []
     out.print(Text.assemble((f"  {row['name']}", "bold"), ("  " + "; ".join(facts), "dim")))
-    _indented(row["help"])
+    _indented(row["help"] + (f" Applies only {row['applies']}." if row["applies"] else ""))
 
 
 def _indented(text: str) -> None:

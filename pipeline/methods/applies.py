@@ -16,7 +16,7 @@ Way = Literal["", "film", "piece"]
 """`film`: not in streams, where frames are painted as they arrive (live, pipes); `piece`: only in a piece of a film."""
 
 
-_WAYS = {"film": "in a rendered file, not in a stream", "piece": "in a piece of a film"}
+_WAYS = {"film": "outside live streams", "piece": "in a piece of a film"}
 
 
 @dataclass(frozen=True)

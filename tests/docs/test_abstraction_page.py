@@ -14,7 +14,7 @@ from docs.parameters import BEGIN, END, PAGE, section
 from docs.pictures import CLIPS, DOCS, grid, save
 from pipeline.methods.abstraction import Abstraction, AbstractionParams
 
-PARAMETERS = list(AbstractionParams.model_fields)
+PARAMETERS = [name for name in AbstractionParams.model_fields if name != "preroll"]  # it changes pieces only
 PAGES = [PAGE, DOCS / "gallery.md", DOCS / "architecture.md", DOCS.parent / "README.md"]
 COMMITTED_BYTES = 6 << 20
 

@@ -41,6 +41,15 @@ DOCUMENTS: Mapping[tuple[str, str], Any] = {
     ("patches", "styles"): {"background": "circles", "2": "wash"},
 }  # fmt: skip
 """A sample of each JSON input."""
+WITH_INPUT: Mapping[tuple[str, str, str], Any] = {
+    ("multistyle", "design", "masks"): {
+        "version": 1, "regions": {"marked": {"label": 255}},
+        "keys": [
+            {"region": "marked", "frame": 0, "set": {"hue": 0}}, {"region": "marked", "frame": 5, "set": {"hue": 150}},
+        ],
+    },
+}  # fmt: skip
+"""The sample if another input is given, too: (method, input, other input)."""
 SLOW: Mapping[str, float] = {"levels": 4, "iterations": 5, "sweeps": 2, "key_iterations": 3, "patch_radius": 5}
 """Largest values to draw of parameters that multiply the time of a frame."""
 SEE_LEAD = 2000
@@ -166,7 +175,8 @@ def meeting(case: Case, alternatives: Alternatives) -> Case:
 
 
 def _meeting(case: Case, when: When) -> Case:
-    params = {name: values[0] for name, values in when.params.items()} | dict.fromkeys(when.above, 1)
+    params = {name: values[0] for name, values in when.params.items()}
+    params |= {name: properties_of(case.chosen)[name]["maximum"] for name in when.above}
     inputs = [name for name in case.inputs if name not in when.without] + list(when.inputs[:1])
     return replace(case, params={**case.params, **params}, inputs=complete(case.chosen, inputs))
 
@@ -199,12 +209,20 @@ def _half(case: Case, columns: int = WIDTH // 2) -> NDArray[np.uint8]:
 def _input(case: Case, spec: InputSpec) -> Input:
     name, film = spec.name, case.film()
     if spec.kind == "json":
-        return DOCUMENTS[case.method, name]
+        return document(case, name)
     if spec.kind == "images":
         return _images(case, name, film)
     if spec.kind == "video":
         return [_beside(name, frame, index) for index, frame in enumerate(film)]
     return [_still(name, case.seed)]
+
+
+def document(case: Case, name: str) -> Any:
+    """The sample of a JSON input of the case."""
+    return next(
+        (WITH_INPUT[key] for other in case.inputs if (key := (case.method, name, other)) in WITH_INPUT),
+        DOCUMENTS[case.method, name],
+    )
 
 
 def _images(case: Case, name: str, film: list[Frame]) -> dict[int, Any]:

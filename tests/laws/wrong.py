@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.errors import ImpastoError
 from pipeline.methods.base import InputSpec, Method
-from tests.laws.cases import DOCUMENTS, HEIGHT, WIDTH, Case, generated
+from tests.laws.cases import HEIGHT, WIDTH, Case, document, generated
 from workers.contract.record import Asset
 from workers.contract.request import JobRequest, OutputSpec
 from workers.scheduling.requests import check_request
@@ -48,7 +48,7 @@ def request_of(case: Case) -> Request:
     specs = {spec.name: spec for spec in case.chosen.inputs}
     names = ("video", *case.inputs)
     assets = {name: _asset(specs[name], case, number) for number, name in enumerate(names)}
-    documents = {name: DOCUMENTS[case.method, name] for name in names if specs[name].kind == "json"}
+    documents = {name: document(case, name) for name in names if specs[name].kind == "json"}
     return Request(case.chosen, dict(case.params), assets, documents)
 
 

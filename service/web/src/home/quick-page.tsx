@@ -3,6 +3,7 @@
 import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import * as api from "../api/api";
 import type { Asset, Inputs as Given, Method, Params } from "../api/schemas";
+import { applies } from "../forms/applies";
 import { type Draft, draftHash } from "../forms/draft";
 import { Inputs } from "../forms/inputs";
 import { MethodCards, Presets } from "../forms/method-cards";
@@ -50,7 +51,11 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
   const [frame, setFrame] = useState(draft.frame ?? Math.floor((asset.info.frames ?? 1) / 3));
   const [faults, setFaults] = useState(NO_FAULTS);
   const panel = useRef<HTMLElement>(null);
-  const specs = set.method.inputs.filter((input) => input.name !== "video");
+  const values = { ...set.method.defaults, ...set.params };
+  const specs = set.method.inputs.filter(
+    ({ name, applies_when }) =>
+      name !== "video" && (name in set.inputs || applies(applies_when, values, { inputs: Object.keys(set.inputs) })),
+  );
   const output = useMemo(() => outputSchema(set.method.artefacts), [set.method]);
   const made = outputOf(set.film, asset);
   const request = {
