@@ -124,8 +124,8 @@ class Analogy(Method):
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=2),
-        Step("synthesise", "Paint", plan_synthesis, _run_synthesis),
-        Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0),
+        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=2),
+        Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0, version=2),
     )
     artefacts: ClassVar[tuple[str, ...]] = ()
     palette_input: ClassVar[str] = "style_output"

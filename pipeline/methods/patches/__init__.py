@@ -87,8 +87,8 @@ class Patches(Method):
     )  # fmt: skip
     steps: ClassVar[tuple[Step[PatchesParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02, version=2),
-        Step("cluster", "Cluster by motion", plan_cluster, run_cluster, weight=0.45),
-        Step("correct", "Apply corrections", plan_correct, run_correct, weight=0.0),
+        Step("cluster", "Cluster by motion", plan_cluster, run_cluster, weight=0.45, version=2),
+        Step("correct", "Apply corrections", plan_correct, run_correct, weight=0.0, version=2),
         Step("register", "Register frames", plan_register, run_register, weight=0.3),
         Step("patch", "Paint patches", plan_patch, run_patch, weight=0.2),
         Step("paint", "Composite frames", plan_paint, run_paint),

@@ -46,7 +46,7 @@ class Steady(Method):
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnyParams], ...]] = (
         Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2, version=2),
-        Step("steady", "Remove the flicker", plan_steady, run_steady),
+        Step("steady", "Remove the flicker", plan_steady, run_steady, version=2),
     )
     cpu_s_per_megapixel: ClassVar[float] = 0.21
     task_cpus = 2.0  # the motion of a frame is estimated while the frame before it is steadied

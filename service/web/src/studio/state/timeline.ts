@@ -105,7 +105,11 @@ export function styleAt(track: readonly StyleKey[], frame: number): StyleKey | u
   const set = Object.fromEntries(
     Object.entries(key.set).map(([name, value]) => {
       if (ends.some((end) => typeof end.set?.[name] !== "number")) return [name, value];
-      const keys = ends.map((end) => ({ frame: end.frame, value: Number(end.set?.[name]), ease: end.ease ?? "linear" }));
+      const keys = ends.map((end) => ({
+        frame: end.frame,
+        value: Number(end.set?.[name]),
+        ease: end.ease ?? "linear",
+      }));
       const found = valueAt(keys, frame, name) ?? Number(value);
       return [name, name === "hue" ? found - 360 * Math.round(found / 360) : found];
     }),
