@@ -62,7 +62,13 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     frames = max(scanned, video.total) if video.is_piece else scanned
     tones = accumulator.statistics()
     keys = checked_keyframes(JobInputs(context), frames) if shot is None else []
-    if not context.has("style_output") and not _all_keyed([first or 0, *cuts, scanned], keys):
+    unkeyed = _unkeyed([first or 0, *cuts, scanned], keys)
+    if keys and not context.has("style_output"):
+        for begin, end in unkeyed:
+            context.warn(
+                f"The shot of the frames {begin} to {end - 1} has no painted keyframe: its style is the nearest one."
+            )
+    elif not context.has("style_output") and unkeyed:
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
@@ -78,9 +84,9 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     return found | {"message": whole["message"], "layers": layers}
 
 
-def _all_keyed(edges: list[int], keys: list[tuple[int, bool]]) -> bool:
-    """Whether every shot has a keyframe, so that no shot needs another style."""
-    return all(any(first <= index < end for index, _ in keys) for first, end in pairwise(edges))
+def _unkeyed(edges: list[int], keys: list[tuple[int, bool]]) -> list[tuple[int, int]]:
+    """The shots without a keyframe, which need another style."""
+    return [(begin, end) for begin, end in pairwise(edges) if not any(begin <= index < end for index, _ in keys)]
 
 
 def _scanned(context: TaskContext[AnalogyParams], shot: LayeredShot | None) -> tuple[int | None, int | None]:
