@@ -83,6 +83,10 @@ class NoEffect(UserWarning):
     """A parameter or an input was given that has no effect."""
 
 
+class MethodNotice(UserWarning):
+    """The method tells something about the inputs and the result."""
+
+
 class SourceNotice(UserWarning):
     """Something of a file was chosen, corrected, assumed or left out, on reading it or on writing the output."""
 
@@ -136,6 +140,7 @@ def render(
         DamagedSource: frames of a file are missing or unreadable; the others were used. Issued after the last frame;
             `warnings.simplefilter("error", DamagedSource)` makes it an error.
         SourceNotice: something of the file was chosen, corrected, assumed or left out of the output.
+        MethodNotice: the method tells something, such as a shot without a painted key.
         NoEffect: a parameter or an input was given that has no effect with the others.
 
     Examples:
@@ -266,6 +271,8 @@ class _Rendering:
             while following in context.emitted:
                 yield context.emitted.pop(following)
                 following += 1
+        for message in context.warnings:
+            warnings.warn(message, MethodNotice, stacklevel=2)
 
     def _source(self, name: str, source: Source, folder: Path) -> FrameSource:
         if (file := _file(source)) is not None:

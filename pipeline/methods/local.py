@@ -72,6 +72,7 @@ class LocalContext(Generic[P]):
         self.emitted: dict[int, Frame] = {}
         self.kept: dict[tuple[str, str], State] = {}
         self.results: dict[str, dict[str, TaskResult]] = {}
+        self.warnings: list[str] = []
         self.step = ""
         self.task: Task | None = None
         self._makers: dict[tuple[str, str], str] = {}
@@ -131,6 +132,9 @@ class LocalContext(Generic[P]):
         if name in self.files:
             raise ValueError(f"the file {name} is saved twice")
         self.files[name] = data
+
+    def warn(self, message: str) -> None:
+        self.warnings.append(message)
 
     def wants(self, artefact: str) -> bool:
         return artefact in self.artefacts

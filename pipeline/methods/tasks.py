@@ -205,6 +205,10 @@ class TaskContext(Protocol[P_co]):
         """Save a file that the user can download (an SVG, a JSON report)."""
         ...
 
+    def warn(self, message: str) -> None:
+        """Tell the user something about the job, one sentence, although it continues."""
+        ...
+
     def wants(self, artefact: str) -> bool:
         """Whether the job requests an optional artefact (`output.artefacts`), for example "svg" or "labels"."""
         ...

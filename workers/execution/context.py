@@ -81,6 +81,8 @@ class AttemptContext:
         self.artefacts: dict[str, str] = {}
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
+        self.told: list[str] = []
+        """What the method tells the user."""
         self.damage = InputDamage(order.on_damage == FAIL)
         self._order = order
         self.report_pairs: Sequence[int] = ()
@@ -266,6 +268,9 @@ class AttemptContext:
             self._keep(f"{PART}{name}", key)
         else:
             self.files[name] = (key, media_type)
+
+    def warn(self, message: str) -> None:
+        self.told.append(message)
 
     def wants(self, artefact: str) -> bool:
         self.reads.record(f"wants {artefact}")

@@ -34,7 +34,7 @@ from workers.execution.reuse import reused
 from workers.execution.usage import METER
 from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
-from workers.jobs.job_warnings import no_artefact_warning, note_warning
+from workers.jobs.job_warnings import method_warning, no_artefact_warning, note_warning
 from workers.jobs.state_machine import ASSEMBLE
 from workers.process.heartbeat import heartbeats
 from workers.process.logs import AttemptLog, captured, set_up_logs
@@ -199,7 +199,7 @@ class Renderer:
             _LOG.warning("%s", warning)
         outcome = TaskOutcome(
             order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), "",
-            warnings=context.damage.warnings(),
+            warnings=(*context.damage.warnings(), *map(method_warning, context.told)),
         )  # fmt: skip
         return replace(outcome, trace=context.reads.outcome(outcome)) if order.traced else outcome
 

@@ -13,6 +13,8 @@ from workers.contract.request import Json
 
 DAMAGED_INPUT = "damaged-input"
 """Code: frames of an input are missing or unreadable."""
+METHOD = "method"
+"""Code: the method tells something about the inputs and the result."""
 NO_ARTEFACT = "no-artefact"
 """Code: the job made nothing of a requested artefact; its film is complete."""
 NO_EFFECT = "no-effect"
@@ -25,6 +27,11 @@ DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' t
 def damage_warning(name: str, damage: Damage) -> JobWarning:
     """The warning about damage of the input `name`."""
     return JobWarning(DAMAGED_INPUT, describe_damage(name, damage), name, damage.as_json())
+
+
+def method_warning(message: str) -> JobWarning:
+    """What a method tells its user."""
+    return JobWarning(METHOD, message, "", {})
 
 
 def no_artefact_warning(name: str) -> JobWarning:

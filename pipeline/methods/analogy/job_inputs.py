@@ -44,6 +44,8 @@ class JobInputs:
 
     layer = WHOLE
     statistics_artefact = "tones"
+    near: int | None = None
+    """A frame of a shot without keyframes: its style is the nearest keyframe of the job, unless a painting is given."""
 
     def __init__(
         self, context: TaskContext[AnalogyParams], keyframe_style: bool = False,
@@ -113,7 +115,8 @@ class JobInputs:
             BadInput: only one of `lines` and `style_lines` is given.
         """
         given = {name for name in ("lines", "style_lines") if self._context.has(name)}
-        if len(given) == 1 and not (self._keyframe_style and "lines" in given):
+        keyed = self._keyframe_style or self.nearest_key() is not None
+        if len(given) == 1 and not (keyed and "lines" in given):
             missing = ({"lines", "style_lines"} - given).pop()
             raise BadInput(
                 "Lines need two inputs: lines and style_lines.", field=f"inputs.{missing}",
@@ -156,6 +159,20 @@ class JobInputs:
         image = self._context.images("keyframes")[index]
         return read_keyframe(index, image, self._context.size, masks.get(index), "inputs.keyframes")
 
+    def nearest_key(self) -> int | None:
+        """The keyframe that is the style of a shot without one; None: the style is another."""
+        if self.near is None or self.has_style_pair():
+            return None
+        near = self.near
+        return min(self.keyframe_numbers(), key=lambda index: (abs(index - near), index), default=None)
+
+    def _key_pair(self, index: int) -> StylePair:
+        """A keyframe and the frame that it was painted over, with its guides, lines and directions."""
+        key, seen = self.keyframe(index), next(self.frames(index, index + 1))
+        extra = seen.guides if self.guides else None
+        guide = lab_guide(seen.frame)
+        return StylePair(key.colours, guide, False, extra, key.painted, seen.line_distance, seen.directions)
+
     # -- the style
 
     def has_style_pair(self) -> bool:
@@ -179,6 +196,8 @@ class JobInputs:
                     "The input style needs style_output, the painting of it.", field="inputs.style_output",
                     remedy="Give style_output too, or give the painting alone as style_output.",
                 )  # fmt: skip
+            if (key := self.nearest_key()) is not None:
+                return self._key_pair(key)
             plain, painting = default_pair(context)
             guides, lines = self._style_guides(painting), self._style_lines(painting)
             pair = StylePair(painting, lab_guide(plain), True, guides, None, lines)

@@ -32,6 +32,11 @@ class AnalogyParams(Params):
         **{f"guide_{name}_weight": (When(inputs=(f"guide_{name}",)),) for name in _GUIDES},
         **dict.fromkeys(("lines_weight", "lines_reach"), (When(inputs=("lines",)),)),
         **dict.fromkeys(("steadiness", "sweeps", "sweep_order", "refinement"), (_COHERENT,)),
+        "rotation_sigma": (
+            When(params={"rotation": ("on",)}),
+            When(params={"rotation": ("auto",)}, inputs=("directions", "style_directions")),
+        ),
+        "style_smoothing": (When(inputs=("style_output",), without=("style",)),),
         "variety_limit": (When(above={"variety_weight": 0}),),
         "stroke_scale": (When(inputs=("style_output",), without=("style", "style_lines", "style_directions")),),
     }

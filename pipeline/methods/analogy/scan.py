@@ -65,7 +65,13 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     tones = accumulator.statistics()
     edges = [first or 0, *cuts, scanned]
     masks = painted_masks(JobInputs(context), frames) if shot is None else {}
-    if not context.has("style_output") and not _all_keyed(edges, masks):
+    unkeyed = _unkeyed(edges, masks)
+    if masks and not context.has("style_output"):
+        for begin, end in unkeyed:
+            context.warn(
+                f"The shot of the frames {begin} to {end - 1} has no painted keyframe: its style is the nearest one."
+            )
+    elif not context.has("style_output") and unkeyed:
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
@@ -82,9 +88,9 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     return {"first": first or 0, "frames": scanned, "cuts": cuts, **found, "layers": layers}
 
 
-def _all_keyed(edges: Sequence[int], keys: Collection[int]) -> bool:
-    """Whether every shot has a keyframe, so that no shot needs another style."""
-    return all(any(first <= index < end for index in keys) for first, end in pairwise(edges))
+def _unkeyed(edges: Sequence[int], keys: Collection[int]) -> list[tuple[int, int]]:
+    """The shots without a keyframe, which need another style."""
+    return [(begin, end) for begin, end in pairwise(edges) if not any(begin <= index < end for index in keys)]
 
 
 def _scanned(context: TaskContext[AnalogyParams], shot: LayeredShot | None) -> tuple[int | None, int | None]:

@@ -15,6 +15,7 @@ from pipeline.methods.analogy.guided_stills import (
     stretch_of_guides,
 )
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
+from pipeline.methods.analogy.job_inputs import JobInputs
 from pipeline.methods.analogy.layer_inputs import inputs_of
 from pipeline.methods.analogy.level_animation import LevelAnimation, LevelFrames, tone_match
 from pipeline.methods.analogy.ordered_output import OrderedOutput
@@ -50,7 +51,10 @@ def run_sweeps(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     args = dict(task.args)
     earlier = [(key, SweepTask(**each)) for key, each in args.pop("earlier", [])]
     last = SweepTask(**args)
-    synthesizer = SweepSynthesizer(context, inputs_of(context, last.layer))
+    inputs = inputs_of(context, last.layer)
+    if isinstance(inputs, JobInputs):
+        inputs.near = last.begin
+    synthesizer = SweepSynthesizer(context, inputs)
     synthesizer.run_sweeps([*earlier, (task.key, last)])
     return synthesizer.result(last.stop - last.start)
 

@@ -95,6 +95,9 @@ class LayerContext:
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         self._context.save_file(prefix(self._number) + name, data, media_type)
 
+    def warn(self, message: str) -> None:
+        self._context.warn(f"Layer {self._number}: {message}")
+
     def wants(self, artefact: str) -> bool:
         return False
 
