@@ -44,14 +44,19 @@ def service(home: Path, **changes: Any) -> Iterator[httpx.Client]:
 
 @pytest.fixture(scope="module")
 def clip() -> bytes:
+    return encoded((1, 2), SHOT_FRAMES)
+
+
+def encoded(shots: tuple[int, ...], frames: int) -> bytes:
+    """Shots of so many frames each."""
     out = io.BytesIO()
     with av.open(out, "w", format="matroska") as container:
         stream = container.add_stream("ffv1", rate=24)
         stream.width, stream.height, stream.pix_fmt = *SIZE, "bgr0"
-        for shot in (1, 2):
-            wall = np.random.default_rng(shot).integers(60, 190, (16, 24 + SHOT_FRAMES, 3), np.uint8)
+        for shot in shots:
+            wall = np.random.default_rng(shot).integers(60, 190, (16, 24 + frames, 3), np.uint8)
             wall = cv2.resize(wall, (8 * wall.shape[1] // 2, 64), interpolation=cv2.INTER_CUBIC)
-            for index in range(SHOT_FRAMES):
+            for index in range(frames):
                 frame = np.ascontiguousarray(wall[:, index : index + SIZE[0]])
                 cv2.circle(frame, (30 + 3 * index, 34), 14, (230, 120, 40) if shot == 1 else (30, 200, 60), -1)
                 cv2.circle(frame, (27 + 3 * index, 30), 4, (20, 20, 20), -1)
@@ -136,7 +141,6 @@ def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_
     assert {name for name in ran if name.startswith(("cluster/", "correct/"))} == {
         f"correct/{which}" for which in (f"front-{start}-{start}", f"back-{start}-{start}", f"run-{start}")
     }
-    assert f"register/run-{SHOT_FRAMES:07d}" not in ran, "the run of the same shot that the correction does not touch"
     painted = f"paint/run-{SHOT_FRAMES + half:07d}"
     assert {"scan/inputs", f"register/run-{start}", painted, "assemble/assemble"} <= ran
     with service(tmp_path / "other", reuse_s=0) as http:  # rendered as a whole
@@ -144,6 +148,27 @@ def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_
         whole = rendered(http, http.post("/v1/projects", json={"document": value}).json()["id"])
         assert not any(tasks(http, whole).values())
         assert film(http, whole) == film_of_both
+
+
+def test_a_correction_does_not_register_other_runs_of_its_shot_again(tmp_path: Path) -> None:
+    frames, at, solve = 48, 45, [44, 48]
+    image = np.ones(SIZE[::-1], np.uint16)
+    cv2.rectangle(image, (10, 10), (30, 50), 40, -1)
+    with service(tmp_path / "home") as http:
+        value = document(upload(http, encoded((1,), frames), "one.mkv"))
+        project = http.post("/v1/projects", json={"document": value}).json()["id"]
+        rendered(http, project)
+        value["assets"]["map"] = {"id": upload(http, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
+        value["shots"][0]["layers"][0]["labels"] = [{"frame": at, "image": "map", "solve": solve}]
+        http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
+        found = tasks(http, rendered(http, project))
+    ran = {name for name, reused in found.items() if not reused}
+    again = {name for name in ran if name.startswith(("cluster/", "correct/", "register/"))}
+    last = "0000036"
+    correct = {
+        f"correct/{which}" for which in (f"front-{solve[0]:07d}-{last}", f"back-{solve[0]:07d}-{last}", f"run-{last}")
+    }
+    assert again == {*correct, f"register/run-{last}"}, sorted(ran)
 
 
 def test_results_outlive_the_job_that_made_them(clip: bytes, tmp_path: Path) -> None:

@@ -42,14 +42,21 @@ def plan_register(context: PlanContext[PatchesParams]) -> list[Task]:
     every = patch_tracks(context)
     tasks = []
     for start, stop, begin, end in runs(context):
-        # Without the area, which a correction of other frames changes: a run that it does not touch keeps its result.
         tracks = [
-            track.args() | {"area": 0} for track in every
+            _near(track, start, stop, context.params.window) for track in every
             if track.begin == begin and track.start < stop and track.stop > start
         ]  # fmt: skip
         args = {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks}
         tasks.append(Task(run_key(start), args, weight=0.3 * (stop - start)))
     return tasks
+
+
+def _near(track: PatchTrack, start: int, stop: int, window: int) -> TaskResult:
+    """The track as far as the registration of frames [start, stop) sees it: a run that a correction of other frames
+    does not touch keeps its result."""
+    return track.args() | {
+        "start": max(track.start, start - window), "stop": min(track.stop, stop + window), "area": 0
+    }  # fmt: skip
 
 
 def run_register(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
