@@ -21,20 +21,25 @@ from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.video.media import Limits
 
-_SQUARE_TOLERANCE = 0.005
+_SQUARE_TOLERANCE = Fraction(1, 200)
 Progress = Callable[[float], None]
 Segments = Sequence[tuple[Fraction, Path]]
 """(start time in seconds, file) of each segment of a film, in order."""
 
 
+def square_size(width: int, height: int, aspect: float | Fraction) -> tuple[int, int]:
+    """(width, height) with square pixels, px, from pixels of this aspect (width : height). One side is enlarged, to an
+    even number of px; none is reduced, to keep detail."""
+    if abs(aspect - 1) <= _SQUARE_TOLERANCE:
+        return width, height
+    return (2 * round(width * aspect / 2), height) if aspect > 1 else (width, 2 * round(height / aspect / 2))
+
+
 def square_pixels(picture: AnyArray, aspect: float) -> AnyArray:
-    """The picture with square pixels, from pixels of this aspect (width : height). One side is enlarged, to an even
-    number of px; none is reduced, to keep detail."""
+    """The picture with square pixels, see `square_size`; an aspect that no camera has is ignored."""
     height, width = picture.shape[:2]
-    if not 0.01 <= aspect <= 100 or abs(aspect - 1) <= _SQUARE_TOLERANCE:
-        return picture
-    size = (2 * round(width * aspect / 2), height) if aspect > 1 else (width, 2 * round(height / aspect / 2))
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC))
+    size = square_size(width, height, aspect) if 0.01 <= aspect <= 100 else (width, height)
+    return picture if size == (width, height) else np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC))
 
 
 def aspect_notes(aspect: float) -> tuple[str, ...]:

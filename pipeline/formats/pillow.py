@@ -57,7 +57,7 @@ class PillowFormat(ImageFormat):
         return head.startswith(self.magic)
 
     def header(self, stream: BinaryIO) -> ImageHeader:
-        with self._open(stream, "image") as image:
+        with self._open(stream, "image") as image, faults("The image's header cannot be read", "image"):
             animated = self.carries.animation and bool(getattr(image, "is_animated", False))
             return ImageHeader(self.media_type, *image.size, animated)
 
@@ -102,9 +102,11 @@ class PillowAnimation(Animation):
         self._form, self._path, self._limits = form, path, limits
         self._image = form._open(path, path.name)
         check_size(*self._image.size, limits)
+        with faults("The pictures of the image cannot be counted", path.name):
+            count = getattr(self._image, "n_frames", 1)
         self._first = int(bool(self._image.info.get("default_image")))  # an APNG's picture for other programs
         starts, at = list[int](), 0
-        for number in range(min(getattr(self._image, "n_frames", 1) - self._first, limits.frames + 1)):
+        for number in range(min(count - self._first, limits.frames + 1)):
             starts.append(at)
             if not self._shows(number):
                 self.incomplete = frozenset({number})
@@ -135,7 +137,8 @@ class PillowAnimation(Animation):
                 and self._shows(number)
                 and (number >= start or number + 1 in self.incomplete)
             ):
-                shown = eight_bit(as_displayed(self._image))
+                with faults("The image cannot be decoded", "image"):
+                    shown = eight_bit(as_displayed(self._image))
             if number >= start and shown is not None:
                 yield shown
 

@@ -54,16 +54,13 @@ def open_container(path: Path, limits: Limits) -> InputContainer:
     try:
         return av.open(f"file:{path}", "r", options=options, metadata_errors="replace")
     except (av.FFmpegError, OSError, ValueError) as error:
-        unreadable("The file cannot be opened: it is cut off, damaged, or of an unknown kind.", _reason(error))
+        why = getattr(error, "strerror", None) or type(error).__name__
+        unreadable("The file cannot be opened: it is cut off, damaged, or of an unknown kind.", why)
 
 
 def _most_pixels(limits: Limits) -> str:
     """Pixel limit for decoders. It is looser than `limits.pixels`, which we check, since decoders pad allocations."""
     return str(2 * limits.pixels + (1 << 20))
-
-
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or type(error).__name__
 
 
 def film_streams(container: InputContainer) -> list[VideoStream]:

@@ -88,7 +88,7 @@ class Pass:
                 continue
             if place > at and self._errors is None:
                 raise DamagedPass(f"{place - at} packets before frame {place} hold no picture")
-            if place == self._start > 0 and not _is_key(picture):
+            if place == self._start > 0 and not picture.key_frame and picture.pict_type != PictureType.I:
                 raise NotAKey
             if picture.is_corrupt:
                 self._report(f"picture at time {picture.pts} is damaged")
@@ -135,10 +135,6 @@ class Pass:
             raise DamagedPass(text)
         if len(self._errors) < 100:
             self._errors.append(text)
-
-
-def _is_key(picture: av.VideoFrame) -> bool:
-    return picture.key_frame or picture.pict_type == PictureType.I
 
 
 def _seek(container: InputContainer, stream: VideoStream, pts: int) -> None:

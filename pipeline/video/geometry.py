@@ -20,12 +20,12 @@ from av.sidedata.sidedata import SideData
 from av.video.reformatter import ColorRange, Colorspace, Interpolation
 from numpy.typing import NDArray
 
+from pipeline.formats.base import square_size
 from pipeline.frames import Frame
 from pipeline.video.aperture import Crop
 from pipeline.video.stills import over_white
 
 _HD_LINES = 720
-_SQUARE_TOLERANCE = Fraction(1, 200)
 _EXACT = 0x40000 | 0x2000
 """SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT of libswscale/swscale.h, which PyAV does not export."""
 _MATRICES = {
@@ -78,7 +78,7 @@ def geometry_of(picture: av.VideoFrame, aspect: Fraction | None, crop: Crop | No
     """The geometry of a stream, from its first picture and its sample aspect ratio (None or 0 = square pixels)."""
     a, b, c, d = _display_matrix(picture)
     left, top, right, bottom = crop or (0, 0, 0, 0)
-    scaled = _square(picture.width - left - right, picture.height - top - bottom, aspect)
+    scaled = square_size(picture.width - left - right, picture.height - top - bottom, aspect or 1)
     if abs(a) + abs(d) >= abs(b) + abs(c):
         return Geometry(scaled, False, a < 0, d < 0, crop)
     return Geometry(scaled, True, c < 0, b < 0, crop)
@@ -96,20 +96,12 @@ def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
     return a, b, c, d
 
 
-def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]:
-    """The size with square pixels. One axis is enlarged, to an even number of px; none is reduced, to keep detail."""
-    if not aspect or abs(aspect - 1) <= _SQUARE_TOLERANCE:
-        return width, height
-    if aspect > 1:
-        return 2 * round(width * aspect / 2), height
-    return width, 2 * round(height / aspect / 2)
-
-
 def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
     """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
     whole = (picture.width, picture.height)
     width, height = whole if geometry.crop else geometry.scaled
     same = whole == (width, height)
+    exact = _EXACT if picture.format.components[0].bits > 8 else 0  # the fast path truncates deeper pictures
     made = picture.reformat(
         width=width,
         height=height,
@@ -117,7 +109,7 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
         src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
         src_color_range=_range_of(picture),
         dst_color_range=ColorRange.JPEG,
-        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | _exactness(picture),
+        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | exact,
         threads=1,
     )
     pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
@@ -132,11 +124,6 @@ def _cropped(pixels: Frame, geometry: Geometry) -> Frame:
     if (shown.shape[1], shown.shape[0]) == geometry.scaled:
         return shown
     return np.asarray(cv2.resize(shown, geometry.scaled, interpolation=cv2.INTER_CUBIC), np.uint8)
-
-
-def _exactness(picture: av.VideoFrame) -> int:
-    """Flags of swscale for a conversion without truncation, if the picture has more than 8 bits."""
-    return _EXACT if picture.format.components[0].bits > 8 else 0
 
 
 def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:

@@ -32,16 +32,12 @@ def sniff(stream: BinaryIO) -> str:
         return form.media_type
     for magic, media_type in _MAGIC:
         if head.startswith(magic):
-            return _webm(head) if media_type == "video/x-matroska" else media_type
+            return "video/webm" if media_type == "video/x-matroska" and b"webm" in head[:64] else media_type
     if head[:4] == b"RIFF":
         return "video/x-msvideo" if head[8:12] == b"AVI " else ""
     if head[4:8] == b"ftyp":
         return "video/quicktime" if head[8:12] == b"qt  " else "video/mp4"
     return _text_or_program(head)
-
-
-def _webm(head: bytes) -> str:
-    return "video/webm" if b"webm" in head[:64] else "video/x-matroska"
 
 
 def _text_or_program(head: bytes) -> str:

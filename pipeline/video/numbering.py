@@ -325,9 +325,5 @@ def described(runs: Iterable[Sequence[int]]) -> str:
     return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more runs" if len(names) > _NAMED else "")
 
 
-def _in_steps(step: int) -> str:
-    return f" in steps of {step}" if step > 1 else ""
-
-
 def _refuse(message: str, field: str, value: object, remedy: str) -> NoReturn:
     raise NotASequence(message, field=field, value=value, remedy=remedy)

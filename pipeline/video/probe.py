@@ -84,11 +84,8 @@ def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
     try:
         return _described(open_zip(path, limits), found, limits)
     except NotASequence as fault:
-        return replace(_loose(path, limits, size, found), fault=_described_fault(fault))
-
-
-def _described_fault(error: NotASequence) -> dict[str, str]:
-    return {"message": error.message, "value": error.value or "", "remedy": error.remedy}
+        why = {"message": fault.message, "value": fault.value or "", "remedy": fault.remedy}
+        return replace(_loose(path, limits, size, found), fault=why)
 
 
 def _loose(path: Path, limits: Limits, size: tuple[int, int], found: MediaInfo) -> MediaInfo:

@@ -163,6 +163,20 @@ def test_a_folder_of_frames_and_a_still_image_are_accepted_as_inputs(render: Her
     assert np.array_equal(still, first)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [b"~x.png", b"caf\xe9.png", b"\x93\xae.png", b"100%04d done.png", b"two\nlines.png", b"tab\there.png", b"no_ext",
+     b"concat:x.png", b"*.png", b" lead.png", "5.40.12\u202fPM.png".encode(), "e\u0301.png".encode(), b"UP.PNG"],
+)  # fmt: skip
+def test_files_of_any_name_are_read_and_written(name: bytes, render: Here, tmp_path: Path) -> None:
+    source = tmp_path / os.fsdecode(name)
+    source.write_bytes(cv2.imencode(".png", tiny_frame(0)[..., ::-1])[1].tobytes())
+    suffix = "" if source.suffix.lower() == ".png" else ".png"
+    out = tmp_path / f"painted-{source.name}{suffix}"
+    assert render(source, "-o", out)["frames"] == 1
+    assert cv2.imdecode(np.fromfile(out, np.uint8), cv2.IMREAD_COLOR).shape == tiny_frame(0).shape
+
+
 def test_frames_of_another_tool_are_steadied(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
     (tmp_path / "styled").mkdir()
     for index in range(TINY_FRAMES):

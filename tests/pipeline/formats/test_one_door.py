@@ -21,6 +21,7 @@ from pipeline.video.media import Limits
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
 from service import page_formats
+from tests.fuzz import media
 
 ROOT = Path(__file__).parents[3]
 WORDS = {
@@ -295,6 +296,13 @@ def test_pictures_of_a_gif_beyond_its_screen_are_cut(size: tuple[int, int], tmp_
     path.write_bytes(parts[0][:-1] + parts[1][13 + colours :])
     with VideoReader(path) as reader:
         assert [frame.shape[1::-1] for frame in reader.read()] == [size, size]
+
+
+@pytest.mark.parametrize("case", ["animated-gif:561:33", "animated-gif:561:403", "gif:561:389", "animated-gif:561:140"])
+def test_errors_of_the_decoder_refuse_a_damaged_animation(case: str, tmp_path: Path) -> None:
+    """Cases of `tests.fuzz`."""
+    found = media.outcome(media.Case.of(f"media:{case}"), tmp_path)
+    assert not found.startswith("fault"), found
 
 
 @pytest.mark.parametrize("form", ["GIF", "PNG"])
