@@ -17,8 +17,12 @@ from workers.settings import FarmSettings
 
 STROKES = {
     "id": "l1", "method": "multistyle", "params": {"style": "pointillism"}, "seed": 5,
-    "regions": {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
-    "style_keys": [{"region": "left", "frame": 2, "set": {"size": 40}}],
+    "parts": {
+        "design": {
+            "regions": {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
+            "keys": [{"region": "left", "frame": 2, "set": {"size": 40}}],
+        }
+    },
 }  # fmt: skip
 SHOTS: dict[str, dict[str, Any]] = {
     "one layer": {"layers": [STROKES]},
@@ -45,7 +49,7 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 def _document(clip: str, shot: dict[str, Any]) -> dict[str, Any]:
     assets = {"clip": {"id": clip}}
     shots = [{"id": "s1", "video": "clip", **shot}]
-    return {"schema": 1, "name": "Swan", "assets": assets, "output": {"quality": 12}, "shots": shots}
+    return {"schema": 2, "name": "Swan", "assets": assets, "output": {"quality": 12}, "shots": shots}
 
 
 def _film_of_service(farm: Farm, project: str) -> bytes:

@@ -23,8 +23,6 @@ LEAD_FRAMES = 2
 """Number of earlier frames that a causal method processes first, so that motion and temporal filters have an effect."""
 KEY_REACH_FRAMES = 12
 """Maximum distance, in frames, of a painted key from which a single frame is previewed. The film has no such limit."""
-KEYS = "keys.image"
-"""Name of the layer part with painted keys."""
 REFERENCE_FRAMES = 24
 Artefacts = Mapping[str, Mapping[str, bytes]]
 
@@ -100,8 +98,7 @@ class LayerPainter:
 
     def _nearest_key(self, number: int) -> int | None:
         """The painted key that is nearest to a frame; None if there is none within `KEY_REACH_FRAMES`."""
-        painted = {frame for spec in self._method.inputs if spec.part == KEYS
-                   for frame in self._layer.images.get(spec.name, {})}  # fmt: skip
+        painted = self._layer.images.get(self._method.keys_input(), {})
         reached = [frame for frame in painted if abs(frame - number) <= KEY_REACH_FRAMES]
         return min(reached, key=lambda frame: (abs(frame - number), frame), default=None)
 

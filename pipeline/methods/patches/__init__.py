@@ -13,14 +13,17 @@ paint     warps patches back to every frame, over a painting of the pixels that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from pydantic import JsonValue
 
 from pipeline.methods.base import (
     Arrays,
     Example,
     FrameClusters,
     InputSpec,
+    LayerPart,
     Method,
     Params,
     PlanContext,
@@ -33,6 +36,7 @@ from pipeline.methods.patches.artefacts import ARTEFACTS
 from pipeline.methods.patches.clustering import plan_cluster, run_cluster, stored_clusters
 from pipeline.methods.patches.compositing import plan_paint, run_paint
 from pipeline.methods.patches.correction import plan_correct, run_correct
+from pipeline.methods.patches.layer_parts import PARTS, STUDIO, label_intervals
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
 from pipeline.methods.patches.registration import plan_register, run_register
@@ -68,7 +72,7 @@ class Patches(Method):
         InputSpec(
             "label_intervals", "json", False, "Frames that a corrected label map changes",
             'How many frames before and after a corrected map are clustered again: [{"frame": 40, "before": 10, '
-            '"after": 12}]. A map that it does not name changes its whole shot.', "label_intervals",
+            '"after": 12}]. A map that it does not name changes its whole shot.', "labels",
         ),
         InputSpec(
             "styles", "json", False, "Styles of patches",
@@ -83,13 +87,12 @@ class Patches(Method):
         Step("patch", "Paint patches", plan_patch, run_patch, weight=0.2),
         Step("paint", "Composite frames", plan_paint, run_paint),
     )
+    parts: ClassVar[tuple[LayerPart, ...]] = PARTS
+    part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"label_intervals": label_intervals}
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
-    studio: ClassVar[Studio] = Studio(
-        sections=("scribbles", "clusters"),
-        tools=("brush", "eraser", "label"),
-        cluster_artefacts=("labels", "uncertainty"),
-    )
+    studio: ClassVar[Studio] = STUDIO
     clusters_step: ClassVar[str] = "cluster"
+    clusters_params: ClassVar[Mapping[str, JsonValue]] = {"temporal": "on"}
     reads_again: ClassVar[bool] = True
     cpu_s_per_megapixel: ClassVar[float] = 1.2
     cpu_growth: ClassVar[float] = 0.5

@@ -91,7 +91,7 @@ async function openInStudio(asset: Asset, draft: Draft): Promise<void> {
 /** The first project: a clip of Impasto's own, and a list of what to do. */
 async function openLesson(): Promise<void> {
   const clip: Asset = await (await api.request("/v1/scenes/harbour/assets", { method: "POST" })).json();
-  const method = (await api.methods()).find(({ studio }) => studio.sections.includes("keys"));
+  const method = (await api.methods()).find(({ studio }) => studio.sections.some(({ editor }) => editor === "keys"));
   if (!method) throw new api.Problem({ detail: "No method of this service uses painted keys.", code: "no-method" });
   const document = { ...newDocument("My first keys", clip.id, method.name), ui: { lesson: "keys" } };
   location.hash = `#/projects/${(await createProject(document)).id}`;

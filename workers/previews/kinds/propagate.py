@@ -11,27 +11,25 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, Cancelled
-from pipeline.methods import method
+from pipeline.methods import method, methods
 from workers.previews.context import PreviewContext
 from workers.previews.model import LayerSources, Overtaken, Record
-from workers.previews.painting import KEYS, LayerPainter, resized
+from workers.previews.painting import LayerPainter, resized
 from workers.previews.propagators import PROXY_SIDE_PX, forget_propagator, propagator_of
 
 _LOG = logging.getLogger(__name__)
-
-MASKS = "keys.mask"
-"""Name of the layer part with the masks of painted keys."""
 
 
 def propagate(context: PreviewContext) -> Iterator[Record]:
     """Frames key - around .. key + around, painted by the method's propagator at `PROXY_SIDE_PX` at most. If the method
     has none, or if it fails, they are painted by the method's plan over these frames."""
     layer, key = context.query.layers[0], context.options["key"]
-    name = _input(layer, KEYS)
-    if name is None:
+    name = method(layer.method).keys_input()
+    if not name:
+        able = ", ".join(one for one, known in methods().items() if known.keys_input()) or "none"
         raise BadParameter(
             f"The method {layer.method!r} takes no painted keys.", field="layer", value=layer.id,
-            remedy="Choose a method with the part keys, such as analogy.",
+            remedy=f"Choose a method that does: {able}.",
         )  # fmt: skip
     if key >= (total := context.frames.info(layer.video).frames):
         raise BadParameter("The video has no such frame.", field="key", value=key, remedy=f"Use 0 to {total - 1}.")
@@ -84,7 +82,7 @@ def _key_image(context: PreviewContext, layer: LayerSources, name: str, side_px:
         return None
     frame = context.frames.frame(layer.video, key, side_px)
     size = (frame.shape[1], frame.shape[0])
-    mask = layer.images.get(_input(layer, MASKS) or "", {}).get(key)
+    mask = layer.images.get(method(layer.method).keys_input("mask"), {}).get(key)
     shown = None if mask is None else context.frames.image(mask, "inputs")
     return key_at_size(context.frames.image(source, "image"), shown, size)
 
@@ -135,8 +133,3 @@ def _planned(context: PreviewContext, layer: LayerSources, name: str) -> Iterato
     found = dict(LayerPainter(layer, context.frames, context.check).planned(start, stop, context.query.side_px, given))
     for number in sorted(found, key=lambda frame: (abs(frame - key), frame)):
         yield context.picture(number, found[number], final=True)
-
-
-def _input(layer: LayerSources, part: str) -> str | None:
-    """Name of the method's input that is made from a part of the layer."""
-    return next((spec.name for spec in method(layer.method).inputs if spec.part == part), None)

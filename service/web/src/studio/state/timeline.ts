@@ -1,6 +1,6 @@
 /** Frames, times and steps of the timeline. */
 
-import type { Ease } from "../document/document";
+import type { Ease } from "../document/design";
 
 /** Time code of a frame at a nominal rate: "00:01:05:12" (hours, minutes, seconds, frames). */
 export function timeCode(frame: number, fps: number): string {
