@@ -61,6 +61,9 @@ class LayerPainter:
             return streamed
         params = self._params if total == 1 else self._method.single_frame_params(self._params)
         inputs = self._files(number, number + 1, self._scale(lead[-1]))
+        size = (lead[-1].shape[1], lead[-1].shape[0])
+        drawn = {name: self._images(name, number, number + 1) for name in self._layer.images}
+        inputs |= {name: {0: resized(one[number], size)} for name, one in drawn.items() if one}
         return next(painted(self._method, params, self._layer.seed, lead[-1:], inputs, self._check))[1]
 
     def frames(self, start: int, stop: int, side_px: int) -> Iterator[tuple[int, Frame]]:

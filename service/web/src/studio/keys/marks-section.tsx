@@ -41,14 +41,22 @@ export function MarksSection({ store, section, keys, foreground }: MarksProps) {
         )}
       </div>
       {overlay?.kind === "mask" && marked && store.previews.value && (
-        <Spread store={store} title={overlay.title} foreground={foreground} />
+        <Spread store={store} name={section.title} title={overlay.title} foreground={foreground} />
       )}
     </section>
   );
 }
 
+interface SpreadProps {
+  store: Store;
+  name: string;
+  /** Of the switch. */
+  title: string;
+  foreground: Foreground;
+}
+
 /** What the marks make of the shown frame and of those after it. */
-function Spread({ store, title, foreground }: { store: Store; title: string; foreground: Foreground }) {
+function Spread({ store, name, title, foreground }: SpreadProps) {
   const veils = [...foreground.veils.value].sort(([a], [b]) => a - b);
   const from = Math.max(
     0,
@@ -67,7 +75,7 @@ function Spread({ store, title, foreground }: { store: Store; title: string; for
         {title}
       </label>
       {veils.length > 0 && (
-        <div class="neighbours" role="group" aria-label="Foreground of the next frames">
+        <div class="neighbours" role="group" aria-label={`${name} of the next frames`}>
           {veils.slice(from, from + 8).map(([frame, veil]) => (
             <button key={frame} type="button" aria-label={`Frame ${frame + 1}`} onClick={() => store.goTo(frame)}>
               <VeiledFrame assetId={store.asset.id} frame={frame} veil={veil} />
