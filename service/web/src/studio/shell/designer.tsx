@@ -267,6 +267,25 @@ class Designer {
 const withUnsaved = (state: State, unsaved: Unsaved | null): State =>
   unsaved ? { document: unsaved.document, pictures: { ...state.pictures, ...unsaved.pictures } } : state;
 
+/**
+ * The stored project. Changes that this browser kept for a page of an earlier schema are saved first: the service writes
+ * them in the present one. If another version is stored, they are a conflict, which the page shows.
+ */
+export async function openProject(id: string): Promise<Project> {
+  const project = await readProject(id);
+  const unsaved = readUnsaved(id);
+  if (!unsaved || unsaved.document.schema === project.document.schema) return project;
+  try {
+    const version = await saveProject(id, unsaved.document, unsaved.version);
+    const saved = await readProject(id);
+    writeUnsaved(id, { version, document: saved.document, pictures: unsaved.pictures });
+    return saved;
+  } catch (error) {
+    if (!(error instanceof shared.Problem) || error.status !== 412) throw error;
+    return project;
+  }
+}
+
 export interface StudioPageProps {
   project: Project;
   asset: Asset;
