@@ -161,7 +161,7 @@ def upload(address: str, name: str, data: bytes) -> str:
 def project(address: str, video: str, method: str, assets: Document | None = None, **layer: Any) -> str:
     """Create a project of one layer; the address of its page."""
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
-    document = {"schema": 1, "name": "Measured", "assets": {"clip": {"id": video}, **(assets or {})}, "shots": [shot]}
+    document = {"schema": 2, "name": "Measured", "assets": {"clip": {"id": video}, **(assets or {})}, "shots": [shot]}
     made = httpx.post(f"{address}/v1/projects", json={"name": "Measured", "document": document}, timeout=WAIT_S)
     return f"{address}/#/projects/{made.raise_for_status().json()['id']}"
 

@@ -14,7 +14,6 @@ from typing import cast
 from fastapi import FastAPI
 
 from service.errors import Problem
-from service.openapi_examples import EXAMPLES
 from workers.contract.request import Json
 from workers.projects.document import json_schema
 
@@ -66,6 +65,8 @@ def install(app: FastAPI) -> None:
 
 def complete(document: Json) -> Json:
     """The document, completed. `document` itself may be changed."""
+    from service.openapi_examples import EXAMPLES  # here, because they load a method
+
     schemas = document.setdefault("components", {}).setdefault("schemas", {})
     schemas.update(_problem_schemas())
     document = cast(Json, _renamed(document, _new_names(schemas)))

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from pipeline.method_names import DEFAULT
+from pipeline.methods import method
 from workers.contract.request import Json
 
 SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 VIDEO = f"ast_{SHA256}"
 AT = 1795219200.0
 
+_CHOSEN = method(DEFAULT)
+_PARAMS = dict(_CHOSEN.examples[0].params)
+_ARTEFACTS = list(_CHOSEN.artefacts[:1])
 _JOB_IN: Json = {
-    "method": "abstraction",
+    "method": DEFAULT,
     "inputs": {"video": VIDEO},
-    "params": {"lines": "off"},
+    "params": _PARAMS,
     "seed": 0,
-    "output": {"format": "mp4", "quality": 18, "artefacts": ["svg"]},
+    "output": {"format": "mp4", "quality": 18, "artefacts": _ARTEFACTS},
     "labels": {"shot": "12"},
 }
 _REQUEST: Json = {
-    "method": "abstraction",
+    "method": DEFAULT,
     "inputs": {"video": VIDEO},
-    "params": {"lines": "off"},
+    "params": _PARAMS,
     "seed": 0,
     "output": {"format": "mp4", "quality": 20, "artefacts": [], "report": False},
     "priority": 0,
@@ -81,8 +86,8 @@ _SHOT = {"shot": "main", "frame": 12}
 
 EXAMPLES: dict[str, tuple[Json, ...]] = {
     # request bodies
-    "JobIn": (_JOB_IN, {"method": "abstraction", "inputs": {"video": VIDEO}}),
-    "PreviewIn": ({"method": "abstraction", "inputs": {"video": VIDEO}, "frame": 10, "max_side_px": 480},),
+    "JobIn": (_JOB_IN, {"method": DEFAULT, "inputs": {"video": VIDEO}}),
+    "PreviewIn": ({"method": DEFAULT, "inputs": {"video": VIDEO}, "frame": 10, "max_side_px": 480},),
     "ExportIn": ({"format": "png"}, {"format": "webm", "quality": 28}),
     "EstimateIn": ({"request": _JOB_IN}, {"project": "prj_01HZX2", "range": [0, 48]}),
     "ProjectIn": ({"name": "Swan"},),
@@ -98,7 +103,7 @@ EXAMPLES: dict[str, tuple[Json, ...]] = {
     "CutsIn": ({"shot": "main", "layer": "l1"},),
     "SpreadIn": (_SHOT | {"around": 6},),
     "PropagateIn": ({"shot": "main", "key": 12, "around": 3},),
-    "StylesIn": (_SHOT | {"cards": [{"id": "soft", "set": {"params": {"lines": "off"}}}]},),
+    "StylesIn": (_SHOT | {"cards": [{"id": "soft", "set": {"params": _PARAMS}}]},),
     "KeyIn": ({"name": "alice", "scopes": ["read", "submit"], "quotas": {"active_jobs": 20}},),
     "PriorityIn": ({"priority": None}, {"priority": 20}),
     "JobsActionIn": ({"action": "cancel", "jobs": ["job_01HZX2", "job_01HZX3"]},),

@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pipeline.methods import BUILT_IN, method
 from service.methods.thumbnail import thumbnail
 from service.page_pictures import folder
-from service.styles.exemplars import EXEMPLARS
+from service.styles.exemplars import exemplars
 from service.styles.library import paint_exemplar
 from tests.regression.cases import CASES
 from tests.regression.digests import render
@@ -31,7 +31,7 @@ def main() -> int:
     if not done.exists():
         with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("spawn")) as processes:
             work = [processes.submit(_kernels, name) for name in BUILT_IN]
-            work += [processes.submit(_exemplar, number) for number in range(len(EXEMPLARS))]
+            work += [processes.submit(_exemplar, name) for name in exemplars()]
             for each in work:
                 each.result()
         done.touch()
@@ -47,9 +47,9 @@ def _kernels(name: str) -> None:
         render(case)
 
 
-def _exemplar(number: int) -> None:
+def _exemplar(name: str) -> None:
     for what in ("painting", "source"):
-        paint_exemplar(EXEMPLARS[number], what)
+        paint_exemplar(exemplars()[name], what)
 
 
 if __name__ == "__main__":

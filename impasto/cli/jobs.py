@@ -41,6 +41,7 @@ from impasto.cli.options import (
     takes_options,
 )
 from pipeline.errors import BadInput
+from pipeline.method_names import DEFAULT
 from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
 from workers.errors import NotFound
@@ -65,7 +66,7 @@ class SubmitOptions:
     """Options of `impasto submit`."""
 
     source: Annotated[Path, typer.Argument(metavar="IN", help="A video, an image, a folder, or name.####.png.")]
-    method: MethodOption = "abstraction"
+    method: MethodOption = DEFAULT
     param: ParamOption = None
     extra: InputOption = None
     output_format: Annotated[str, typer.Option("--format", help="mp4, webm, or png (a zip of frames).")] = "mp4"

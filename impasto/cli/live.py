@@ -32,6 +32,7 @@ from impasto.cli.options import (
     takes_options,
 )
 from pipeline.errors import BadInput
+from pipeline.method_names import DEFAULT, DEFAULT_FILTER
 from workers.contract.request import Json
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class LiveCommandOptions:
 
     inputs: Inputs
     output: Output = "window"
-    method: MethodOption = "abstraction"
+    method: MethodOption = DEFAULT
     param: ParamOption = None
     seed: SeedOption = 0
     size: Annotated[str, typer.Option(metavar="WxH", help="Scale the input.", rich_help_panel=WHAT)] = ""
@@ -96,7 +97,7 @@ class LiveCommandOptions:
         str,
         typer.Option(metavar="fluent|sharp", help="When frames take too long: lower the working size, or drop frames."),
     ] = "fluent"
-    steady: Annotated[bool, typer.Option("--steady", help="Remove flicker from the painted frames.")] = False
+    steady: Annotated[bool, typer.Option(f"--{DEFAULT_FILTER}", help="Remove flicker from the painted frames.")] = False
     quality: QualityOption = 20
     server: ServerOption = None
     api_key: KeyOption = None
@@ -126,7 +127,7 @@ def live(options: LiveCommandOptions) -> None:
                 "size": source.size, "fps": max(source.fps, 1.0), "method": options.method, "params": params,
                 "inputs": _upload(address, key, named), "seed": options.seed, "send": (options.codec,),
                 "receive": (options.codec,), "prefer": options.prefer,
-                "filter": {"method": "steady"} if options.steady else None,
+                "filter": {"method": DEFAULT_FILTER} if options.steady else None,
             }  # fmt: skip
             with _status(options.quiet) as show:
                 client = LiveClient(address, key, show, **session)

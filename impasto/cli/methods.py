@@ -10,16 +10,17 @@ from rich.text import Text
 
 from impasto.cli.console import emit, out, print_table, table
 from impasto.cli.options import JsonFlag
+from pipeline.method_names import DEFAULT
 from workers.contract.request import Json
 
 if TYPE_CHECKING:
     from pipeline.methods.base import Method
 
-EPILOG = """[bold]Examples[/bold]
+EPILOG = f"""[bold]Examples[/bold]
 
 impasto methods
 
-impasto methods abstraction
+impasto methods {DEFAULT}
 
 impasto methods --json | jq '.[].name'
 """

@@ -40,13 +40,14 @@ from impasto.cli.options import (
     takes_options,
 )
 from pipeline.errors import BadInput
+from pipeline.method_names import DEFAULT
 from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
     from pipeline.video.sequence_options import SequenceOptions
 
-EPILOG = """[bold]Examples[/bold]
+EPILOG = f"""[bold]Examples[/bold]
 
 impasto render clip.mp4 -o cartoon.mp4
 
@@ -72,7 +73,7 @@ impasto render clip.mp4 --estimate       time, memory and disk space, without re
 
 impasto render project.zip -o film.mp4     (a project that a service exported)
 
-Ctrl-C keeps finished tasks: run the same command again to resume. `impasto methods abstraction` lists the parameters.
+Ctrl-C keeps finished tasks: run the same command again to resume. `impasto methods {DEFAULT}` lists the parameters.
 """
 
 
@@ -96,7 +97,7 @@ class RenderOptions:
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Print the expected time, memory and disk space, and exit.")
     ] = False
-    method: MethodOption = "abstraction"
+    method: MethodOption = DEFAULT
     param: ParamOption = None
     extra: InputOption = None
     artefact: Annotated[

@@ -93,7 +93,7 @@ def _scaled(frames: Iterator[Frame], size: tuple[int, int]) -> Iterator[Frame]:
 
 
 ROWS = (
-    ("flicker", "flicker", "1 = as steady as the source; less is steadier"),
+    ("flicker", "flicker", "1 = that of the source; less is better"),
     ("detail", "detail", "1 = as much as the source"),
     ("structure", "structure", "1 = the scene reads as in the source, 0 = not at all"),
     ("edge_width_px", "edge width, median (px)", "1 to 2 = drawn at this size"),

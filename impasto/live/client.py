@@ -34,6 +34,7 @@ from impasto.problems import BY_CODE, ServiceUnreachable, error_of
 from impasto.settings import DEFAULT_SERVER
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame
+from pipeline.method_names import DEFAULT
 from workers.contract.request import Json
 from workers.live.codecs import Decoder, Encoder, decoder, encoder
 from workers.live.model import WireFormat
@@ -64,7 +65,7 @@ class LiveOptions:
 
     size: tuple[int, int]
     fps: float = 30.0
-    method: str = "abstraction"
+    method: str = DEFAULT
     params: Mapping[str, object] = field(default_factory=dict)
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Input name -> asset id."""

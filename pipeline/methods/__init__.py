@@ -1,4 +1,4 @@
-"""The registry: a method = a file and a row here, or an entry point of the group `impasto.methods`."""
+"""The registry: a method = a row of `pipeline.method_names`, or an entry point of the group `impasto.methods`."""
 
 from __future__ import annotations
 
@@ -11,22 +11,9 @@ from types import MappingProxyType
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from pipeline.errors import BadParameter, did_you_mean, together
-from pipeline.methods.base import Method, Params
-
-BUILT_IN: Mapping[str, str] = MappingProxyType({
-    "abstraction": "pipeline.methods.abstraction:Abstraction",
-    "patches": "pipeline.methods.patches:Patches",
-    "analogy": "pipeline.methods.analogy:Analogy",
-    "multistyle": "pipeline.methods.multistyle:Multistyle",
-    "steady": "pipeline.methods.steady:Steady",
-})  # fmt: skip
-"""Method name -> its class, named as in an entry point: a job imports only its own method, because importing all of
-them takes longer than painting a small still, and methods that use other methods import this module."""
-PLATFORM: Mapping[str, str] = MappingProxyType({
-    "layers": "pipeline.methods.layers:Layers", "convert": "pipeline.methods.convert:Convert",
-})  # fmt: skip
-"""Methods of the platform's own jobs, which are not published."""
+from pipeline.errors import BadInput, BadParameter, did_you_mean, together
+from pipeline.method_names import BUILT_IN, PLATFORM
+from pipeline.methods.base import LayerPart, Method, Params
 
 
 @cache
@@ -35,6 +22,30 @@ def methods() -> Mapping[str, Method]:
     found = {name: _loaded(path) for name, path in BUILT_IN.items()}
     for method_class in (entry.load() for entry in entry_points(group="impasto.methods")):
         found.setdefault(method_class.name, method_class())
+    return MappingProxyType(found)
+
+
+def layer_parts() -> Mapping[str, LayerPart]:
+    """The parts of all methods by name.
+
+    Raises:
+        BadInput: two methods describe parts of one name differently, or an input names a part that is not described.
+    """
+    found: dict[str, LayerPart] = {}
+    for owner in methods().values():
+        for part in owner.parts:
+            if found.setdefault(part.name, part) != part:
+                raise BadInput(
+                    f"The method {owner.name!r} describes a part otherwise than another method does.",
+                    field="parts", value=part.name, remedy="Give the part another name, or describe it alike.",
+                )  # fmt: skip
+        own = {"", *(part.name for part in owner.parts)}
+        for spec in owner.inputs:
+            if (name := spec.part.partition(".")[0]) not in own:
+                raise BadInput(
+                    f"An input of the method {owner.name!r} names a part that the method does not describe.",
+                    field=f"inputs.{spec.name}.part", value=name, remedy="Describe it in `Method.parts`.",
+                )  # fmt: skip
     return MappingProxyType(found)
 
 

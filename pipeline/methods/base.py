@@ -8,6 +8,7 @@ the contract, by file:
     fields     base class of the parameters, and their fields
     tasks      steps, tasks, and the contexts in which they are planned and run
     live       sessions of causal methods on a live stream
+    parts      parts of a project's layer from which inputs are made
     studio     what the web page's studio offers for layers of the method, as data
     previews   previews of single frames, found regions, repainting around painted keys, checks of documents
 
@@ -32,8 +33,9 @@ from pipeline.methods.applies import Alternatives, Ineffective, Situation, When,
 from pipeline.methods.fields import P, P_co, Params
 from pipeline.methods.input_check import ANY, Fits, InputFacts, checked
 from pipeline.methods.live import LiveFilter, Session
+from pipeline.methods.parts import LayerPart, PaintedKeys
 from pipeline.methods.previews import FrameClusters, FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
-from pipeline.methods.studio import Studio
+from pipeline.methods.studio import PreviewKind, Studio
 from pipeline.methods.tasks import (
     PROCESS_BYTES,
     Clock,
@@ -56,6 +58,7 @@ __all__ = [
     "Arrays",
     "Clock",
     "Example",
+    "Exemplar",
     "Fits",
     "FrameClusters",
     "FrameRegions",
@@ -67,6 +70,7 @@ __all__ = [
     "InputSpec",
     "JsonSchema",
     "KeyPropagator",
+    "LayerPart",
     "LiveFilter",
     "Method",
     "P",
@@ -101,8 +105,9 @@ class InputSpec:
     """An input of a method. The video to be stylised is always named `video`.
 
     Attributes:
-        part: the part of a project's layer from which the input is made: "keys.image" = the images of its painted keys
-            by frame, "label_styles" = that member as JSON. Empty: a file that the layer names in its own `inputs`.
+        part: the part of a project's layer (`Method.parts`) from which the input is made. Of kind "images": the part
+            and a member of its pictures, such as "keys.mask". Of kind "json": the part, which `part_documents` may
+            convert. Empty: a file that the layer names in its own `inputs`.
         preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
         needs: name of another input that is required if this one is given; empty: none.
         applies_when: the conditions under which the input has an effect; empty: always.
@@ -145,6 +150,23 @@ class Example:
     params: TaskResult
 
 
+@dataclass(frozen=True)
+class Exemplar:
+    """A painting of the style library that the method makes: of a frame of a scene of Impasto's own.
+
+    Attributes:
+        name: in addresses, [a-z-].
+        scene: its name in `pipeline.scenes`; `at`: number of the frame, at 24 frames per second.
+        params: the method must be causal with them.
+    """
+
+    name: str
+    title: str
+    scene: str
+    at: int
+    params: TaskResult
+
+
 class Method:
     """Base class of a published method. An instance is stateless and registered in `pipeline.methods`.
 
@@ -154,9 +176,13 @@ class Method:
         paper: key in references.bib.
         artefacts: optional artefacts that a job may request.
         regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
+        parts: parts of a layer that its inputs name.
+        part_documents: input of kind "json" -> the document that is made from its part, whose type is the part's;
+            None: no input. An input without an entry is the part itself.
         studio: what the studio offers for layers of the method.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
+        clusters_params: values of parameters without which it finds none.
         cpu_s_per_megapixel: CPU seconds a frame and megapixel at default parameters, measured by
             `python -m benchmarks.estimates`; estimates use it until the farm has finished jobs of its own.
         cpu_growth: exponent with which CPU seconds a frame grow with its pixels, measured there too; below 1 where
@@ -181,7 +207,11 @@ class Method:
     """Whether most frames and artefacts are read by several tasks, so that it pays to keep them in memory."""
     regions_artefact: ClassVar[str] = ""
     clusters_step: ClassVar[str] = ""
+    clusters_params: ClassVar[Mapping[str, JsonValue]] = MappingProxyType({})
     examples: ClassVar[tuple[Example, ...]] = ()
+    exemplars: ClassVar[tuple[Exemplar, ...]] = ()
+    parts: ClassVar[tuple[LayerPart, ...]] = ()
+    part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = MappingProxyType({})
     studio: ClassVar[Studio] = Studio()
     palette_input: ClassVar[str] = ""
     cpu_s_per_megapixel: ClassVar[float] = 1.0
@@ -194,6 +224,24 @@ class Method:
     def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:
         """Inputs of a job with these parameters."""
         return self.inputs
+
+    def keys_input(self, member: str = "image") -> str:
+        """Name of the input that is made from a member of painted keys; empty: none."""
+        parts = {f"{part.name}.{member}" for part in self.parts if part.value == PaintedKeys}
+        return next((spec.name for spec in self.inputs if spec.part in parts), "")
+
+    def preview_kinds(self) -> tuple[PreviewKind, ...]:
+        """Kinds of previews that the service makes of layers of the method."""
+        found: list[PreviewKind] = ["paint", "source", "styles", "cuts", "flicker"]
+        if self.keys_input():
+            found += ["keys", "propagate"]
+        if self.regions_artefact:
+            found += ["regions"]
+        if type(self).directions is not Method.directions:
+            found += ["directions"]
+        if self.clusters_step:
+            found += ["clusters", "spread"]
+        return tuple(found)
 
     def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
         """Steps of a job with these parameters."""

@@ -1,12 +1,94 @@
-"""What the studio offers for layers of a method, as data: the web pages know no method by its name."""
+"""What the studio offers for layers of a method, as data: the web pages know no method, and nothing of one, by name."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-Section = Literal["keys", "scribbles", "clusters", "regions"]
+Editor = Literal["keys", "marks", "clusters", "regions"]
 Tool = Literal["brush", "eraser", "smudge", "fill", "picker", "label", "region", "lasso", "direction"]
+PreviewKind = Literal[
+    "paint", "source", "styles", "cuts", "flicker", "keys", "propagate", "regions", "directions", "clusters", "spread",
+]  # fmt: skip
+"""Last part of the path of a request for previews."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A colour of marks. `colour`: "#rrggbb"; `title`: what is marked with it, after "the"."""
+
+    title: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A value, and what the studio calls it."""
+
+    value: str
+    title: str
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A parameter of a region's style: its name in the document, and the range that the studio offers."""
+
+    name: str
+    title: str
+    minimum: float
+    maximum: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """What the studio draws over the stage.
+
+    Attributes:
+        kind: `mask` = a veil over what is black in it, `labels` = a colour for each label of a label map, and a lane of
+            the labels' uncertainty below the filmstrip.
+        title: of the switch that shows it.
+        preview: kind of the preview that computes it.
+        after: parts of the layer on which it depends, so that a change of them makes it old.
+        artefact: optional artefact with the label maps of a finished film, `<frame of six digits>.png`; empty: none.
+        uncertainty: optional artefact with the uncertainty of its labels, JSON: frame -> label -> 0..1; empty: none.
+    """
+
+    kind: Literal["mask", "labels"]
+    title: str
+    preview: PreviewKind
+    after: tuple[str, ...] = ()
+    artefact: str = ""
+    uncertainty: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the panel: an editor of one part of the layer, with what belongs to it in the filmstrip.
+
+    Attributes:
+        editor: `keys` = frames that the artist paints (`PaintedKeys`), `marks` = marks on frames (`Drawings`),
+            `clusters` = found clusters and their corrected label maps (`Drawings` that may have `solve`, the frames
+            that one changes), `regions` = a document with regions, styles, keys and directions (docs/multistyle.md).
+        part: name of the part in `Method.parts`.
+        title, hint: heading, and a sentence of help below it. `regions` has its own.
+        marks: colours of the editor `marks`.
+        overlay: drawn over the stage while the section is shown.
+        sliders: parameters of styles in the editor `regions`.
+        styles: those that a region can have; `style_param` is the method's parameter with the same values.
+        replaces: the method's parameters that a ready-made document (`Method.input_examples`) makes needless.
+    """
+
+    editor: Editor
+    part: str
+    title: str
+    hint: str = ""
+    marks: tuple[Mark, ...] = ()
+    overlay: Overlay | None = None
+    sliders: tuple[Slider, ...] = ()
+    styles: tuple[Choice, ...] = ()
+    style_param: str = ""
+    replaces: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -14,18 +96,16 @@ class Studio:
     """Besides files, parameters and presets, which every method has.
 
     Attributes:
-        sections: parts of the panel, and what belongs to them in the filmstrip: `keys` = frames that the artist paints,
-            `scribbles` = marks of the foreground, `clusters` = found clusters and corrected label maps, `regions` =
-            regions with styles and directions.
+        sections: in the order of the panel.
         tools: tools of the stage besides moving and magnifying the picture, in the order of the toolbar. `label` is
             shown once clusters are found, `region` while the service can find regions.
         painting: input that takes a painting of the style library; empty: none.
         painting_source: input that takes the picture which that painting shows; empty: none.
-        cluster_artefacts: optional artefacts that a film needs so that the studio can show its clusters.
+        cuts: parameter that sets how readily cuts are found, at most 1 by default; empty: cuts are found alike always.
     """
 
     sections: tuple[Section, ...] = ()
     tools: tuple[Tool, ...] = ()
     painting: str = ""
     painting_source: str = ""
-    cluster_artefacts: tuple[str, ...] = ()
+    cuts: str = ""

@@ -92,7 +92,9 @@ class JobIn(Work):
 class PreviewIn(Work):
     frame: int = Field(default=0, ge=0, le=10_000_000, description="Which frame of the video, from 0.")
     max_side_px: int = Field(default=640, ge=16, le=2048)
-    design: Json | None = Field(default=None, description="A design document, instead of the input `design`.")
+    documents: dict[str, Json] = Field(
+        default={}, max_length=16, description="JSON documents by input, instead of uploaded ones."
+    )
     artefacts_of: str | None = Field(
         default=None, max_length=100, description="A job of the same method whose artefacts this preview builds on."
     )

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from pipeline.errors import BadParameter, ImpastoError
+from pipeline.method_names import DEFAULT, DEFAULT_FILTER
 from service.errors import BadMessage, Problem
 from workers.contract.request import MAX_SEED, Json
 from workers.live.codecs import webcodecs_name
@@ -25,7 +26,7 @@ class _Message(BaseModel):
 class FilterIn(_Message):
     """A filter of the painted frames."""
 
-    method: str = "steady"
+    method: str = DEFAULT_FILTER
     params: Json = {}
 
 
@@ -33,7 +34,7 @@ class Hello(_Message):
     """The client's first message."""
 
     type: Literal["hello"]
-    method: str = "abstraction"
+    method: str = DEFAULT
     params: Json = {}
     inputs: dict[str, str] = {}
     """Asset ids by input name."""

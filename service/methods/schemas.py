@@ -5,12 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pipeline.methods.base import Example, InputSpec, Method, Studio
+from pipeline.methods.studio import PreviewKind
 from workers.contract.request import Json
 
 
 @dataclass(frozen=True)
 class StepOut:
     name: str
+    title: str
+
+
+@dataclass(frozen=True)
+class PartOut:
+    name: str
+    """In `parts` of a project's layer; GET /v1/projects/schema has its JSON Schema."""
     title: str
 
 
@@ -29,6 +37,9 @@ class MethodOut:
     artefacts: tuple[str, ...]
     """Optional artefacts, for `output.artefacts` of a job."""
     steps: tuple[StepOut, ...]
+    parts: tuple[PartOut, ...]
+    previews: tuple[PreviewKind, ...]
+    """Kinds of previews that the service makes of layers of the method."""
     studio: Studio
     thumbnail: str
     """Path of a thumbnail."""
@@ -52,6 +63,8 @@ def method_out(method: Method) -> MethodOut:
         examples=method.examples,
         artefacts=method.artefacts,
         steps=tuple(StepOut(step.name, step.title) for step in method.steps),
+        parts=tuple(PartOut(part.name, part.title) for part in method.parts),
+        previews=method.preview_kinds(),
         studio=method.studio,
         thumbnail=f"/v1/methods/{method.name}/thumbnail",
     )

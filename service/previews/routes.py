@@ -25,6 +25,6 @@ def preview(body: PreviewIn, context: Context, caller: Submitter) -> Response:
     if earlier is not None:
         find_job(context, caller, earlier)
     png = context.farm.jobs.preview(
-        body.request(), caller.reach, body.frame, body.max_side_px, body.design, earlier, caller.owner
+        body.request(), caller.reach, body.frame, body.max_side_px, body.documents, earlier, caller.owner
     )
     return Response(png, media_type="image/png", headers={"Cache-Control": "no-store"})

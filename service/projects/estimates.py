@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.methods.parts import FrameRange, Id
 from service.access.admission import Cost, costs
 from service.access.depends import Context, Reader, ServiceContext
 from service.access.keys import Principal
@@ -16,7 +17,6 @@ from service.routing import Router
 from workers.contract.record import AnyOwner
 from workers.contract.request import JobRequest
 from workers.jobs.estimates import Estimate
-from workers.projects.document import FrameRange, Id
 from workers.projects.faults import refuse_if_any
 from workers.projects.materials import Uploaded
 from workers.projects.parsing import parse_document

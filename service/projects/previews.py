@@ -18,6 +18,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from pipeline.errors import BadParameter, Cancelled, ImpastoError
+from pipeline.methods.parts import FrameNumber, FrameRange, Id
 from service.access.admission import Cost
 from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import Principal
@@ -33,7 +34,6 @@ from workers.contract.request import Json
 from workers.errors import NotFound
 from workers.previews.model import MEDIA_TYPE, PreviewQuery, Record
 from workers.previews.service import SLOT_POLL_S, PreviewRun
-from workers.projects.document import FrameNumber, FrameRange, Id
 from workers.projects.patching import merged, patched
 
 router = Router(prefix="/v1/projects/{project_id}/previews", tags=["previews"])

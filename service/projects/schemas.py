@@ -8,12 +8,13 @@ from typing import Annotated
 from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
+from pipeline.methods.parts import FrameRange, Id
 from service.jobs.schemas import JobOut, job_out
 from service.prefix import Address
 from workers.contract.project import Project, ProjectJob
 from workers.contract.record import Job
 from workers.contract.request import Json
-from workers.projects.document import FrameRange, Id, Output
+from workers.projects.document import Output
 from workers.projects.faults import DocumentFault
 from workers.projects.submissions import Selection
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods import method, parse_params
+from pipeline.methods import BUILT_IN, method, parse_params
+from pipeline.methods.base import Exemplar, Method
 from pipeline.scenes import scene
-from workers.contract.request import Json
 
 SIZE = (960, 640)
 """(width, height), px."""
@@ -18,31 +20,23 @@ _SETTLE = 2
 
 
 @dataclass(frozen=True)
-class Exemplar:
-    """A painting and the picture from which it was painted.
+class Painting:
+    """An exemplar with the method that paints it."""
 
-    Attributes:
-        name: in addresses, [a-z-].
-        at: number of the scene's frame, at 24 frames per second.
-    """
-
-    name: str
-    title: str
-    scene: str
-    at: int
-    method: str
-    params: Json = field(default_factory=dict)
+    method: Method
+    exemplar: Exemplar
 
     def source(self) -> Frame:
         """The scene's frame, uint8 (640, 960, 3), RGB."""
-        return scene(self.scene, SIZE, self.at + 1, _FPS).image(self.at)
+        one = self.exemplar
+        return scene(one.scene, SIZE, one.at + 1, _FPS).image(one.at)
 
     def painting(self) -> Frame:
-        """The source as its method paints it. Raises BadParameter: the method needs more than one frame's past."""
-        chosen = method(self.method)
-        session = chosen.stream(parse_params(chosen, self.params), SIZE, 0, {})
+        """The source as the method paints it. Raises BadParameter: the method needs more than one frame's past."""
+        session = self.method.stream(parse_params(self.method, self.exemplar.params), SIZE, 0, {})
         if session is None:
-            raise BadParameter(f"The method {self.method!r} is not causal.", field="method", value=self.method)
+            name = self.method.name
+            raise BadParameter(f"The method {name!r} is not causal.", field="method", value=name)
         picture = self.source()
         painted = picture
         for _ in range(_SETTLE):
@@ -50,16 +44,8 @@ class Exemplar:
         return painted
 
 
-def _strokes(name: str, title: str, place: str, at: int, style: str) -> Exemplar:
-    return Exemplar(name, title, place, at, "multistyle", {"style": style})
-
-
-EXEMPLARS = (
-    _strokes("harbour-swirls", "Swirling strokes", "harbour", 20, "van-gogh"),
-    _strokes("portrait-dabs", "Broken dabs", "portrait", 20, "impressionism"),
-    _strokes("harbour-dots", "Dots", "harbour", 44, "pointillism"),
-    _strokes("portrait-bold", "Bold colour", "portrait", 44, "expressionism"),
-    _strokes("harbour-wash", "Washes", "harbour", 60, "watercolor"),
-    Exemplar("harbour-print", "Colour print", "harbour", 32, "abstraction", {"lines": "flow"}),
-)
-"""The exemplars, in the order in which they are shown."""
+@cache
+def exemplars() -> Mapping[str, Painting]:
+    """Exemplars of the built-in methods by name, in the order in which they are shown."""
+    own = [method(name) for name in BUILT_IN]
+    return {one.name: Painting(chosen, one) for chosen in own for one in chosen.exemplars}

@@ -15,8 +15,7 @@ from typing import Literal, TypeAlias
 from pipeline.errors import BadInput
 from pipeline.video.stills import encode_png
 from service.page_pictures import painted
-from service.styles import exemplars
-from service.styles.exemplars import EXEMPLARS, Exemplar
+from service.styles.exemplars import SIZE, Painting, exemplars
 from workers.contract.record import Asset
 from workers.errors import NotFound
 from workers.farm import Farm
@@ -57,7 +56,8 @@ class StyleLibrary:
 
     def listing(self) -> tuple[StyleOut, ...]:
         """Every painting: our own first, then those of the folder by name. Files are not opened."""
-        own = [StyleOut(one.name, one.title, "impasto", "Painted by Impasto", True) for one in EXEMPLARS]
+        own = [StyleOut(name, one.exemplar.title, "impasto", "Painted by Impasto", True)
+               for name, one in exemplars().items()]  # fmt: skip
         return (*own, *(_described(path) for path in self._files()))
 
     def _files(self) -> Iterator[Path]:
@@ -68,9 +68,8 @@ class StyleLibrary:
 
     def painting(self, style_id: str, owner: str = OWNER) -> Asset:
         """The painting as an asset of `owner`. Raises NotFound, BadMedia (a file of the folder that is no picture)."""
-        for one in EXEMPLARS:
-            if one.name == style_id:
-                return self._added(self._painted(one, "painting"), f"{one.name}.png", owner)
+        if (one := exemplars().get(style_id)) is not None:
+            return self._added(self._painted(one, "painting"), f"{style_id}.png", owner)
         for path in self._files():
             if _id(path) == style_id:
                 return self._added(path, path.name, owner)
@@ -78,16 +77,15 @@ class StyleLibrary:
 
     def source(self, style_id: str, owner: str) -> Asset | None:
         """The picture from which an exemplar was painted, as an asset; None for a file of the folder."""
-        for one in EXEMPLARS:
-            if one.name == style_id:
-                return self._added(self._painted(one, "source"), f"{one.name}-source.png", owner)
-        return None
+        if (one := exemplars().get(style_id)) is None:
+            return None
+        return self._added(self._painted(one, "source"), f"{style_id}-source.png", owner)
 
     def picture(self, style_id: str, max_side_px: int) -> bytes:
         """The painting scaled to fit; JPEG."""
         return self._farm.assets.frame(self.painting(style_id).id, OWNER, 0, max_side_px)
 
-    def _painted(self, one: Exemplar, what: _What) -> Path:
+    def _painted(self, one: Painting, what: _What) -> Path:
         with self._painting:
             return paint_exemplar(one, what)
 
@@ -107,12 +105,13 @@ class StyleLibrary:
         return asset
 
 
-def paint_exemplar(one: Exemplar, what: _What) -> Path:
+def paint_exemplar(one: Painting, what: _What) -> Path:
     """The file of an exemplar, or of the picture from which it is painted; painted if it does not exist."""
-    return painted(f"{one.name}-{what}.png", (one, exemplars.SIZE), lambda: _png(one, what))
+    key = (one.method.name, one.exemplar, SIZE)
+    return painted(f"{one.exemplar.name}-{what}.png", key, lambda: _png(one, what))
 
 
-def _png(one: Exemplar, what: _What) -> bytes:
+def _png(one: Painting, what: _What) -> bytes:
     return encode_png(one.painting() if what == "painting" else one.source())
 
 

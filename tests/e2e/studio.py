@@ -26,7 +26,7 @@ Document = dict[str, Any]
 def open_project(page: Page, service: str, video: str, method: str, frame: int = 4, **layer: Any) -> str:
     """Open a new project of one layer in the studio at `frame`; the project's id."""
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": method, **layer}]}
-    document = {"schema": 1, "name": "Disc", "assets": {"clip": {"id": video}}, "shots": [shot]}
+    document = {"schema": 2, "name": "Disc", "assets": {"clip": {"id": video}}, "shots": [shot]}
     project = str(HTTP.post(f"{service}/v1/projects", json={"name": "Disc", "document": document}).json()["id"])
     page.goto(f"{service}/#/projects/{project}")
     expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
@@ -40,8 +40,9 @@ def stored(service: str, project: str) -> Document:
 
 
 def layer_of(document: Document) -> dict[str, Any]:
+    """The first layer, with its parts as members."""
     layer: dict[str, Any] = document["shots"][0]["layers"][0]
-    return layer
+    return layer | layer.get("parts", {})
 
 
 def saved(page: Page) -> None:

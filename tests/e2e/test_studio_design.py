@@ -70,16 +70,16 @@ def test_one_object_in_fine_strokes_and_the_rest_in_rings_that_turn(
     saved(page)
 
     document = stored(service, project)
-    (layer,) = document["shots"][0]["layers"]
-    (picked,) = layer["regions"]["region"]["objects"]
-    assert layer["regions"] == {"region": layer["regions"]["region"]} and picked >= 0
-    keys = {(key["region"], key["frame"]): key for key in layer["style_keys"]}
+    layer = layer_of(document)
+    (picked,) = layer["design"]["regions"]["region"]["objects"]
+    assert layer["design"]["regions"] == {"region": layer["design"]["regions"]["region"]} and picked >= 0
+    keys = {(key["region"], key["frame"]): key for key in layer["design"]["keys"]}
     assert set(keys) == {("region", 4), ("region", LAST), ("rest", 4)}
     first, last = keys["region", 4], keys["region", LAST]
     assert (first["style"], first["set"], first["ease"]) == ("impressionism", {"size": 4}, "smooth")
     assert (last["style"], last["set"]) == ("impressionism", {"size": 8})
     assert keys["rest", 4]["style"] == "van-gogh"
-    rings = [(key["region"], key["frame"], *key["elements"]) for key in layer["directions"]]
+    rings = [(key["region"], key["frame"], *key["elements"]) for key in layer["design"]["directions"]]
     assert [(region, frame) for region, frame, _ in rings] == [("rest", 4), ("rest", LAST)]
     for (_, _, ring), angle in zip(rings, (0, 90), strict=True):
         assert ring["pattern"] == "center"
@@ -104,13 +104,13 @@ def test_an_effect_is_edited_like_a_design_of_ones_own(watched: Watched, service
     saved(page)
     layer = layer_of(stored(service, project))
     design = HTTP.get(f"{service}/v1/methods/multistyle/inputs/design/examples?frames={FRAMES}").json()["rack-focus"]
-    assert (layer["regions"], layer["style_keys"]) == (design["regions"], design["keys"])
+    assert (layer["design"]["regions"], layer["design"]["keys"]) == (design["regions"], design["keys"])
     assert layer["params"] == {}
     page.get_by_role("button", name="background", exact=True).click()
     page.keyboard.press("End")
     page.get_by_label("Stroke width", exact=True).fill("30")
     saved(page)
-    keys = layer_of(stored(service, project))["style_keys"]
+    keys = layer_of(stored(service, project))["design"]["keys"]
     (changed,) = [key for key in keys if (key["region"], key["frame"]) == ("background", LAST)]
     assert changed["set"]["size"] == 30
     assert HTTP.get(f"{service}/v1/projects/{project}/check").json()["errors"] == []

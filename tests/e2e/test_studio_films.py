@@ -121,7 +121,7 @@ def test_a_region_is_selected_split_merged_and_painted(
 
     def regions() -> dict[str, list[int]]:
         saved(page)
-        found = layer_of(stored(service, project)).get("regions", {})
+        found = layer_of(stored(service, project)).get("design", {}).get("regions", {})
         return {name: region.get("objects") or region["tubes"] for name, region in found.items()}
 
     disc, field = on_stage(page, DISC, 0.5), on_stage(page, 0.9, 0.9)
@@ -150,8 +150,11 @@ def test_a_region_is_selected_split_merged_and_painted(
     draw(page, (0.3, 0.5), (0.45, 0.5))
     saved(page)
     layer = layer_of(stored(service, project))
-    assert [(key["region"], key["frame"]) for key in layer["style_keys"]] == [("region-2", 4), ("region-2", FRAMES - 1)]
-    assert [key["region"] for key in layer["directions"]] == ["rest"]
+    assert [(key["region"], key["frame"]) for key in layer["design"]["keys"]] == [
+        ("region-2", 4),
+        ("region-2", FRAMES - 1),
+    ]
+    assert [key["region"] for key in layer["design"]["directions"]] == ["rest"]
     assert result(service, render(page)) == rendered_by_command(service, project, tmp_path)
 
 
@@ -166,7 +169,7 @@ def test_a_stroke_with_alt_takes_parts_out_of_a_region(watched: Watched, service
 
     def regions() -> dict[str, set[int]]:
         saved(page)
-        found = layer_of(stored(service, project)).get("regions", {})
+        found = layer_of(stored(service, project)).get("design", {}).get("regions", {})
         return {name: set(region.get("objects") or region["tubes"]) for name, region in found.items()}
 
     page.mouse.click(*on_stage(page, *disc))

@@ -128,15 +128,15 @@ def test_regions_styles_and_directions_match_the_drawing(watched: Watched, servi
     page.get_by_label("Reach", exact=True).fill("0.25")
     saved(page)
     layer = layer_of(stored(service, project))
-    (polygon,) = layer["regions"]["region"]["polygons"]
+    (polygon,) = layer["design"]["regions"]["region"]["polygons"]
     corners = np.array(polygon["points"])
     assert polygon["frame"] == 4
     assert corners.min(axis=0) == pytest.approx([0.1, 0.1], abs=0.02)
     assert corners.max(axis=0) == pytest.approx([0.5, 0.9], abs=0.02)
-    keys = [(key["frame"], key["style"]) for key in layer["style_keys"]]
+    keys = [(key["frame"], key["style"]) for key in layer["design"]["keys"]]
     assert keys == [(4, "pointillism"), (FRAMES - 1, "watercolor")]
-    assert layer["style_keys"][1]["ease"] == "smooth"
-    (direction,) = layer["directions"]
+    assert layer["design"]["keys"][1]["ease"] == "smooth"
+    (direction,) = layer["design"]["directions"]
     (element,) = direction["elements"]
     assert (element["pattern"], element["angle"]) == ("spiral", 30)
     assert element["at"] == pytest.approx([0.3, 0.5], abs=0.01)

@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -98,6 +100,26 @@ def test_an_unsaved_stroke_survives_a_page_crash(watched: Watched, service: str,
     page.goto(f"{service}/#/projects/{project}")
     expect(page.get_by_role("button", name="Key at frame 5")).to_be_visible(timeout=SOON_MS)
     expect_stroke(page, service, project)
+
+
+def test_unsaved_changes_of_a_page_of_an_earlier_schema_are_kept(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "analogy")
+    png = cv2.imencode(".png", np.full((HEIGHT, WIDTH, 3), 200, np.uint8))[1].tobytes()
+    key = HTTP.post(f"{service}/v1/assets", files={"file": ("key.png", png)}).json()["id"]
+    layer = {"id": "l1", "method": "analogy", "keys": [{"frame": 2, "image": "key"}]}
+    former = {"schema": 1, "name": "Disc", "assets": {"clip": {"id": video}, "key": {"id": key}},
+              "shots": [{"id": "s1", "video": "clip", "layers": [layer]}]}  # fmt: skip
+    unsaved = {"version": 1, "document": former, "pictures": {}}
+    page.goto(service)
+    page.evaluate("([name, value]) => localStorage.setItem(name, JSON.stringify(value))",
+                  [f"impasto.project:{project}", unsaved])  # fmt: skip
+    page.goto(f"{service}/#/projects/{project}")
+    expect(page.get_by_role("button", name="Paint frame 5")).to_be_visible(timeout=SOON_MS)
+    saved(page)
+    assert layer_of(stored(service, project))["keys"] == [{"frame": 2, "image": "key"}]
+    page.get_by_role("button", name="Previous key").click()
+    until(page, lambda: page.locator(".stage-canvas").get_attribute("data-frame") == "2")
 
 
 def test_an_unfinished_stroke_survives_a_reload(watched: Watched, service: str, video: str) -> None:

@@ -1,8 +1,6 @@
-"""The studio says what it shows: playback, the base of a new key, styles of single regions, the pictures of a method."""
+"""The studio says what it shows: playback, the base of a new key, styles of single regions, pictures of a method."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest

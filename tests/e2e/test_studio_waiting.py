@@ -27,7 +27,7 @@ def test_the_studio_names_the_damage_of_its_source(watched: Watched, service: st
     pictures = [at for at in range(len(data)) if data[at : at + 3] == b"\xff\xd8\xff"]
     path.write_bytes(data[: pictures[11] + 5])
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "abstraction"}]}
-    document = {"schema": 1, "name": "Cut", "assets": {"clip": {"id": upload(service, path)}}, "shots": [shot]}
+    document = {"schema": 2, "name": "Cut", "assets": {"clip": {"id": upload(service, path)}}, "shots": [shot]}
     project = HTTP.post(f"{service}/v1/projects", json={"name": "Cut", "document": document}).json()["id"]
     page.goto(f"{service}/#/projects/{project}")
     notice = page.get_by_role("note").filter(has_text="The file is damaged: frames 11-23 of 24 are missing.")

@@ -154,7 +154,7 @@ def test_a_project_with_the_policy_fail_is_not_rendered_from_a_damaged_source(
 ) -> None:
     layer = {"id": "l1", "method": "abstraction", "params": {"lines": "off"}}
     document = {
-        "schema": 1, "name": "Swan", "assets": {"clip": {"id": farm.assets.add(cut, "cut.mkv").id}},
+        "schema": 2, "name": "Swan", "assets": {"clip": {"id": farm.assets.add(cut, "cut.mkv").id}},
         "shots": [{"id": "s1", "video": "clip", "layers": [layer]}], "output": {"on_damage": "fail"},
     }  # fmt: skip
     project = farm.projects.create(document, "").id

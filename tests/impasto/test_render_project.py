@@ -13,12 +13,17 @@ from typer.testing import CliRunner
 from impasto.cli.app import app
 from pipeline.video.probe import probe
 from workers.farm import Farm, open_farm
+from workers.projects.archive import write_archive
 from workers.settings import FarmSettings
 
-STROKES = {
+STROKES: dict[str, Any] = {
     "id": "l1", "method": "multistyle", "params": {"style": "pointillism"}, "seed": 5,
-    "regions": {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
-    "style_keys": [{"region": "left", "frame": 2, "set": {"size": 40}}],
+    "parts": {
+        "design": {
+            "regions": {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}},
+            "keys": [{"region": "left", "frame": 2, "set": {"size": 40}}],
+        }
+    },
 }  # fmt: skip
 SHOTS: dict[str, dict[str, Any]] = {
     "one layer": {"layers": [STROKES]},
@@ -45,7 +50,7 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 def _document(clip: str, shot: dict[str, Any]) -> dict[str, Any]:
     assets = {"clip": {"id": clip}}
     shots = [{"id": "s1", "video": "clip", **shot}]
-    return {"schema": 1, "name": "Swan", "assets": assets, "output": {"quality": 12}, "shots": shots}
+    return {"schema": 2, "name": "Swan", "assets": assets, "output": {"quality": 12}, "shots": shots}
 
 
 def _film_of_service(farm: Farm, project: str) -> bytes:
@@ -71,3 +76,29 @@ def test_a_rendered_project_has_the_bytes_of_the_service(
     assert hashlib.sha256(out.read_bytes()).hexdigest() == hashlib.sha256(film).hexdigest()
     first, end = SHOTS[name].get("range", (0, 24))
     assert probe(out).frames == end - first
+
+
+FORMER = {
+    "id": "l1", "method": "multistyle", "params": {"style": "pointillism"}, "seed": 5,
+    "regions": STROKES["parts"]["design"]["regions"], "style_keys": STROKES["parts"]["design"]["keys"],
+}  # fmt: skip
+
+
+def test_a_project_that_was_exported_in_schema_1_is_imported_and_rendered_to_the_same_bytes(
+    farm: Farm, tiny_clip: Path, tmp_path: Path
+) -> None:
+    """The archive is that of version 0f33145d: since then only the schema of its document has changed."""
+    clip = farm.assets.add(tiny_clip, "tiny.mp4")
+    films = []
+    for schema, layer in ((1, FORMER), (2, STROKES)):
+        document = {**_document(clip.id, {"layers": [layer], "range": [3, 7]}), "schema": schema}
+        archive, out = tmp_path / f"project-{schema}.zip", tmp_path / f"film-{schema}.mp4"
+        write_archive(archive, document, {clip.id: clip}, lambda asset_id: iter([tiny_clip.read_bytes()]))
+        words = ["render", str(archive), "-o", str(out), "--home", str(tmp_path / str(schema)), "--quiet"]
+        assert CliRunner().invoke(app, words).exit_code == 0
+        loaded = farm.projects.load(archive, "", 1 << 30)
+        assert farm.projects.document(loaded.id)[1] == {**document, "schema": 2, "shots": [
+            {"id": "s1", "video": "clip", "layers": [STROKES], "range": [3, 7]}
+        ]}  # fmt: skip
+        films.append(out.read_bytes())
+    assert films[0] == films[1]

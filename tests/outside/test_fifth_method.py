@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import zipfile
@@ -16,23 +15,7 @@ import pytest
 
 from impasto import Client
 from pipeline.video.reader import VideoReader
-from tests.outside import posterize
-
-ROOT = Path(__file__).resolve().parents[2]
-METADATA = "Metadata-Version: 2.1\nName: impasto-posterize\nVersion: 1.0\n"
-ENTRY_POINTS = "[impasto.methods]\nposterize = impasto_posterize:Posterize\n"
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """An environment in which the distribution impasto-posterize is installed."""
-    site = tmp_path_factory.mktemp("site")
-    (site / "impasto_posterize.py").write_text(Path(posterize.__file__).read_text())
-    about = site / "impasto_posterize-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text(METADATA)
-    (about / "entry_points.txt").write_text(ENTRY_POINTS)
-    return {**os.environ, "PYTHONPATH": f"{ROOT}:{site}"}
+from tests.outside.conftest import ROOT
 
 
 def run(environment: dict[str, str], *words: str) -> str:
@@ -42,17 +25,11 @@ def run(environment: dict[str, str], *words: str) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def impasto(installed: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+@pytest.fixture
+def impasto(address: str) -> Iterator[Client]:
     """A client of a service in that environment."""
-    home = tmp_path_factory.mktemp("home")
-    command = [sys.executable, "-m", "impasto", "serve", "--port", "0", "--home", str(home), "--workers", "1"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=installed, cwd=ROOT)
-    assert process.stdout is not None
-    with Client(process.stdout.readline().strip()) as client:
+    with Client(address) as client:
         yield client
-    process.terminate()
-    assert process.wait(30) == 0
 
 
 def test_an_external_method_is_listed_with_its_schema(impasto: Client) -> None:

@@ -57,6 +57,6 @@ def service(home: Path, farm: Farm, **changes: Any) -> Iterator[TestClient]:
 def one_shot(asset_id: str, method: str = "multistyle") -> dict[str, Any]:
     """A document that renders one asset."""
     return {
-        "schema": 1, "name": "Film", "assets": {"v": {"id": asset_id}},
+        "schema": 2, "name": "Film", "assets": {"v": {"id": asset_id}},
         "shots": [{"id": "s1", "video": "v", "layers": [{"id": "l1", "method": method}]}],
     }  # fmt: skip

@@ -13,7 +13,7 @@ OTHER = "another admin key, which replaces the first"
 def test_a_link_ends_with_the_admin_key_that_made_it(home: Path, farm: Farm) -> None:
     with service(home, farm) as client:
         admin = Caller(client, ADMIN)
-        link = admin.share(admin.project({"schema": 1, "name": "Swan"}))
+        link = admin.share(admin.project({"schema": 2, "name": "Swan"}))
         assert Caller(client)("GET", link).status_code == 200
     for changes, status in (({"admin_key": OTHER}, 410), ({"admin_key": None}, 410), ({}, 200)):
         with service(home, farm, **changes) as client:
@@ -23,7 +23,7 @@ def test_a_link_ends_with_the_admin_key_that_made_it(home: Path, farm: Farm) -> 
 def test_a_link_of_an_open_service_ends_when_keys_are_required(home: Path, farm: Farm) -> None:
     with service(home, farm, auth="auto", admin_key=None) as client:
         anyone = Caller(client)
-        link = anyone.share(anyone.project({"schema": 1, "name": "Swan"}))
+        link = anyone.share(anyone.project({"schema": 2, "name": "Swan"}))
         assert anyone("GET", link).status_code == 200
     with service(home, farm) as client:
         assert Caller(client)("GET", link).status_code == 410
@@ -33,7 +33,7 @@ def test_a_link_ends_with_its_key_when_that_is_replaced_or_revoked(home: Path, f
     with service(home, farm) as client:
         admin, nobody = Caller(client, ADMIN), Caller(client)
         first, secret = farm.keys.create("anna", ["read", "submit"])
-        project = Caller(client, secret).project({"schema": 1, "name": "Swan"})
+        project = Caller(client, secret).project({"schema": 2, "name": "Swan"})
         link = Caller(client, secret).share(project)
         second = admin("POST", f"/v1/keys/{first.id}/rotate").json()
         assert nobody("GET", link).status_code == 410

@@ -56,11 +56,11 @@ def test_methods_publish_the_schemas_of_their_documents(client: TestClient) -> N
     assert (answer.status_code, answer.json()["code"]) == (404, "not-found")
 
 
-def test_a_preview_accepts_a_design_and_the_regions_of_an_accessible_job(
+def test_a_preview_accepts_documents_and_the_regions_of_an_accessible_job(
     client: TestClient, job: str, body: dict[str, Any]
 ) -> None:
     ask = {name: body[name] for name in ("method", "inputs")}
-    answer = client.post("/v1/previews", json={**ask, "design": {"version": 1}, "artefacts_of": job})
+    answer = client.post("/v1/previews", json={**ask, "documents": {"plan": {"version": 1}}, "artefacts_of": job})
     assert (answer.status_code, answer.headers["content-type"]) == (200, "image/png")
     assert client.post("/v1/previews", json={**ask, "artefacts_of": "job_none"}).status_code == 404
 

@@ -15,8 +15,9 @@ from service.methods import thumbnail as thumbnails
 def test_a_method_description_contains_everything_for_a_form(client: TestClient) -> None:
     found = client.get("/v1/methods/toy").json()
     assert found["studio"] == {
-        "sections": [], "tools": [], "painting": "", "painting_source": "", "cluster_artefacts": [],
+        "sections": [], "tools": [], "painting": "", "painting_source": "", "cuts": "",
     }  # fmt: skip
+    assert (found["parts"], found["previews"]) == ([], ["paint", "source", "styles", "cuts", "flicker"])
     assert found["params_schema"]["properties"]["sigma_px"] == {
         "default": 1.5,
         "maximum": 10,

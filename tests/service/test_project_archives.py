@@ -26,7 +26,7 @@ ASSET = f"ast_{SHA}"
 
 def manifest(filename: str = "clip.mp4", ui: Any = None, **assets: str) -> bytes:
     named = assets or {"clip": ASSET}
-    document = {"schema": 1, "name": "Swan", "assets": {key: {"id": one} for key, one in named.items()}}
+    document = {"schema": 2, "name": "Swan", "assets": {key: {"id": one} for key, one in named.items()}}
     packed = {one: {"file": f"assets/{one[4:]}", "filename": filename} for one in named.values()}
     return json.dumps({"format": 1, "document": {**document, "ui": ui or {}}, "assets": packed}).encode()
 

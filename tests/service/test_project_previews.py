@@ -22,6 +22,7 @@ from service.app import create_app
 from service.settings import Settings
 from tests.e2e.pages import make_two_shots
 from tests.service.records import picture, records, types
+from tests.workers.projects.documents import layer
 from workers.farm import Farm, open_farm
 from workers.previews.film import PreviewFilm
 from workers.previews.model import PreviewQuery
@@ -51,20 +52,16 @@ def clip(client: TestClient, tiny_clip: Path) -> str:
 
 def _document(clip: str, *layers: Json) -> Json:
     return {
-        "schema": 1,
+        "schema": 2,
         "name": "Swan",
         "assets": {"clip": {"id": clip}},
         "shots": [{"id": "s1", "video": "clip", "layers": list(layers)}],
     }
 
 
-def _layer(method: str, **parts: Any) -> Json:
-    return {"id": "l1", "method": method, **parts}
-
-
 @pytest.fixture(scope="module")
 def at(client: TestClient, clip: str) -> str:
-    made = client.post("/v1/projects", json={"document": _document(clip, _layer("multistyle"))})
+    made = client.post("/v1/projects", json={"document": _document(clip, layer("multistyle"))})
     return f"{made.json()['links']['self']}/previews"
 
 
@@ -91,7 +88,7 @@ def test_a_preview_of_a_lost_file_ends_with_an_error_record(
     film = make_two_shots(tmp_path / "film.mp4", 24)
     film.write_bytes(film.read_bytes() + f"{damage} {what}".encode())
     asset = str(client.post("/v1/assets", files={"file": ("film.mp4", film.read_bytes())}).json()["id"])
-    made = client.post("/v1/projects", json={"document": _document(asset, _layer("multistyle"))}).json()
+    made = client.post("/v1/projects", json={"document": _document(asset, layer("multistyle"))}).json()
     key = farm.assets.file(asset, "").key
     with farm.blobs.local(key) as stored:
         data = stored.read_bytes()
@@ -107,7 +104,7 @@ def test_a_preview_of_a_lost_file_ends_with_an_error_record(
 
 @pytest.mark.parametrize("method", ["abstraction", "multistyle", "patches"])
 def test_every_method_paints_a_frame(client: TestClient, at: str, clip: str, method: str) -> None:
-    found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, _layer(method)))
+    found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, layer(method)))
     found = [one for one in found if one[0]["type"] != "progress"]
     assert types(found) == ["begin", "frame", "end"], "no draft of a film that is painted soon"
     assert (found[1][0]["final"], found[1][0]["media_type"]) == (True, "image/png")
@@ -126,13 +123,13 @@ def test_a_preview_that_takes_long_begins_with_a_draft(
 def test_the_preview_of_a_change_is_the_preview_of_the_changed_document(client: TestClient, at: str, clip: str) -> None:
     change = [{"op": "add", "path": "/shots/0/layers/0/params", "value": {"style": "pointillism"}}]
     changed = _ask(client, f"{at}/paint", frame=5, change=change)[1][1]
-    document = _document(clip, _layer("multistyle", params={"style": "pointillism"}))
+    document = _document(clip, layer("multistyle", params={"style": "pointillism"}))
     assert changed == _ask(client, f"{at}/paint", frame=5, document=document)[1][1]
     assert changed != _ask(client, f"{at}/paint", frame=5)[1][1]
 
 
 def test_a_range_preview_of_a_causal_method_matches_its_stream(client: TestClient, at: str, clip: str) -> None:
-    found = _ask(client, f"{at}/paint", frames=[0, 4], document=_document(clip, _layer("abstraction")))
+    found = _ask(client, f"{at}/paint", frames=[0, 4], document=_document(clip, layer("abstraction")))
     assert [header["frame"] for header, _ in found[1:-1]] == [0, 1, 2, 3]
 
 
@@ -143,7 +140,7 @@ def test_a_crop_is_cut_from_the_frame_at_full_resolution(client: TestClient, at:
 
 
 def test_layers_are_composited(client: TestClient, at: str, clip: str) -> None:
-    below, above = _layer("abstraction"), {**_layer("multistyle"), "id": "l2"}
+    below, above = layer("abstraction"), {**layer("multistyle"), "id": "l2"}
 
     def painted(*layers: Json) -> Any:
         found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, *layers))
@@ -176,7 +173,7 @@ def propagation(client: TestClient, at: str, clip: str) -> Callable[..., dict[in
 
     def ask(key: NDArray[np.uint8], **params: Any) -> dict[int, NDArray[np.uint8]]:
         image = base64.b64encode(cv2.imencode(".png", key)[1].tobytes()).decode()
-        document = _document(clip, _layer("analogy", params={"levels": 2, "iterations": 2, **params}))
+        document = _document(clip, layer("analogy", params={"levels": 2, "iterations": 2, **params}))
         found = _ask(client, f"{at}/propagate", key=6, around=2, image=image, max_side_px=96, document=document)
         assert types(found)[-1] == "end"
         return {header["frame"]: picture(payload) for header, payload in found[1:-1]}
@@ -258,8 +255,8 @@ def test_regions_have_the_numbers_of_a_job_and_reach_the_preview(client: TestCli
     assert row["area"] == np.count_nonzero(numbers == int(tube))
     assert int(tube) in found[-2][0]["objects"][str(row["object"])]["tubes"]
     assert types(_ask(client, f"{at}/regions", frame=6, max_side_px=96)) == ["begin", "map", "regions", "end"], "warm"
-    designed = _layer("multistyle", regions={"a": {"tubes": [int(tube)]}},
-                      style_keys=[{"region": "a", "style": "pointillism", "frame": 0}])  # fmt: skip
+    keys = [{"region": "a", "style": "pointillism", "frame": 0}]
+    designed = layer("multistyle", design={"regions": {"a": {"tubes": [int(tube)]}}, "keys": keys})
     plain = _ask(client, f"{at}/paint", frame=5)[1][1]
     assert _ask(client, f"{at}/paint", frame=5, document=_document(clip, designed))[1][1] != plain
 
@@ -267,7 +264,7 @@ def test_regions_have_the_numbers_of_a_job_and_reach_the_preview(client: TestCli
 def test_directions_follow_the_design(client: TestClient, at: str, clip: str) -> None:
     along = [{"region": "rest", "frame": 0, "edge_weight": 0.0,
               "elements": [{"pattern": "regular", "at": [0.5, 0.5], "angle": 30}]}]  # fmt: skip
-    document = _document(clip, _layer("multistyle", directions=along))
+    document = _document(clip, layer("multistyle", design={"directions": along}))
     header, payload = _ask(client, f"{at}/directions", frame=5, spacing_px=8, document=document)[1]
     field = np.frombuffer(payload, "<f4").reshape(header["rows"], header["columns"], 2)
     assert (header["rows"], header["columns"]) == (8, 12)
@@ -284,19 +281,19 @@ def test_suggested_keyframes_begin_with_the_first_frame(client: TestClient, at: 
 def test_cuts_are_those_of_a_job(client: TestClient, at: str, tmp_path: Path) -> None:
     data = make_two_shots(tmp_path / "two.mp4", 60).read_bytes()
     video = client.post("/v1/assets", files={"file": ("two.mp4", data)}).json()["id"]
-    document = _document(video, _layer("abstraction"))
+    document = _document(video, layer("abstraction"))
     found = _ask(client, f"{at}/cuts", document=document)
     assert types(found) == ["begin", "progress", "progress", "cuts", "end"]
     assert [header["cuts"] for header, _ in found[1:-1]] == [[], [30], [30]]
     assert [header["done"] for header, _ in found[1:-2]] == [0.4, 0.8]
     again = _ask(client, f"{at}/cuts", document=document)
     assert types(again) == ["begin", "cuts", "end"] and again[1][0]["cuts"] == [30]
-    blind = _document(video, _layer("abstraction", params={"cut_sensitivity": 0}))
+    blind = _document(video, layer("abstraction", params={"cut_sensitivity": 0}))
     assert _ask(client, f"{at}/cuts", document=blind)[-2][0]["cuts"] == []
 
 
 def test_layer_problems_are_refused_with_their_path(client: TestClient, at: str, clip: str) -> None:
-    wrong = _document(clip, _layer("multistyle", params={"stroke_size": 9}), {**_layer("oil"), "id": "l2"})
+    wrong = _document(clip, layer("multistyle", params={"stroke_size": 9}), {**layer("oil"), "id": "l2"})
     refused = client.post(f"{at}/paint", json={"shot": "s1", "layer": "l1", "document": wrong})
     assert refused.status_code == 422
     assert [error["path"] for error in refused.json()["errors"]] == ["/shots/0/layers/0/params/stroke_size"]
@@ -346,7 +343,7 @@ def test_cached_preview_state_is_bounded(client: TestClient, at: str) -> None:
 
 
 def test_flicker_is_mapped_in_one_frame_and_measured_in_several(client: TestClient, at: str, clip: str) -> None:
-    document = _document(clip, _layer("abstraction"))
+    document = _document(clip, layer("abstraction"))
     one = _ask(client, f"{at}/flicker", frame=5, document=document)
     assert types(one) == ["begin", "frame", "flicker", "end"]
     header, heat = one[2]
@@ -361,7 +358,7 @@ def test_flicker_is_mapped_in_one_frame_and_measured_in_several(client: TestClie
 
 
 def test_clusters_before_a_film_are_those_of_a_job(client: TestClient, at: str, clip: str) -> None:
-    document = _document(clip, _layer("patches"))
+    document = _document(clip, layer("patches"))
     found = [one for one in _ask(client, f"{at}/clusters", document=document) if one[0]["type"] == "clusters"]
     frames = [header["frame"] for header, _ in found]
     assert frames == list(range(len(frames))) and len(frames) > 2
@@ -378,7 +375,7 @@ def test_clusters_before_a_film_are_those_of_a_job(client: TestClient, at: str, 
         assert set(header["uncertainty"]) == {str(label) for label in np.unique(expected) if label}
     again = _ask(client, f"{at}/clusters", document=document)[1:-1]
     assert again == found, "they are kept"
-    refused = _ask(client, f"{at}/clusters", document=_document(clip, _layer("analogy")))
+    refused = _ask(client, f"{at}/clusters", document=_document(clip, layer("analogy")))
     assert "patches" in refused[-1][0]["problem"]["remedy"]
 
 
@@ -388,7 +385,7 @@ def test_scribbles_are_spread_to_the_frames_after_them(client: TestClient, at: s
     scribble[:, :30] = (255, 255, 255, 255)
     png = cv2.imencode(".png", scribble)[1].tobytes()
     image = client.post("/v1/assets", files={"file": ("scribble.png", png)}).json()["id"]
-    document = _document(clip, _layer("patches", scribbles=[{"frame": 2, "image": "scribble"}]))
+    document = _document(clip, layer("patches", scribbles=[{"frame": 2, "image": "scribble"}]))
     document["assets"]["scribble"] = {"id": image}
     found = _ask(client, f"{at}/spread", frame=3, around=2, document=document)[1:-1]
     assert [header["frame"] for header, _ in found] == [3, 4, 5]

@@ -51,7 +51,7 @@ def _png(width: int = 96, height: int = 64, value: int = 200) -> bytes:
 
 def _document(clip: str, **layer: Any) -> Json:
     return {
-        "schema": 1,
+        "schema": 2,
         "name": "Swan",
         "assets": {"clip": {"id": clip}},
         "shots": [{"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "multistyle", **layer}]}],
@@ -126,7 +126,7 @@ def test_documents_have_a_quota_and_a_reserve(home: Path, farm: Farm, monkeypatc
     settings = Settings(home=home, pool="none", quota_document_bytes=6000)
     client = TestClient(create_app(settings, farm), "http://127.0.0.1:8420", raise_server_exceptions=False)
     noise = [
-        {"schema": 1, "name": "n", "ui": {"n": random.Random(number).randbytes(3000).hex()}} for number in range(3)
+        {"schema": 2, "name": "n", "ui": {"n": random.Random(number).randbytes(3000).hex()}} for number in range(3)
     ]
     project = client.post("/v1/projects", json={"document": noise[0]}).json()
     at = project["links"]["self"]
@@ -169,11 +169,11 @@ def test_patches_change_a_part_of_a_project(client: TestClient, clip: str) -> No
 
 
 def test_a_project_with_problems_is_saved_but_not_rendered(client: TestClient, clip: str) -> None:
-    wrong = _document(clip, params={"stroke_size": 9}, style_keys=[{"region": "moon", "frame": 99}])
+    wrong = _document(clip, params={"stroke_size": 9}, parts={"design": {"keys": [{"region": "moon", "frame": 99}]}})
     project = _create(client, wrong)
     at = project["links"]["self"]
-    places = ["/shots/0/layers/0/params/stroke_size", "/shots/0/layers/0/style_keys/0/region",
-              "/shots/0/layers/0/style_keys/0/frame"]  # fmt: skip
+    places = ["/shots/0/layers/0/params/stroke_size", "/shots/0/layers/0/parts/design/keys/0/region",
+              "/shots/0/layers/0/parts/design/keys/0/frame"]  # fmt: skip
     assert [error["path"] for error in client.get(f"{at}/check").json()["errors"]] == places
     refused = client.post(f"{at}/jobs", json={})
     assert (refused.status_code, refused.json()["code"]) == (422, "bad-project")
@@ -182,7 +182,7 @@ def test_a_project_with_problems_is_saved_but_not_rendered(client: TestClient, c
 
 def test_jobs_are_created_from_a_version(client: TestClient, clip: str) -> None:
     key = _upload(client, _png(), "key.png")
-    document = _document(clip, method="analogy", keys=[{"frame": 12, "image": "key"}])
+    document = _document(clip, method="analogy", parts={"keys": [{"frame": 12, "image": "key"}]})
     document["assets"]["key"] = {"id": key}
     project = _create(client, document)
     at = project["links"]["self"]

@@ -71,7 +71,7 @@ def upload(http: httpx.Client, data: bytes, name: str) -> str:
 
 def document(video: str, **layer: Any) -> Json:
     return {
-        "schema": 1,
+        "schema": 2,
         "name": "Two shots",
         "assets": {"clip": {"id": video}},
         "shots": [{"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "patches", **layer}]}],
@@ -84,7 +84,7 @@ def corrected(http: httpx.Client, value: Json, labels: bytes) -> Json:
     image = {"map": {"id": upload(http, labels, "map.png")}}
     drawn = {"frame": CORRECTED, "image": "map", "solve": [CORRECTED - 1, CORRECTED + 1]}
     (shot,) = value["shots"]
-    layers = [{**shot["layers"][0], "labels": [drawn]}]
+    layers = [{**shot["layers"][0], "parts": {"labels": [drawn]}}]
     return {**value, "assets": {**value["assets"], **image}, "shots": [{**shot, "layers": layers}]}
 
 

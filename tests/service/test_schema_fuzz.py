@@ -39,7 +39,7 @@ def schema(tmp_path_factory: pytest.TempPathFactory, tiny_clip: Path) -> Iterato
     asset = farm.assets.add(tiny_clip, "tiny.mp4")
     job = farm.jobs.cancel(farm.jobs.submit(JobRequest("abstraction", {"video": asset.id})).id)
     found = schemathesis.openapi.from_asgi("/openapi.json", create_app(options, farm), headers=HEADERS)
-    project = farm.projects.create({"schema": 1, "name": "Swan"}, "")
+    project = farm.projects.create({"schema": 2, "name": "Swan"}, "")
     yield found, {"asset_id": asset.id, "job_id": job.id, "name": "abstraction", "project_id": project.id}
     farm.stop()
 

@@ -131,7 +131,7 @@ def test_previews_that_wait_for_a_slot_block_no_other_request(
 def _project(http: httpx.Client, clip: Path) -> str:
     video = http.post("/v1/assets", files={"file": (clip.name, clip.read_bytes())}).json()["id"]
     shot = {"id": "s1", "video": "clip", "layers": [{"id": "l1", "method": "multistyle"}]}
-    document = {"schema": 1, "name": "Swan", "assets": {"clip": {"id": video}}, "shots": [shot]}
+    document = {"schema": 2, "name": "Swan", "assets": {"clip": {"id": video}}, "shots": [shot]}
     return str(http.post("/v1/projects", json={"document": document}).json()["links"]["self"])
 
 

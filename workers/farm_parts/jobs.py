@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from functools import cache
+from types import MappingProxyType
 from typing import Literal, cast
 
 from pydantic import JsonValue
 
-from pipeline.errors import StorageError
+from pipeline.errors import BadParameter, StorageError
 from pipeline.methods import method
 from workers.blobs.base import Blobs
 from workers.contract.record import AnyOwner, Asset, Event, Job, Page, Submitted, asset_key
@@ -248,18 +249,19 @@ class FarmJobs:
 
     def preview(
         self, request: JobRequest, owner: str | AnyOwner, frame: int, max_side_px: int = 640,
-        design: Json | None = None, artefacts_of: str | None = None, waiting: str = "",
+        documents: Mapping[str, Json] = MappingProxyType({}), artefacts_of: str | None = None, waiting: str = "",
     ) -> bytes:  # fmt: skip
         """One frame (scaled to fit) stylised with the request's parameters; PNG bytes.
 
         Args:
             owner: the owner of the inputs.
-            design: a design document in place of the request's input of that name.
+            documents: JSON documents by input, in place of the request's.
             artefacts_of: id of a finished job of the same method, whose artefacts the preview uses.
             waiting: the owner who waits for it; see `PreviewService`.
         """
         assets = self._inputs(request, owner)
         params = check_request(request, assets).params
+        _check_documents(request.method, documents)
         artefacts = {} if artefacts_of is None else self._artefact_keys(artefacts_of, request.method)
         wanted = json.dumps(
             [
@@ -270,12 +272,11 @@ class FarmJobs:
                 request.source.as_json(),
                 frame,
                 max_side_px,
-                design,
+                dict(documents),
                 artefacts,
             ],
             sort_keys=True,
         )
-        documents = {} if design is None else {"design": design}
         job = PreviewJob(request, assets, PreviewAsk(frame, max_side_px, documents, artefacts))
         return self._images.get(wanted, lambda: self._previews.frame(job, waiting))
 
@@ -288,3 +289,13 @@ class FarmJobs:
             remedy = f"Name a finished job that was submitted with an artefact of the method {chosen!r}: {known}."
             raise NotFound("The job has made no artefact.", field="artefacts_of", value=job_id, remedy=remedy)
         return made
+
+
+def _check_documents(chosen: str, documents: Mapping[str, Json]) -> None:
+    """Raises BadParameter: the method has no such JSON input."""
+    known = [spec.name for spec in method(chosen).inputs if spec.kind == "json"]
+    for name in documents:
+        if name not in known:
+            remedy = f"Use one of: {', '.join(known) or 'none'}."
+            message = f"The method {chosen!r} has no such JSON input."
+            raise BadParameter(message, field=f"documents.{name}", value=name, remedy=remedy)

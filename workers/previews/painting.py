@@ -13,6 +13,7 @@ from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, PreviewRequest
 from workers.contract.request import Json
+from workers.previews.inputs import resized
 from workers.previews.memory import Check, painted
 from workers.previews.model import LayerSources
 from workers.previews.warm import WarmFrames
@@ -54,7 +55,10 @@ class LayerPainter:
         if (streamed := self._streamed(lead, side_px)) is not None:
             return streamed
         params = self._params if total == 1 else self._method.single_frame_params(self._params)
+        size = (lead[-1].shape[1], lead[-1].shape[0])
         inputs = self._files(number, self._scale(lead[-1]))
+        drawn = {name: self._images(name, number, number + 1) for name in self._layer.images}
+        inputs |= {name: {0: resized(one[number], size)} for name, one in drawn.items() if one}
         return next(painted(self._method, params, self._layer.seed, lead[-1:], inputs, self._check))[1]
 
     def directions(self, number: int, side_px: int) -> tuple[NDArray[np.float32] | None, tuple[int, int]]:

@@ -30,6 +30,7 @@ from workers.contract.record import Asset
 from workers.contract.request import Json
 from workers.filenames import check_filename
 from workers.projects.document import MAX_DOCUMENT_BYTES
+from workers.projects.upgrades import upgraded
 from workers.strict_json import MAX_VALUES, BadJson, strict_json
 
 MANIFEST = "project.json"
@@ -99,7 +100,8 @@ class ProjectArchive:
 
     @property
     def document(self) -> Json:
-        return self.manifest.document
+        """The document, in the present schema."""
+        return upgraded(self.manifest.document)
 
     def size_bytes(self, asset_id: str) -> int:
         """Unpacked size of an asset."""

@@ -12,11 +12,8 @@ from workers.contract.record import Asset
 from workers.jobs.frame_window import check_source, window_info
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
-from workers.projects.submissions import Pick, Selection, images_of, is_plain, parts_used, picks
+from workers.projects.submissions import Pick, Selection, document_of, images_of, is_plain, parts_used, picks
 from workers.scheduling.requests import FITS
-
-_DESIGN = {"keys": "style_keys"}
-"""Members of a design document that have another name in a layer."""
 
 
 def problems(
@@ -123,7 +120,7 @@ class _Check:
             yield from self._file(spec, layer.inputs[spec.name], (*path, "inputs", spec.name))
         elif spec.part and spec.kind == "images":
             yield from self._images(spec, layer, path, video, count)
-        elif spec.part and (value := getattr(layer, spec.part)):
+        elif (value := document_of(chosen, spec, layer)) is not None:
             yield from self._json(chosen, spec, layer, path, value, count)
 
     def _file(self, spec: InputSpec, name: str, path: Path) -> Iterator[DocumentFault]:
@@ -137,9 +134,9 @@ class _Check:
         self, spec: InputSpec, layer: Layer, path: Path, video: Asset | None, count: int | None
     ) -> Iterator[DocumentFault]:
         part, _, member = spec.part.partition(".")
-        places = {item.frame: index for index, item in enumerate(getattr(layer, part))}
+        places = {item.frame: index for index, item in enumerate(layer.pictures(part))}
         for frame, name in images_of(layer, spec.part).items():
-            at = (*path, part, places[frame], member)
+            at = (*path, "parts", part, places[frame], member)
             yield from self._there(name, at)
             if count is not None and frame >= count:
                 remedy = f"Use 0 to {count - 1}."
@@ -181,13 +178,8 @@ class _Check:
         masks = any(bool(images_of(layer, other.part)) or other.name in layer.inputs
                     for other in chosen.inputs if other.kind == "images")  # fmt: skip
         for wrong in check(value, frames=count, masks=masks):
-            inner = (
-                wrong.path
-                if spec.part != "design"
-                else (_DESIGN.get(str(wrong.path[0]), wrong.path[0]), *wrong.path[1:])
-            )
-            where = inner if spec.part == "design" else (spec.part, *inner)
-            yield fault((*path, *where), wrong.message, value=wrong.value, remedy=wrong.remedy)
+            place = (*path, "parts", spec.part, *wrong.path)
+            yield fault(place, wrong.message, value=wrong.value, remedy=wrong.remedy)
 
     def _there(self, name: str, path: Path) -> Iterator[DocumentFault]:
         if self._asset(name) is None:
@@ -204,7 +196,7 @@ class _Check:
 def _given(chosen: Method, layer: Layer) -> set[str]:
     """Names of the inputs that a layer has, as files or as parts of the document."""
     images = {spec.name for spec, found in parts_used(chosen, layer) if found}
-    documents = {spec.name for spec in chosen.inputs if spec.kind == "json" and spec.part and getattr(layer, spec.part)}
+    documents = {spec.name for spec in chosen.inputs if document_of(chosen, spec, layer) is not None}
     return {*layer.inputs, *images, *documents}
 
 

@@ -1,98 +1,54 @@
-"""The project document, schema 1, in JSON: assets, shots, layers with their drawings, variants, output.
+"""The project document, schema 2, in JSON: assets, shots, layers with their parts, variants, output.
 
 Frame numbers count the frames of the shot's video from 0, even if `range` selects only a piece of it. The parts of a
-layer (keys, regions, scribbles, ...) have the artist's terms; `InputSpec.part` maps them to inputs of a method. Parts
-that the layer's method does not use are kept, so that changing the method loses nothing. Members named `ui` belong to
-the page.
+layer (what the artist draws, paints and edits) are those that methods describe (`LayerPart`); `InputSpec.part` maps
+them to inputs of a method. Parts that the layer's method does not use are kept, so that changing the method loses
+nothing. Members named `ui` belong to the page.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from functools import cache
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
+from typing_extensions import TypedDict
 
 from pipeline.compositing import Blend, covers
 from pipeline.formats import OutputName
+from pipeline.methods import layer_parts
+from pipeline.methods.parts import AssetName, FrameNumber, FrameRange, Id, LayerPart, Member, Picture, Ratio, Title, Ui
 from pipeline.video.media import Fields, SourceOptions
 from workers.contract.request import MAX_SEED, Json
 
-SCHEMA = 1
+SCHEMA = 2
 MAX_DOCUMENT_BYTES = 4 << 20
 
-Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
-AssetName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,80}$", description="A name in `assets`.")]
 InputName = Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,80}$")]
-Title = Annotated[str, Field(max_length=200)]
-FrameNumber = Annotated[int, Field(ge=0, le=10_000_000)]
-FrameRange = Annotated[tuple[FrameNumber, FrameNumber], Field(description="[first frame, one past the last)")]
-Ratio = Annotated[float, Field(ge=0, le=1)]
-Ui = Annotated[Json, Field(description="For the page; not read by the service.")]
 
 
-class Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class AssetRef(Part):
+class AssetRef(Member):
     """An uploaded file with a name for use in the document."""
 
     id: str = Field(pattern=r"^ast_[0-9a-f]{64}$")
     title: Title = ""
 
 
-class PaintLayer(Part):
-    """One layer of the editable form of a painted key. The service reads only its assets, to keep them."""
-
-    id: Id
-    name: Title = ""
-    image: AssetName | None = None
-    strokes: AssetName | None = None
-    opacity: Ratio = 1.0
-    blend: Blend = "over"
-    visible: bool = True
+@cache
+def _type_of(parts: tuple[LayerPart, ...]) -> TypeAdapter[dict[str, Any]]:
+    """Type of these parts by name; any other part is any JSON."""
+    make: Any = TypedDict
+    known = make("Parts", {part.name: part.value for part in parts}, total=False)
+    known.__pydantic_config__ = ConfigDict(extra="allow")
+    return TypeAdapter(known)
 
 
-class Paint(Part):
-    """The editable form of a painted key."""
-
-    layers: tuple[PaintLayer, ...] = Field(default=(), max_length=200)
-
-
-class Drawing(Part):
-    """An image for one frame: PNG of the video's size."""
-
-    frame: FrameNumber
-    image: AssetName
-    strokes: AssetName | None = Field(default=None, description="Editable form of the drawing.")
-    ui: Ui = {}
+def _parts() -> TypeAdapter[dict[str, Any]]:
+    """Type of the parts that the installed methods describe."""
+    return _type_of(tuple(layer_parts().values()))
 
 
-class LabelMap(Drawing):
-    """A corrected label map: gray value = label."""
-
-    solve: FrameRange | None = Field(
-        default=None, description="Frames [first, end) that are clustered again from it; null: the shot."
-    )
-
-    @model_validator(mode="after")
-    def _own_frame_is_solved(self) -> Self:
-        if self.solve is not None and not self.solve[0] <= self.frame < self.solve[1]:
-            raise ValueError("solve must contain the map's own frame")
-        return self
-
-
-class PaintedKey(Part):
-    """A frame painted by the artist. Pixels that are transparent, or black in the mask, are painted by the method."""
-
-    frame: FrameNumber
-    image: AssetName
-    mask: AssetName | None = None
-    paint: Paint | None = None
-    ui: Ui = {}
-
-
-class Layer(Part):
+class Layer(Member):
     """A method applied to a shot, and the compositing of its picture over the layers below, or over the video."""
 
     id: Id
@@ -106,43 +62,23 @@ class Layer(Part):
     source: AssetName | None = Field(default=None, description="Another video for this layer, frame by frame.")
     matte: AssetName | None = Field(default=None, description="Gray pictures: white where the layer is.")
     inputs: dict[InputName, AssetName] = Field(default={}, max_length=64, description="Files by the method's inputs.")
-    keys: tuple[PaintedKey, ...] = Field(default=(), max_length=1000)
-    regions: Json = {}
-    styles: Json = {}
-    style_keys: tuple[object, ...] = ()
-    directions: tuple[object, ...] = ()
-    region_maps: tuple[Drawing, ...] = Field(default=(), max_length=1000)
-    scribbles: tuple[Drawing, ...] = Field(default=(), max_length=1000)
-    labels: tuple[LabelMap, ...] = Field(default=(), max_length=1000)
-    label_styles: Json = {}
-    importance: tuple[Drawing, ...] = Field(default=(), max_length=1000)
-    histogram: Json | None = None
-    ui: Ui = {}
+    parts: Annotated[dict[InputName, object], AfterValidator(lambda value: _parts().validate_python(value))] = Field(
+        default={}, max_length=64, description="What is drawn, painted and edited for methods, by their names of parts."
+    )
+    ui: Ui = Field(default={})
 
     @property
     def covers(self) -> bool:
         """Whether the layer hides everything below it."""
         return covers(self.opacity, self.blend, self.matte is not None)
 
-    @property
-    def label_intervals(self) -> list[Json]:
-        """Frames to solve again before and after each corrected label map, for maps with an interval."""
-        return [
-            {"frame": one.frame, "before": one.frame - one.solve[0], "after": one.solve[1] - 1 - one.frame}
-            for one in sorted(self.labels, key=lambda one: one.frame) if one.solve is not None
-        ]  # fmt: skip
-
-    @property
-    def design(self) -> Json | None:
-        """Regions, styles, style keys and directions as one design document; None if there are none."""
-        parts = {
-            "regions": self.regions, "styles": self.styles, "keys": list(self.style_keys),
-            "directions": list(self.directions),
-        }  # fmt: skip
-        return {"version": 1, **parts} if any(parts.values()) else None
+    def pictures(self, part: str) -> tuple[Picture, ...]:
+        """The pictures of a part, one for each frame; none if the part is something else."""
+        value = self.parts.get(part)
+        return value if isinstance(value, tuple) and all(isinstance(one, Picture) for one in value) else ()
 
 
-class Reading(Part):
+class Reading(Member):
     """How a video is read."""
 
     picture: int | None = Field(
@@ -161,7 +97,7 @@ class Reading(Part):
         return SourceOptions(self.picture, self.sound, self.fields)
 
 
-class Shot(Part):
+class Shot(Member):
     """A video, or a piece of it, and its layers from back to front."""
 
     id: Id
@@ -170,10 +106,10 @@ class Shot(Part):
     source: Reading = Reading()
     range: FrameRange | None = None
     layers: tuple[Layer, ...] = Field(default=(), max_length=32)
-    ui: Ui = {}
+    ui: Ui = Field(default={})
 
 
-class Variant(Part):
+class Variant(Member):
     """An alternative version of a layer."""
 
     id: Id
@@ -183,10 +119,10 @@ class Variant(Part):
     set: Json = Field(default={}, description="JSON Merge Patch (RFC 7396) on the layer.")
     frame: FrameNumber | None = None
     image: AssetName | None = None
-    ui: Ui = {}
+    ui: Ui = Field(default={})
 
 
-class Output(Part):
+class Output(Member):
     """Output settings of the project's jobs."""
 
     format: OutputName = "mp4"
@@ -200,18 +136,18 @@ class Output(Part):
     )
 
 
-class Document(Part):
-    """A project, schema 1."""
+class Document(Member):
+    """A project, schema 2."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_by_name=True)
 
-    schema_version: Literal[1] = Field(alias="schema")
+    schema_version: Literal[2] = Field(alias="schema")
     name: str = Field(min_length=1, max_length=200)
     assets: dict[AssetName, AssetRef] = Field(default={}, max_length=20_000)
     shots: tuple[Shot, ...] = Field(default=(), max_length=500)
     variants: tuple[Variant, ...] = Field(default=(), max_length=500)
     output: Output = Output()
-    ui: Ui = {}
+    ui: Ui = Field(default={})
 
     @property
     def asset_ids(self) -> frozenset[str]:
@@ -225,5 +161,9 @@ def empty(name: str) -> Json:
 
 
 def json_schema() -> Json:
-    """JSON Schema of the document."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Document.model_json_schema(by_alias=True)}
+    """JSON Schema of the document, with those of the parts that the installed methods have."""
+    schema = Document.model_json_schema(by_alias=True)
+    parts = _parts().json_schema()
+    schema["$defs"] |= parts.pop("$defs", {})
+    schema["$defs"]["Layer"]["properties"]["parts"] |= {"properties": parts["properties"]}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -7,30 +7,40 @@ from collections.abc import Hashable, Iterable, Iterator
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from workers.projects.document import Document, Drawing, Layer, Shot
-from workers.projects.faults import BadProject, DocumentFault, Path, fault, refuse_if_any
+from pipeline.methods import layer_parts, methods
+from workers.contract.request import Json
+from workers.projects.document import Document, Layer, Shot
+from workers.projects.faults import BadProject, DocumentFault, Path, fault, pointer, refuse_if_any
+from workers.projects.upgrades import moved, upgraded
 
 _MOST_FAULTS = 1000
-_DRAWINGS = ("region_maps", "scribbles", "labels", "importance")
 
 
-def parse_document(value: object) -> Document:
-    """The document.
+def parse_document(value: Json) -> Document:
+    """The document, which may be of schema 1.
 
     Raises:
         BadProject: unknown members, wrong types, numbers out of range, repeated ids, names of assets that are not in
         `assets`. It contains all faults, at most 1,000 of the structure.
     """
     try:
-        document = Document.model_validate(value)
+        document = Document.model_validate(upgraded(value))
     except ValidationError as error:
-        raise BadProject([_fault(found) for found in error.errors(include_url=False)[:_MOST_FAULTS]]) from None
+        raise BadProject(structure_faults(error)) from None
     refuse_if_any(_faults(document))
     return document
 
 
-def _fault(error: ErrorDetails) -> DocumentFault:
-    path: Path = tuple(part for part in error["loc"] if part != "[key]")
+def structure_faults(error: ValidationError, within: Path = ()) -> list[DocumentFault]:
+    """Faults of the structure of a document, or of the part of it at `within`."""
+    return [_fault(found, within) for found in error.errors(include_url=False)[:_MOST_FAULTS]]
+
+
+def _fault(error: ErrorDetails, within: Path) -> DocumentFault:
+    path: Path = (*within, *(part for part in error["loc"] if part != "[key]"))
+    if error["type"] == "extra_forbidden" and (place := moved(pointer(path))):
+        message = f"A layer has no member {path[-1]!r} since schema 2."
+        return fault(path, message, value=error["input"], remedy=f"Use {place}.")
     if error["type"] == "missing":
         return fault(path, f"{path[-1]} is missing.", remedy="Give it.")
     if error["type"] == "extra_forbidden":
@@ -62,9 +72,11 @@ def _of_shot(shot: Shot, path: Path) -> Iterator[DocumentFault]:
     yield from _twice((layer.id for layer in shot.layers), (*path, "layers"))
     for index, layer in enumerate(shot.layers):
         at = (*path, "layers", index)
-        yield from _twice((key.frame for key in layer.keys), (*at, "keys"), "frame")
-        for part in _DRAWINGS:
-            yield from _twice((drawing.frame for drawing in getattr(layer, part)), (*at, part), "frame")
+        for part in layer.parts:
+            yield from _twice((picture.frame for picture in layer.pictures(part)), (*at, "parts", part), "frame")
+            if part not in layer_parts() and layer.method in methods():
+                remedy = f"Use one of: {', '.join(layer_parts())}."
+                yield fault((*at, "parts", part), "No method has such a part.", value=part, remedy=remedy)
 
 
 def _twice(values: Iterable[Hashable], path: Path, member: str = "id") -> Iterator[DocumentFault]:
@@ -92,18 +104,7 @@ def _names_of_layer(layer: Layer, path: Path) -> Iterator[tuple[Path, str]]:
             yield (*path, member), name
     for input_name, name in layer.inputs.items():
         yield (*path, "inputs", input_name), name
-    for k, key in enumerate(layer.keys):
-        at = (*path, "keys", k)
-        yield (*at, "image"), key.image
-        if key.mask is not None:
-            yield (*at, "mask"), key.mask
-        for p, paint in enumerate(key.paint.layers if key.paint else ()):
-            for member in ("image", "strokes"):
-                if (name := getattr(paint, member)) is not None:
-                    yield (*at, "paint", "layers", p, member), name
-    for part in _DRAWINGS:
-        drawings: tuple[Drawing, ...] = getattr(layer, part)
-        for d, drawing in enumerate(drawings):
-            yield (*path, part, d, "image"), drawing.image
-            if drawing.strokes is not None:
-                yield (*path, part, d, "strokes"), drawing.strokes
+    for part in layer.parts:
+        for index, picture in enumerate(layer.pictures(part)):
+            for place, name in picture.assets():
+                yield (*path, "parts", part, index, *place), name

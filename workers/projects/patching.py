@@ -11,6 +11,7 @@ from pydantic import JsonValue
 from pipeline.errors import BadInput
 from workers.contract.request import Json
 from workers.projects.document import MAX_DOCUMENT_BYTES
+from workers.projects.upgrades import moved
 from workers.strict_json import MAX_DEPTH, BadJson, Budget, check_value
 
 MAX_OPERATIONS = 1000
@@ -43,8 +44,10 @@ def patched(document: Json, operations: object) -> JsonValue:
     budget = Budget(MAX_COPIED_VALUES, MAX_DOCUMENT_BYTES)
     for index, operation in enumerate(operations):
         try:
-            _spend(budget, changed, operation)
+            _spend(budget, changed, operation, index)
             changed = JsonPatch([operation]).apply(changed, in_place=True)
+        except BadPatch:
+            raise
         except (BadJson, JsonPatchException, JsonPointerException, TypeError, ValueError) as error:
             raise BadPatch(
                 f"The patch cannot be applied: {str(error)[:_LONGEST_REASON]}.", field=f"body.{index}",
@@ -54,7 +57,7 @@ def patched(document: Json, operations: object) -> JsonValue:
     return changed
 
 
-def _spend(budget: Budget, document: JsonValue, operation: Json) -> None:
+def _spend(budget: Budget, document: JsonValue, operation: Json, index: int) -> None:
     """Refuse pointers that are deeper than a document, and count what `copy` copies."""
     if not isinstance(operation, dict):
         raise ValueError("an operation is an object")
@@ -64,6 +67,11 @@ def _spend(budget: Budget, document: JsonValue, operation: Json) -> None:
             raise ValueError(f"{name!r} is not a text")
         if pointer.count("/") > MAX_DEPTH:
             raise ValueError(f"a location is deeper than {MAX_DEPTH} levels")
+        if place := moved(pointer):
+            raise BadPatch(
+                "A document has no such location since schema 2.", field=f"body.{index}.{name}", value=pointer,
+                remedy=f"Use {place}.",
+            )  # fmt: skip
     if operation.get("op") == "copy":
         budget.spend(resolve_pointer(document, operation.get("from", "")))
 

@@ -27,6 +27,7 @@ from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploa
 from workers.projects.parsing import parse_document
 from workers.projects.sources import layer_sources
 from workers.projects.submissions import Selection, Submission, submissions
+from workers.projects.upgrades import upgraded
 from workers.store.projects import Draft, StoredProjects
 from workers.store.reuse import Reuse
 from workers.strict_json import check_value
@@ -87,8 +88,9 @@ class Projects:
         return self._store.page(owner, deleted, cursor, limit)
 
     def document(self, project_id: str, version: int | None = None) -> tuple[ProjectVersion, Json]:
-        """A version (None: the newest) and its document. Raises NotFound."""
-        return self._store.document(project_id, version)
+        """A version (None: the newest) and its document, in the present schema. Raises NotFound."""
+        kept, value = self._store.document(project_id, version)
+        return kept, upgraded(value)
 
     def save(
         self, project_id: str, expected: int, document: Json, author: str, max_bytes: int | None = None
@@ -299,6 +301,7 @@ def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
 
 def _draft(value: Json, author: str) -> Draft:
     check_value(value)
+    value = upgraded(value)
     document = parse_document(value)
     draft = Draft(value, document.name, document.asset_ids, author)
     if draft.size_bytes > MAX_DOCUMENT_BYTES:

@@ -10,7 +10,7 @@ from workers.contract.request import Json
 from workers.errors import NotFound
 from workers.previews.model import LayerSources, video_key
 from workers.projects.document import Document, Layer, Shot
-from workers.projects.submissions import parts_used
+from workers.projects.submissions import document_of, parts_used
 
 
 def layer_sources(document: Document, shot: Shot, layer: Layer, assets: Mapping[str, Asset]) -> LayerSources:
@@ -30,7 +30,7 @@ def layer_sources(document: Document, shot: Shot, layer: Layer, assets: Mapping[
     names = {spec.name for spec in chosen.inputs}
     documents: Json = {}
     for spec in chosen.inputs:
-        if spec.part and spec.kind == "json" and spec.name not in layer.inputs and (value := getattr(layer, spec.part)):
+        if spec.name not in layer.inputs and (value := document_of(chosen, spec, layer)) is not None:
             documents[spec.name] = value
     images = {spec.name: {frame: key(name) for frame, name in found.items()}
               for spec, found in parts_used(chosen, layer) if found}  # fmt: skip

@@ -16,8 +16,9 @@ from pipeline.methods.layers.names import MATTE, VIDEO, input_name
 from pipeline.video.media import SourceOptions
 from workers.contract.request import WARN, JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
-from workers.projects.faults import BadProject, Path, fault
+from workers.projects.faults import BadProject, Path
 from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded
+from workers.projects.parsing import structure_faults
 from workers.projects.patching import merged
 
 
@@ -185,11 +186,9 @@ def layer_inputs(document: Document, shot: Shot, layer: Layer) -> dict[str, Mate
 def _material(document: Document, layer: Layer, spec: InputSpec) -> Material | None:
     if spec.name in layer.inputs and spec.name != "video":
         return Uploaded(document.assets[layer.inputs[spec.name]].id)
-    if not spec.part:
-        return None
     if spec.kind != "images":
-        value = getattr(layer, spec.part)
-        return JsonValue.of(value) if value else None
+        value = document_of(methods()[layer.method], spec, layer)
+        return None if value is None else JsonValue.of(value)
     images = tuple((frame, document.assets[name].id) for frame, name in sorted(images_of(layer, spec.part).items()))
     return ImagesByFrame(images) if images else None
 
@@ -197,7 +196,15 @@ def _material(document: Document, layer: Layer, spec: InputSpec) -> Material | N
 def images_of(layer: Layer, part: str) -> dict[int, str]:
     """Frame -> asset name of a part of the layer, such as "keys.mask"; drawings without that asset are left out."""
     name, _, member = part.partition(".")
-    return {item.frame: image for item in getattr(layer, name) if (image := getattr(item, member)) is not None}
+    return {item.frame: image for item in layer.pictures(name) if (image := getattr(item, member)) is not None}
+
+
+def document_of(chosen: Method, spec: InputSpec, layer: Layer) -> object | None:
+    """An input of kind "json" as it is made from a part of the layer; None if there is none."""
+    if spec.kind != "json" or spec.part not in layer.parts:
+        return None
+    make = chosen.part_documents.get(spec.name)
+    return (layer.parts[spec.part] if make is None else make(layer.parts[spec.part])) or None
 
 
 def parts_used(chosen: Method, layer: Layer) -> Iterator[tuple[InputSpec, dict[int, str]]]:
@@ -222,11 +229,7 @@ def _changed(layer: Layer, variant: Variant, index: int) -> Layer:
     try:
         return Layer.model_validate({**value, "visible": True})
     except ValidationError as error:
-        faults = [
-            fault(("variants", index, "set", *found["loc"]), f"{found['msg']}.", value=found["input"])
-            for found in error.errors(include_url=False)
-        ]
-        raise BadProject(faults) from None
+        raise BadProject(structure_faults(error, ("variants", index, "set"))) from None
 
 
 def _known(wanted: Iterable[str], known: Collection[str], field_: str) -> None:

@@ -23,7 +23,9 @@ from pipeline.methods.abstraction.plan import (
 from pipeline.methods.abstraction.session import AbstractionSession
 from pipeline.methods.base import (
     Example,
+    Exemplar,
     InputSpec,
+    LayerPart,
     Method,
     Params,
     PlanContext,
@@ -33,6 +35,7 @@ from pipeline.methods.base import (
     When,
     resources_per_pixel,
 )
+from pipeline.methods.parts import Drawings, Json
 
 __all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
 
@@ -70,9 +73,13 @@ class Abstraction(Method):
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
         Step("abstract", "Paint", plan_abstract, run_abstract, version=2),
     )
+    parts: ClassVar[tuple[LayerPart, ...]] = (
+        LayerPart("importance", "Importance masks", Drawings, former={"importance": ""}),
+        LayerPart("histogram", "Hue histogram", Json, former={"histogram": ""}),
+    )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
     palette_input: ClassVar[str] = "reference"
-    studio: ClassVar[Studio] = Studio(painting="reference")
+    studio: ClassVar[Studio] = Studio(painting="reference", cuts="cut_sensitivity")
     cpu_s_per_megapixel: ClassVar[float] = 0.12
     cpu_growth: ClassVar[float] = 1.1
     examples: ClassVar[tuple[Example, ...]] = (
@@ -81,6 +88,10 @@ class Abstraction(Method):
         Example("comic", "Comic strip", {"line_width": 3.4, "line_threshold": 0.9, "vividness": 1.4}),
         Example("watercolour", "Soft shapes, no lines", {"lines": "off", "growing_limit": 14, "boundary_smoothing": 9}),
         Example("fine", "Fine detail", {"growing_limit": 12, "smallest_region": 0.05, "line_width": 1.8}),
+    )
+
+    exemplars: ClassVar[tuple[Exemplar, ...]] = (
+        Exemplar("harbour-print", "Colour print", "harbour", 32, {"lines": "flow"}),
     )
 
     def resources(self, step: str, context: PlanContext[AbstractionParams]) -> Resources:

@@ -28,6 +28,7 @@ from pipeline.methods.base import (
     InputFacts,
     InputSpec,
     KeyPropagator,
+    LayerPart,
     Method,
     Params,
     PlanContext,
@@ -40,6 +41,8 @@ from pipeline.methods.base import (
     When,
     resources_per_pixel,
 )
+from pipeline.methods.parts import PaintedKeys
+from pipeline.methods.studio import Section
 
 __all__ = ["Analogy", "AnalogyParams"]
 
@@ -127,13 +130,15 @@ class Analogy(Method):
         Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=2),
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0, version=2),
     )
+    parts: ClassVar[tuple[LayerPart, ...]] = (LayerPart("keys", "Painted keys", PaintedKeys, former={"keys": ""}),)
     artefacts: ClassVar[tuple[str, ...]] = ()
     palette_input: ClassVar[str] = "style_output"
     studio: ClassVar[Studio] = Studio(
-        sections=("keys",),
+        sections=(Section("keys", "keys", "Painted keys"),),
         tools=("brush", "eraser", "smudge", "fill", "picker"),
         painting="style_output",
         painting_source="style",
+        cuts="cut_sensitivity",
     )
     cpu_s_per_megapixel: ClassVar[float] = 4.7
     examples: ClassVar[tuple[Example, ...]] = (

@@ -7,14 +7,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import JsonValue
 
 from pipeline.frames import Frame
 from pipeline.methods.base import (
     Example,
+    Exemplar,
     FrameRegions,
     InputCheck,
     InputSpec,
     JsonSchema,
+    LayerPart,
     Method,
     Params,
     PlanContext,
@@ -27,6 +30,7 @@ from pipeline.methods.base import (
 )
 from pipeline.methods.multistyle.design import check, schema
 from pipeline.methods.multistyle.effects import documents
+from pipeline.methods.multistyle.layer_parts import PARTS, STUDIO, design_document
 from pipeline.methods.multistyle.orientation_picture import DIRECTIONS
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.plan import (
@@ -75,8 +79,10 @@ class Multistyle(Method):
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
         Step("paint", "Paint", plan_paint, run_paint),
     )
+    parts: ClassVar[tuple[LayerPart, ...]] = PARTS
+    part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"design": design_document}
     artefacts: ClassVar[tuple[str, ...]] = (REGIONS, DIRECTIONS)
-    studio: ClassVar[Studio] = Studio(sections=("regions",), tools=("region", "lasso", "direction"))
+    studio: ClassVar[Studio] = STUDIO
     regions_artefact: ClassVar[str] = REGIONS
     cpu_s_per_megapixel: ClassVar[float] = 0.5
     cpu_growth: ClassVar[float] = 0.7
@@ -87,6 +93,13 @@ class Multistyle(Method):
         Example("calm-to-stress", "Calm to stress", {"style": "van-gogh", "effect": "calm-to-stress"}),
     )
 
+    exemplars: ClassVar[tuple[Exemplar, ...]] = (
+        Exemplar("harbour-swirls", "Swirling strokes", "harbour", 20, {"style": "van-gogh"}),
+        Exemplar("portrait-dabs", "Broken dabs", "portrait", 20, {"style": "impressionism"}),
+        Exemplar("harbour-dots", "Dots", "harbour", 44, {"style": "pointillism"}),
+        Exemplar("portrait-bold", "Bold colour", "portrait", 44, {"style": "expressionism"}),
+        Exemplar("harbour-wash", "Washes", "harbour", 60, {"style": "watercolor"}),
+    )
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = {"design": schema}
     input_examples: ClassVar[Mapping[str, Callable[[int], Mapping[str, JsonSchema]]]] = {"design": documents}
     input_checks: ClassVar[Mapping[str, InputCheck]] = {"design": check}

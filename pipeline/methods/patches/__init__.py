@@ -13,8 +13,10 @@ paint     warps patches back to every frame, over a painting of the pixels that 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from pydantic import JsonValue
 
 from pipeline.errors import BadParameter
 from pipeline.methods.base import (
@@ -27,6 +29,7 @@ from pipeline.methods.base import (
     InputCheck,
     InputFacts,
     InputSpec,
+    LayerPart,
     Method,
     Params,
     PlanContext,
@@ -40,6 +43,7 @@ from pipeline.methods.patches.artefacts import ARTEFACTS
 from pipeline.methods.patches.clustering import plan_cluster, run_cluster, stored_clusters
 from pipeline.methods.patches.compositing import plan_paint, run_paint
 from pipeline.methods.patches.correction import plan_correct, run_correct
+from pipeline.methods.patches.layer_parts import PARTS, STUDIO, solved_intervals
 from pipeline.methods.patches.params import CLUSTERED, PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
 from pipeline.methods.patches.registration import plan_register, run_register
@@ -76,7 +80,7 @@ class Patches(Method):
         InputSpec(
             "label_intervals", "json", False, "Frames that a corrected label map changes",
             'How many frames before and after a corrected map are clustered again: [{"frame": 40, "before": 10, '
-            '"after": 12}]. A map that it does not name changes its whole shot.', "label_intervals",
+            '"after": 12}]. A map that it does not name changes its whole shot.', "labels",
             needs="labels", applies_when=CLUSTERED,
         ),
         InputSpec(
@@ -93,17 +97,16 @@ class Patches(Method):
         Step("patch", "Paint patches", plan_patch, run_patch, weight=0.2),
         Step("paint", "Composite frames", plan_paint, run_paint),
     )
+    parts: ClassVar[tuple[LayerPart, ...]] = PARTS
+    part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"label_intervals": solved_intervals}
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
-    studio: ClassVar[Studio] = Studio(
-        sections=("scribbles", "clusters"),
-        tools=("brush", "eraser", "label"),
-        cluster_artefacts=("labels", "uncertainty"),
-    )
+    studio: ClassVar[Studio] = STUDIO
     input_checks: ClassVar[Mapping[str, InputCheck]] = {
         "styles": checked(label_styles), "label_intervals": checked(label_intervals),
     }  # fmt: skip
     artefacts_when: ClassVar[Mapping[str, Alternatives]] = dict.fromkeys(ARTEFACTS, CLUSTERED)
     clusters_step: ClassVar[str] = "cluster"
+    clusters_params: ClassVar[Mapping[str, JsonValue]] = {"temporal": "on"}
     reads_again: ClassVar[bool] = True
     cpu_s_per_megapixel: ClassVar[float] = 1.2
     cpu_growth: ClassVar[float] = 0.5

@@ -14,6 +14,7 @@ from pipeline.methods.base import (
     PlanContext,
     Resources,
     Step,
+    Studio,
     resources_per_pixel,
 )
 from pipeline.methods.steady.filter import SteadyFilter
@@ -50,6 +51,7 @@ class Steady(Method):
     )
     cpu_s_per_megapixel: ClassVar[float] = 0.21
     task_cpus = 2.0  # the motion of a frame is estimated while the frame before it is steadied
+    studio: ClassVar[Studio] = Studio(cuts="cut_sensitivity")
     examples: ClassVar[tuple[Example, ...]] = (
         Example("steadiest", "Steadiest", {"look_ahead": 4}),
         Example("gentle", "Gentle", {"strength": 6}),

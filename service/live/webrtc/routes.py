@@ -9,6 +9,7 @@ from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from pipeline.errors import BadParameter
+from pipeline.method_names import DEFAULT
 from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.bodies import chunks
 from service.errors import NotInstalled, UnsupportedMediaType
@@ -31,7 +32,7 @@ MAX_SDP_BYTES = 64 * 1024
 
 @router.post("/v1/live/whip")
 async def publish(
-    request: Request, context: Context, caller: Submitter, method: str = "abstraction", params: str = "{}",
+    request: Request, context: Context, caller: Submitter, method: str = DEFAULT, params: str = "{}",
     behind: Annotated[str, Query(alias="filter")] = "", prefer: str = "fluent",
     seed: Annotated[int, Query(ge=0, le=MAX_SEED)] = 0,
 ) -> Response:  # fmt: skip

@@ -19,7 +19,7 @@ import { Welcome } from "./home/welcome";
 import { ComparePage } from "./jobs/compare-page";
 import { JobList } from "./jobs/job-list";
 import { JobPage } from "./jobs/job-page";
-import { createProject, readProject } from "./studio/document/api";
+import { createProject } from "./studio/document/api";
 import { addAsset, changeLayer, newDocument, type ProjectDocument } from "./studio/document/document";
 import { ProblemBlock } from "./ui/notices";
 import { preparePage } from "./ui/page";
@@ -69,8 +69,8 @@ async function make(place: string, id: string | undefined, query: string): Promi
 
 /** The studio, whose code is loaded when it is first opened. */
 async function studio(id: string, query = ""): Promise<VNode> {
-  const { StudioPage } = await import("./studio/shell/designer");
-  const [project, methods] = await Promise.all([readProject(id), api.methods()]);
+  const { StudioPage, openProject } = await import("./studio/shell/designer");
+  const [project, methods] = await Promise.all([openProject(id), api.methods()]);
   const shot = project.document.shots[0];
   if (!shot) throw new api.Problem({ detail: "This project has no shot.", remedy: "Make a new one from a video." });
   const asset = await api.asset(project.document.assets[shot.video]?.id ?? "");
@@ -91,7 +91,7 @@ async function openInStudio(asset: Asset, draft: Draft): Promise<void> {
 /** The first project: a clip of Impasto's own, and a list of what to do. */
 async function openLesson(): Promise<void> {
   const clip: Asset = await (await api.request("/v1/scenes/harbour/assets", { method: "POST" })).json();
-  const method = (await api.methods()).find(({ studio }) => studio.sections.includes("keys"));
+  const method = (await api.methods()).find(({ studio }) => studio.sections.some(({ editor }) => editor === "keys"));
   if (!method) throw new api.Problem({ detail: "No method of this service uses painted keys.", code: "no-method" });
   const document = { ...newDocument("My first keys", clip.id, method.name), ui: { lesson: "keys" } };
   location.hash = `#/projects/${(await createProject(document)).id}`;

@@ -35,7 +35,7 @@ def test_all_structural_errors_are_reported_together_with_their_paths() -> None:
     )
     assert _paths(wrong) == [
         "/shots/0/layers/0/opacity",
-        "/shots/0/layers/0/keys/0/frame",
+        "/shots/0/layers/0/parts/keys/0/frame",
         "/shots/0/layers/0/brush",
         "/output/format",
     ]
@@ -49,9 +49,9 @@ def test_references_and_ids_of_a_document_are_checked() -> None:
     )  # fmt: skip
     assert sorted(_paths(wrong)) == [
         "/shots/0/layers/0/inputs/style_output",
-        "/shots/0/layers/0/keys/0/image",
-        "/shots/0/layers/0/keys/1/frame",
-        "/shots/0/layers/0/keys/1/mask",
+        "/shots/0/layers/0/parts/keys/0/image",
+        "/shots/0/layers/0/parts/keys/1/frame",
+        "/shots/0/layers/0/parts/keys/1/mask",
         "/shots/0/layers/1/id",
         "/variants/0/shot",
         "/variants/1/layer",
@@ -60,7 +60,7 @@ def test_references_and_ids_of_a_document_are_checked() -> None:
 
 def test_a_document_error_can_be_pickled() -> None:
     with pytest.raises(BadProject) as caught:
-        parse_document({"schema": 2})
+        parse_document({"schema": 3})
     again = pickle.loads(pickle.dumps(caught.value))
     assert again.errors == caught.value.errors and str(again) == str(caught.value)
 
@@ -74,11 +74,11 @@ def test_json_pointers_escape_names() -> None:
     [
         ({"method": "oil"}, ["/method"]),
         ({"params": {"stroke_size": 9, "colour": 1}}, ["/params/stroke_size", "/params/colour"]),
-        ({"style_keys": [{"region": "moon", "frame": 3}, {"region": "rest", "frame": 24}]},
-         ["/style_keys/0/region", "/style_keys/1/frame"]),
-        ({"regions": {"swan": {"label": 1}}}, ["/regions/swan/label"]),
-        ({"region_maps": [{"frame": 24, "image": "map-0"}]}, ["/region_maps/0/frame"]),
-        ({"region_maps": [{"frame": 0, "image": "clip"}]}, ["/region_maps/0/image"]),
+        ({"parts": {"design": {"keys": [{"region": "moon", "frame": 3}, {"region": "rest", "frame": 24}]}}},
+         ["/parts/design/keys/0/region", "/parts/design/keys/1/frame"]),
+        ({"parts": {"design": {"regions": {"swan": {"label": 1}}}}}, ["/parts/design/regions/swan/label"]),
+        ({"parts": {"region_maps": [{"frame": 24, "image": "map-0"}]}}, ["/parts/region_maps/0/frame"]),
+        ({"parts": {"region_maps": [{"frame": 0, "image": "clip"}]}}, ["/parts/region_maps/0/image"]),
         ({"method": "analogy", "inputs": {"style": "wave"}}, ["/inputs/style_output"]),
         ({"method": "steady"}, ["/inputs/styled"]),
     ],
@@ -94,7 +94,7 @@ def test_a_designed_layer_has_no_problems() -> None:
 def test_a_deleted_asset_is_reported_at_every_use() -> None:
     parsed = parse_document(document(layer("analogy", keys=[{"frame": 12, "image": "key-12"}])))
     kept = {key: value for key, value in ASSETS.items() if key != parsed.assets["key-12"].id}
-    assert [problem.path for problem in problems(parsed, kept)] == ["/shots/0/layers/0/keys/0/image"]
+    assert [problem.path for problem in problems(parsed, kept)] == ["/shots/0/layers/0/parts/keys/0/image"]
 
 
 def test_a_hidden_layer_may_have_problems() -> None:

@@ -41,7 +41,7 @@ def test_a_design_is_assembled_from_the_layer() -> None:
     design = job.inputs["design"]
     assert isinstance(design, JsonValue)
     written = json.loads(design.text)
-    assert written["version"] == 1 and written["keys"] == DESIGNED["style_keys"]
+    assert written["version"] == 1 and written["keys"] == DESIGNED["parts"]["design"]["keys"]
     assert job.inputs["masks"] == ImagesByFrame(((0, asset_id("e")),))
 
 

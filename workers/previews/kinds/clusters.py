@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -19,8 +20,6 @@ from workers.previews.kinds.regions import MOST_PIXELS, VideoSource
 from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
 
-SCRIBBLES = "scribbles.image"
-"""Name of the layer part with scribbles."""
 REACH_FRAMES = 12
 """Maximum number of frames between scribbles and a later frame whose foreground is previewed. The film has no such
 limit."""
@@ -54,8 +53,9 @@ def clusters(context: PreviewContext) -> Iterator[Record]:
             {"type": "progress", "done": round(len(made) / max(info.frames, 1), 3), "note": "Finding clusters"}
         )
     if not made:
-        raise BadParameter("With these settings the method clusters no frames.", field="params.temporal",
-                           value=layer.params.get("temporal"), remedy='Use temporal = "on".')  # fmt: skip
+        name, value = next(iter(chosen.clusters_params.items()), ("", None))
+        raise BadParameter("With these settings the method clusters no frames.", field=f"params.{name}".rstrip("."),
+                           value=layer.params.get(name), remedy=f"Use {name} = {json.dumps(value)}.")  # fmt: skip
     context.cache.put(key, made, sum(len(record.payload) for record in made))
 
 
@@ -89,8 +89,10 @@ def _able(layer: LayerSources) -> Method:
 
 
 def _for_clusters(chosen: Method, layer: LayerSources) -> LayerSources:
-    """The layer with only the parts on which clusters depend: scribbles, but no other drawings."""
-    names = {spec.name for spec in chosen.inputs if spec.part == SCRIBBLES}
+    """The layer with only the drawings on which clusters depend."""
+    shown = [section.overlay for section in chosen.studio.sections if section.overlay is not None]
+    parts = {part for overlay in shown if overlay.preview == "clusters" for part in overlay.after}
+    names = {spec.name for spec in chosen.inputs if spec.part.partition(".")[0] in parts}
     images = {name: found for name, found in layer.images.items() if name in names}
     return replace(layer, images=images, documents={}, files={})
 

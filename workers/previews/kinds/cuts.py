@@ -38,5 +38,6 @@ def cuts(context: PreviewContext) -> Iterator[Record]:
 
 
 def _sensitivity(layer: LayerSources) -> float:
-    """The layer's parameter `cut_sensitivity`; 1 for a method without it."""
-    return float(getattr(parse_params(method(layer.method), layer.params), "cut_sensitivity", 1.0))
+    """The layer's parameter for it; 1 for a method without one."""
+    chosen = method(layer.method)
+    return float(getattr(parse_params(chosen, layer.params), chosen.studio.cuts, 1.0))

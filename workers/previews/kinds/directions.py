@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.errors import BadParameter
+from pipeline.methods import methods
 from workers.previews.context import PreviewContext
 from workers.previews.kinds.regions import known_artefacts
 from workers.previews.model import Record
@@ -19,8 +20,9 @@ def directions(context: PreviewContext) -> Iterator[Record]:
     painter = LayerPainter(layer, context.frames, context.check, known_artefacts(context, layer))
     field, (width, height) = painter.directions(number, context.query.side_px)
     if field is None:
+        able = ", ".join(name for name, known in methods().items() if "directions" in known.preview_kinds()) or "none"
         raise BadParameter(f"The method {layer.method!r} has no stroke directions.", field="layer", value=layer.id,
-                           remedy="Choose a method that has, such as multistyle.")  # fmt: skip
+                           remedy=f"Choose a method that has: {able}.")  # fmt: skip
     columns, rows = max(1, width // spacing), max(1, height // spacing)
     x = ((np.arange(columns) + 0.5) * field.shape[1] / columns).astype(np.intp)
     y = ((np.arange(rows) + 0.5) * field.shape[0] / rows).astype(np.intp)

@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from pipeline.frames import Frame
+from pipeline.methods import method
 from workers.previews.context import PreviewContext
 from workers.previews.film import PreviewFilm
-from workers.previews.kinds.propagate import carried, key_input
+from workers.previews.kinds.propagate import carried
 from workers.previews.kinds.regions import known_artefacts, layer_film
 from workers.previews.memory import Check
 from workers.previews.model import LayerSources, Record
@@ -129,7 +130,7 @@ def _draft(context: PreviewContext, number: int, side_px: int) -> Record | None:
 
 
 def _layer_draft(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame | None:
-    if key_input(layer) in layer.images:
+    if method(layer.method).keys_input() in layer.images:
         return carried(context, layer, number, side_px)
     artefacts = known_artefacts(context, layer)
     return context.cache.get(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, Cancelled
 from pipeline.frames import Frame
-from pipeline.methods import method
+from pipeline.methods import method, methods
 from workers.previews.context import PreviewContext
 from workers.previews.inputs import resized
 from workers.previews.kinds.regions import layer_film
@@ -24,21 +24,18 @@ _LOG = logging.getLogger(__name__)
 
 DRAFT_REACH_FRAMES = 12
 """Maximum distance, in frames, of a painted key that is carried to a frame for a draft of it."""
-KEYS = "keys.image"
-"""Name of the layer part with painted keys."""
-MASKS = "keys.mask"
-"""Name of the layer part with the masks of painted keys."""
 
 
 def propagate(context: PreviewContext) -> Iterator[Record]:
     """Frames key - around .. key + around, painted by the method's propagator at `PROXY_SIDE_PX` at most. If the method
     has none, or if it fails, they are painted by the method's plan over these frames."""
     layer, key = context.query.layers[0], context.options["key"]
-    name = _input(layer, KEYS)
-    if name is None:
+    name = method(layer.method).keys_input()
+    if not name:
+        able = ", ".join(one for one, known in methods().items() if known.keys_input()) or "none"
         raise BadParameter(
             f"The method {layer.method!r} takes no painted keys.", field="layer", value=layer.id,
-            remedy="Choose a method with the part keys, such as analogy.",
+            remedy=f"Choose a method that does: {able}.",
         )  # fmt: skip
     if key >= (total := context.frames.info(layer.video).frames):
         raise BadParameter("The video has no such frame.", field="key", value=key, remedy=f"Use 0 to {total - 1}.")
@@ -92,7 +89,7 @@ def _key_image(
         return None
     frame = context.frames.frame(layer.video, key, side_px)
     size = (frame.shape[1], frame.shape[0])
-    mask = layer.images.get(_input(layer, MASKS) or "", {}).get(key)
+    mask = layer.images.get(method(layer.method).keys_input("mask"), {}).get(key)
     shown = None if mask is None else context.frames.image(mask, "inputs")
     return key_at_size(context.frames.image(source, "image"), shown, size)
 
@@ -149,10 +146,10 @@ def _planned(context: PreviewContext, layer: LayerSources, name: str) -> Iterato
 def carried(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame | None:
     """A draft of a frame: the nearest painted key, carried to it along the motion; None if no key is within
     `DRAFT_REACH_FRAMES`, or if the method has no propagator."""
-    name = key_input(layer)
-    keys = layer.images.get(name or "", {})
+    name = method(layer.method).keys_input()
+    keys = layer.images.get(name, {})
     key = min(keys, key=lambda frame: (abs(frame - number), frame), default=number)
-    if name is None or abs(key - number) > DRAFT_REACH_FRAMES:
+    if not name or abs(key - number) > DRAFT_REACH_FRAMES:
         return None
     side_px = min(side_px, PROXY_SIDE_PX)
     with propagator_of(context, layer, side_px) as propagator:
@@ -164,13 +161,3 @@ def carried(context: PreviewContext, layer: LayerSources, number: int, side_px: 
             if at == number:
                 return picture
     return None
-
-
-def key_input(layer: LayerSources) -> str:
-    """Name of the input that is made of painted keys; empty if the method has none."""
-    return _input(layer, KEYS) or ""
-
-
-def _input(layer: LayerSources, part: str) -> str | None:
-    """Name of the method's input that is made from a part of the layer."""
-    return next((spec.name for spec in method(layer.method).inputs if spec.part == part), None)

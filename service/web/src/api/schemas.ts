@@ -19,8 +19,10 @@ export type InputSpec = Schemas["InputSpec"];
 export type FileInput = Pick<InputSpec, "name" | "kind" | "required" | "title" | "help">;
 export type Example = Schemas["Example"];
 export type Method = Omit<Schemas["MethodOut"], "params_schema"> & { params_schema: Schema };
-/** A part of the studio that methods offer. */
-export type Section = Schemas["Studio"]["sections"][number];
+/** A section of the studio's panel as a method describes it: an editor of a part of the layer. */
+export type Section = Schemas["Section"];
+export type Overlay = Schemas["Overlay"];
+export type PreviewKind = Overlay["preview"];
 export type PreviewRequest = Schemas["PreviewIn"];
 /** Parameters of a method, by name. */
 export type Params = Record<string, unknown>;

@@ -172,7 +172,8 @@ function Correction({ job, shown }: { job: Job; shown: number | null }) {
     if (shown !== null) setFrame(first + 1 + shown);
   }, [shown]);
   useEffect(() => {
-    const usesKeys = (method: Method) => method.name === job.request.method && method.studio.sections.includes("keys");
+    const usesKeys = ({ name, studio }: Method) =>
+      name === job.request.method && studio.sections.some(({ editor }) => editor === "keys");
     if (project) api.methods().then((methods) => setKeyed(methods.some(usesKeys)), notify);
   }, [project]);
   if (!project || !keyed) return null;

@@ -5,7 +5,7 @@ import { isShown, shareOf } from "../state/timeline";
 import { type Clusters, worst } from "./clusters";
 
 export function ClusterLane({ store, clusters }: { store: Store; clusters: Clusters }) {
-  if (!store.offers("clusters") || !clusters.available.value) return null;
+  if (!store.overlay("labels") || !clusters.available.value) return null;
   const { frames } = store;
   const span = store.span.value;
   const uncertainty = clusters.uncertainty.value;
@@ -22,7 +22,7 @@ export function ClusterLane({ store, clusters }: { store: Store; clusters: Clust
         role="img"
         aria-label={`Uncertainty of the clusters: ${Math.round(100 * here)} % in frame ${store.frame.value + 1}`}
       >
-        {(store.layer.value.labels ?? []).map(({ frame, solve }) => (
+        {clusters.corrections.map(({ frame, solve }) => (
           <rect
             key={frame}
             class="solved"
@@ -35,7 +35,7 @@ export function ClusterLane({ store, clusters }: { store: Store; clusters: Clust
         <path class="doubt" d={bars.join("")} />
         <path class="now" d={`M${store.frame.value} 0h1v100h-1z`} />
       </svg>
-      {(store.layer.value.labels ?? [])
+      {clusters.corrections
         .filter(({ frame }) => isShown(frame, span))
         .map(({ frame }) => (
           <button

@@ -1,5 +1,6 @@
-/** The clusters of a patches layer: show them, paint and merge labels, choose the frames that are solved again. */
+/** The clusters of a layer: show them, paint and merge labels, choose the frames that are solved again. */
 
+import type { Section } from "../../api/schemas";
 import { Icon } from "../../ui/icons";
 import type { Store } from "../state/store";
 import { type Clusters, worst } from "./clusters";
@@ -7,21 +8,22 @@ import { areas, colourOf, joined, solvedFrames, titleOf } from "./label-edits";
 
 interface ClustersProps {
   store: Store;
+  section: Section;
   clusters: Clusters;
   /** Paint the film; only what depends on the corrections runs again. */
   solve(): void;
 }
 
-export function ClustersSection({ store, clusters, solve }: ClustersProps) {
+export function ClustersSection({ store, section, clusters, solve }: ClustersProps) {
   const available = clusters.available.value;
   return (
     <section class="side-section" aria-labelledby="clusters-title">
-      <h2 id="clusters-title">Clusters</h2>
+      <h2 id="clusters-title">{section.title}</h2>
       {!available && (
         <p class="hint">Each moving object is one cluster. Find them now, or paint the film; then correct them here.</p>
       )}
       {store.previews.value && <Search store={store} clusters={clusters} />}
-      {available && <ClusterTools store={store} clusters={clusters} solve={solve} />}
+      {available && <ClusterTools store={store} section={section} clusters={clusters} solve={solve} />}
     </section>
   );
 }
@@ -44,7 +46,7 @@ function Search({ store, clusters }: { store: Store; clusters: Clusters }) {
         </button>
       </div>
     );
-  if (found) return <p class="hint">These clusters were found with the present settings and scribbles.</p>;
+  if (found) return <p class="hint">These clusters were found with the present settings and marks.</p>;
   return (
     <div class="actions">
       <button type="button" class="button small" onClick={start}>
@@ -54,11 +56,11 @@ function Search({ store, clusters }: { store: Store; clusters: Clusters }) {
   );
 }
 
-function ClusterTools({ store, clusters, solve }: ClustersProps) {
+function ClusterTools({ store, section, clusters, solve }: ClustersProps) {
   const map = clusters.map.value;
   const shown = clusters.shown.value;
-  const corrections = store.layer.value.labels ?? [];
-  const next = mostUncertain(store, clusters);
+  const { corrections } = clusters;
+  const next = mostUncertain(clusters);
   const show = (yes: boolean) => {
     clusters.shown.value = yes;
     if (!yes && store.tool.value === "label") store.tool.value = "pan";
@@ -72,7 +74,7 @@ function ClusterTools({ store, clusters, solve }: ClustersProps) {
       </p>
       <label class="check-field">
         <input type="checkbox" checked={shown} onChange={(event) => show(event.currentTarget.checked)} />
-        Show the clusters
+        {section.overlay?.title}
       </label>
       <div class="actions">
         <button
@@ -100,9 +102,9 @@ function ClusterTools({ store, clusters, solve }: ClustersProps) {
 }
 
 /** The least certain frame that no correction covers yet. */
-function mostUncertain(store: Store, clusters: Clusters): number | null {
+function mostUncertain(clusters: Clusters): number | null {
   const covered = (frame: number) =>
-    (store.layer.value.labels ?? []).some(({ solve }) => !solve || (solve[0] <= frame && frame < solve[1]));
+    clusters.corrections.some(({ solve }) => !solve || (solve[0] <= frame && frame < solve[1]));
   let best: [number, number] | null = null;
   for (const [frame, labels] of clusters.uncertainty.value) {
     const value = worst(labels);

@@ -1,11 +1,11 @@
 /**
- * The clusters of a layer of the method patches: label maps and their uncertainty as the newest film of the shot has
- * them, or as the service finds them before a film, and the maps that the user has corrected since.
+ * The clusters of a layer: label maps and their uncertainty as the newest film of the shot has them, or as the service
+ * finds them before a film, and the maps that the user has corrected since.
  */
 
 import { computed, effect, signal } from "@preact/signals";
 import * as api from "../../api/api";
-import type { Job, Page } from "../../api/schemas";
+import type { Job, Overlay, Page } from "../../api/schemas";
 import { upload } from "../../ui/upload";
 import { type ProjectJob, preview, projectJobs } from "../document/api";
 import {
@@ -15,9 +15,12 @@ import {
   type Layer,
   type LayerPlace,
   layerOf,
+  picturesOf,
   putAtFrame,
   removeAtFrame,
   shotOf,
+  stemOf,
+  withPart,
 } from "../document/document";
 import { createCanvas } from "../drawing/raster";
 import type { Store } from "../state/store";
@@ -57,19 +60,19 @@ export class Clusters {
     private readonly redraw: () => void,
   ) {
     const show = effect(() => {
-      if (!store.offers("clusters")) return;
+      if (!store.overlay("labels")) return;
       const frame = store.frame.value;
       const found = this.found.value.has(frame) || this.film.value !== null;
       if (this.shown.value && found) this.load(frame, this.correction(frame)).catch((error) => this.failed(error));
     });
-    const basis = computed(() => clusterBasis(store.layer.value));
+    const basis = computed(() => clusterBasis(store.layer.value, store.overlay("labels")));
     const forget = effect(() => {
       basis.value;
       this.forget();
     });
     const follow = effect(() => {
       store.film.value; // a film that has just ended
-      if (store.offers("clusters", store.layer.peek())) this.find();
+      if (store.overlay("labels", store.layer.peek())) this.find();
     });
     this.disposers = [show, forget, follow];
   }
@@ -89,10 +92,12 @@ export class Clusters {
     const { signal: life } = this.life;
     try {
       const shot = this.store.shot.peek().id;
-      const artefacts = this.store.method.peek()?.studio.cluster_artefacts ?? [];
-      const made = (await projectJobs(this.store.projectId)).filter((one) => usable(one, shot, artefacts));
-      const film = made[0]?.job ?? null;
-      if (film) this.ofFilm = await readUncertainty(film, life);
+      const { artefact = "", uncertainty = "" } = this.store.overlay("labels", this.store.layer.peek()) ?? {};
+      const made = (await projectJobs(this.store.projectId)).filter((one) =>
+        usable(one, shot, [artefact, uncertainty]),
+      );
+      const film = (artefact && made[0]?.job) || null;
+      if (film && uncertainty) this.ofFilm = await readUncertainty(film, uncertainty, life);
       if (!this.found.peek().size) this.uncertainty.value = this.ofFilm;
       this.film.value = film;
     } catch (error) {
@@ -103,6 +108,8 @@ export class Clusters {
   /** Find the clusters of all frames with the present settings and scribbles, without a film. */
   async searchAll(): Promise<void> {
     const { store } = this;
+    const overlay = store.overlay("labels");
+    if (!overlay) return;
     this.forget();
     this.search = new AbortController();
     const { signal: life } = this.search;
@@ -111,7 +118,7 @@ export class Clusters {
     const body = { document: store.document.peek(), ...store.place };
     const run = preview({
       project: store.projectId,
-      what: "clusters",
+      what: overlay.preview,
       channel: "clusters",
       body,
       signal: life,
@@ -135,8 +142,13 @@ export class Clusters {
     this.redraw();
   }
 
+  /** The corrected label maps of the selected layer. */
+  get corrections(): readonly LabelCorrection[] {
+    return picturesOf(this.store.layer.value, this.store.section("clusters")?.part);
+  }
+
   correction(frame: number): LabelCorrection | undefined {
-    return this.store.layer.value.labels?.find((entry) => entry.frame === frame);
+    return this.corrections.find((entry) => entry.frame === frame);
   }
 
   private async load(frame: number, correction: LabelCorrection | undefined): Promise<void> {
@@ -157,7 +169,8 @@ export class Clusters {
     const film = this.film.value;
     const at = frame - (film?.request.frames?.[0] ?? 0);
     if (!film || at < 0) return null;
-    const path = api.url`/v1/jobs/${film.id}/artefacts/labels/${String(at).padStart(6, "0")}.png`;
+    const { artefact = "" } = this.store.overlay("labels") ?? {};
+    const path = api.url`/v1/jobs/${film.id}/artefacts/${artefact}/${String(at).padStart(6, "0")}.png`;
     return this.read(path, path).catch((error) => {
       if (error instanceof api.Problem && error.status === 404) return null;
       throw error;
@@ -184,6 +197,7 @@ export class Clusters {
   /** Make a map the corrected one of its frame. */
   correct(label: string, frame: number, map: LabelMap): void {
     const { place } = this.store; // another layer may be selected when it is stored
+    const part = this.store.section("clusters")?.part ?? "";
     this.map.value = { ...map, frame };
     this.redraw();
     this.waiting += 1;
@@ -193,7 +207,7 @@ export class Clusters {
       this.store.storing.value -= 1;
     };
     this.pending = this.pending
-      .then(() => this.save(label, place, frame, map))
+      .then(() => this.save(label, place, part, frame, map))
       .then(done, (error) => {
         done();
         this.failed(error);
@@ -201,18 +215,18 @@ export class Clusters {
       });
   }
 
-  private async save(label: string, place: LayerPlace, frame: number, map: LabelMap): Promise<void> {
+  private async save(label: string, place: LayerPlace, part: string, frame: number, map: LabelMap): Promise<void> {
     const file = new File([encodeLabels(map)], `labels-${frame}.png`, { type: "image/png" });
     const asset = await upload(file);
     this.known.set(asset.id, map);
     this.store.editDocument(label, (document) => {
-      const present = layerOf(shotOf(document, place.shot), place.layer)?.labels?.find((one) => one.frame === frame);
+      const stored = layerOf(shotOf(document, place.shot), place.layer);
+      const present = stored && picturesOf<LabelCorrection>(stored, part).find((one) => one.frame === frame);
       const solve = present?.solve ?? solvedAround(frame, this.store.frames);
-      const [next, image] = addAsset(document, `${place.layer}-labels-${frame}`, { id: asset.id });
-      return changeLayer(next, place, (layer) => ({
-        ...layer,
-        labels: putAtFrame(layer.labels, { frame, image, solve }),
-      }));
+      const [next, image] = addAsset(document, stemOf(place, part, frame), { id: asset.id });
+      const entry: LabelCorrection = { frame, image, solve };
+      const put = (layer: Layer) => withPart(layer, part, putAtFrame(picturesOf<LabelCorrection>(layer, part), entry));
+      return changeLayer(next, place, put);
     });
   }
 
@@ -222,16 +236,17 @@ export class Clusters {
   }
 
   remove(frame: number): void {
-    this.store.editLayer("Remove a correction", (layer) => ({ ...layer, labels: removeAtFrame(layer.labels, frame) }));
+    this.edit("Remove a correction", (entries) => removeAtFrame(entries, frame));
   }
 
   setInterval(frame: number, solve: [number, number]): void {
     const change = (entry: LabelCorrection) => (entry.frame === frame ? { ...entry, solve } : entry);
-    this.store.editLayer(
-      "Change the interval",
-      (layer) => ({ ...layer, labels: (layer.labels ?? []).map(change) }),
-      `interval-${frame}`,
-    );
+    this.edit("Change the interval", (entries) => entries.map(change), `interval-${frame}`);
+  }
+
+  private edit(label: string, change: (entries: LabelCorrection[]) => LabelCorrection[], group = ""): void {
+    const part = this.store.section("clusters")?.part;
+    if (part) this.store.editPart<LabelCorrection[] | undefined>(label, part, (entries = []) => change(entries), group);
   }
 
   /** Draw the clusters over the stage; the context is in pixels of the video. */
@@ -249,14 +264,21 @@ export class Clusters {
 }
 
 /** The data on which the clusters of a layer depend. */
-const clusterBasis = ({ method, params, seed, scribbles }: Layer): string =>
-  JSON.stringify([method, params, seed, scribbles]);
+const clusterBasis = ({ method, params, seed, parts = {} }: Layer, overlay: Overlay | undefined): string =>
+  JSON.stringify([method, params, seed, overlay?.after.map((part) => parts[part])]);
 
 const usable = ({ job, shot, variant }: ProjectJob, wanted: string, artefacts: readonly string[]): boolean =>
-  job?.state === "succeeded" && shot === wanted && !variant && artefacts.every((name) => job.results.includes(name));
+  job?.state === "succeeded" &&
+  shot === wanted &&
+  !variant &&
+  artefacts.every((name) => !name || job.results.includes(name));
 
-async function readUncertainty(film: Job, signal: AbortSignal): Promise<Map<number, FrameUncertainty>> {
-  const entries = await api.get<Page<{ url: string }>>(api.url`/v1/jobs/${film.id}/artefacts/uncertainty`, signal);
+async function readUncertainty(
+  film: Job,
+  artefact: string,
+  signal: AbortSignal,
+): Promise<Map<number, FrameUncertainty>> {
+  const entries = await api.get<Page<{ url: string }>>(api.url`/v1/jobs/${film.id}/artefacts/${artefact}`, signal);
   const first = film.request.frames?.[0] ?? 0;
   const found = new Map<number, FrameUncertainty>();
   for (const { url } of entries.items) {

@@ -1,5 +1,5 @@
 /**
- * The project document (schema 1): its types, and pure functions that return a changed copy.
+ * The project document (schema 2): its types, and pure functions that return a changed copy.
  *
  * Frames are indices into the shot's video, from 0; points are fractions of the picture's width and height, 0..1, y down;
  * angles are degrees clockwise from the right.
@@ -9,69 +9,15 @@ import type { Params, Schemas } from "../../api/schemas";
 
 export type AssetRef = Schemas["ProjectAssetRef"];
 export type Point = [x: number, y: number];
-export type Ease = "linear" | "smooth" | "in" | "out" | "hold";
 export type Blend = NonNullable<Layer["blend"]>;
 export type PaintLayer = Schemas["ProjectPaintLayer"];
 export type PaintedKey = Schemas["ProjectPaintedKey"];
 export type FrameImage = Schemas["ProjectDrawing"];
-/** A corrected label map: gray value = cluster. */
-export type LabelCorrection = Schemas["ProjectLabelMap"];
+/** A corrected label map: gray value = cluster. `solve`: frames [first, end) that it changes; null: the shot. */
+export type LabelCorrection = FrameImage & { solve?: [number, number] | null };
 
-export interface Region {
-  objects?: number[];
-  tubes?: number[];
-  polygons?: { frame: number; points: Point[] }[];
-  label?: number;
-  of?: string;
-  border?: string;
-}
-
-export interface StyleKey {
-  region: string;
-  frame: number;
-  style?: string;
-  /** Parameters that differ from the style's. */
-  set?: Params;
-  ease?: Ease;
-}
-
-/**
- * Patterns of the method multistyle: regular = parallel strokes at an angle. The angle of a center, spiral or node turns each
- * stroke relative to the ray from the centre.
- */
-export type Pattern = "regular" | "center" | "spiral" | "node" | "saddle" | "wedge" | "trisector";
-
-export interface DirectionElement {
-  pattern: Pattern;
-  at: Point;
-  /** Degrees. */
-  angle?: number;
-  /** Distance at which 37 % of the influence is left, in heights of the picture; 0 = everywhere. */
-  reach?: number;
-  strength?: number;
-}
-
-export interface DirectionKey {
-  region: string;
-  frame: number;
-  elements: DirectionElement[];
-  edge_weight?: number;
-  follow?: boolean;
-  free?: boolean;
-  ease?: Ease;
-}
-
-/** The service passes regions, styles and directions on to the method as they are. */
-export type Layer = Omit<
-  Schemas["ProjectLayer"],
-  "regions" | "styles" | "style_keys" | "directions" | "label_styles"
-> & {
-  regions?: Record<string, Region>;
-  styles?: Record<string, Params>;
-  style_keys?: StyleKey[];
-  directions?: DirectionKey[];
-  label_styles?: Record<string, string>;
-};
+/** A layer. Its parts are described by the methods; `Section.part` names the one that an editor of the studio edits. */
+export type Layer = Omit<Schemas["ProjectLayer"], "parts"> & { parts?: Readonly<Record<string, unknown>> };
 
 export type Shot = Omit<Schemas["ProjectShot"], "layers"> & { layers: Layer[] };
 export type Variant = Omit<Schemas["ProjectVariant"], "set"> & { set: { method?: string; params?: Params } };
@@ -84,7 +30,7 @@ export type ProjectDocument = Omit<Schemas["ProjectDocument"], "shots" | "varian
 /** A project with one shot of one layer. */
 export function newDocument(name: string, videoAsset: string, method: string): ProjectDocument {
   return {
-    schema: 1,
+    schema: 2,
     name: name.slice(0, 200) || "Untitled",
     assets: { clip: { id: videoAsset, title: name } },
     shots: [{ id: "s1", video: "clip", layers: [{ id: "l1", method }] }],
@@ -109,6 +55,10 @@ export function addAsset(document: ProjectDocument, stem: string, ref: AssetRef)
   const name = freeName(stem, (candidate) => candidate in document.assets);
   return [{ ...document, assets: { ...document.assets, [name]: ref } }, name];
 }
+
+/** Start of the names of a part's assets, which have at most 80 characters. */
+export const stemOf = (place: LayerPlace, part: string, frame: number): string =>
+  `${`${place.layer}-${part}`.slice(0, 50)}-${frame}`;
 
 /** `stem`, or `stem-2`, `stem-3`, ... */
 export function freeName(stem: string, taken: (name: string) => boolean): string {
@@ -140,9 +90,19 @@ export function changeShot(document: ProjectDocument, id: string, change: (shot:
   return { ...document, shots: document.shots.map((shot) => (shot.id === id ? change(shot) : shot)) };
 }
 
-interface Framed {
+export interface Framed {
   frame: number;
 }
+
+/** The pictures of a part of the layer, in the order of frames. */
+export const picturesOf = <Item extends Framed = FrameImage>(layer: Layer, part = ""): readonly Item[] =>
+  (layer.parts?.[part] as readonly Item[] | undefined) ?? NONE;
+const NONE: readonly never[] = [];
+
+export const withPart = (layer: Layer, part: string, value: unknown): Layer => ({
+  ...layer,
+  parts: { ...layer.parts, [part]: value },
+});
 
 /** The list with `item` in place of the one at its frame, in the order of frames. */
 export function putAtFrame<Item extends Framed>(items: readonly Item[] = [], item: Item): Item[] {
@@ -152,118 +112,9 @@ export function putAtFrame<Item extends Framed>(items: readonly Item[] = [], ite
 export const removeAtFrame = <Item extends Framed>(items: readonly Item[] = [], frame: number): Item[] =>
   items.filter((item) => item.frame !== frame);
 
-interface RegionFramed extends Framed {
-  region: string;
-}
-
-/** The same for keys on the track of a region. */
-export function putOnTrack<Item extends RegionFramed>(items: readonly Item[] = [], item: Item): Item[] {
-  const others = items.filter((other) => other.frame !== item.frame || other.region !== item.region);
-  return [...others, item].sort((a, b) => a.frame - b.frame || a.region.localeCompare(b.region));
-}
-
-export const removeFromTrack = <Item extends RegionFramed>(
-  items: readonly Item[] = [],
-  region: string,
-  frame: number,
-): Item[] => items.filter((item) => item.frame !== frame || item.region !== region);
-
-/** Keys of one region, in the order of frames. */
-export const trackOf = <Item extends RegionFramed>(items: readonly Item[] = [], region: string): Item[] =>
-  items.filter((item) => item.region === region);
-
 /** The newest key at or before a frame, or the first one. */
 export function keyAt<Item extends Framed>(items: readonly Item[], frame: number): Item | undefined {
   return items.findLast((item) => item.frame <= frame) ?? items[0];
-}
-
-/** Move every key at a frame of a layer's track to another frame; a key already there is replaced. */
-export function moveKeys(layer: Layer, track: "keys" | "style_keys" | "directions", from: number, to: number): Layer {
-  if (from === to || to < 0) return layer;
-  const moved = <Item extends Framed>(items: readonly Item[] = []): Item[] =>
-    items
-      .filter((item) => item.frame !== to)
-      .map((item) => (item.frame === from ? { ...item, frame: to } : item))
-      .sort((a, b) => a.frame - b.frame);
-  if (track === "keys") return { ...layer, keys: moved(layer.keys) };
-  if (track === "style_keys") return { ...layer, style_keys: moved(layer.style_keys) };
-  return { ...layer, directions: moved(layer.directions) };
-}
-
-/** Remove a region with its keys and directions. */
-export function removeRegion(layer: Layer, name: string): Layer {
-  const { [name]: _removed, ...regions } = layer.regions ?? {};
-  const others = <Item extends RegionFramed>(items: readonly Item[] = []) =>
-    items.filter((item) => item.region !== name);
-  return { ...layer, regions, style_keys: others(layer.style_keys), directions: others(layer.directions) };
-}
-
-/** Join several regions into the first: it gets all their objects, tubes and polygons. */
-export function mergeRegions(layer: Layer, names: readonly string[]): Layer {
-  const [first, ...rest] = names.filter((name) => layer.regions?.[name]);
-  if (!first || !rest.length) return layer;
-  const all = [first, ...rest].map((name) => layer.regions?.[name] ?? {});
-  const merged: Region = { ...all[0] };
-  const objects = [...new Set(all.flatMap((region) => region.objects ?? []))].sort((a, b) => a - b);
-  const tubes = [...new Set(all.flatMap((region) => region.tubes ?? []))].sort((a, b) => a - b);
-  const polygons = all.flatMap((region) => region.polygons ?? []);
-  if (objects.length) merged.objects = objects;
-  if (tubes.length) merged.tubes = tubes;
-  if (polygons.length) merged.polygons = polygons;
-  const kept = rest.reduce(removeRegion, layer);
-  return { ...kept, regions: { ...kept.regions, [first]: merged } };
-}
-
-/** The tubes of a region, those of its objects included; `partsOf` gives the tubes of an object. */
-export const tubesOf = (
-  { objects = [], tubes = [] }: Region,
-  partsOf: (object: number) => readonly number[],
-): number[] => [...new Set([...tubes, ...objects.flatMap(partsOf)])].sort((a, b) => a - b);
-
-/** A design document of the method multistyle. */
-export interface Design {
-  regions?: Record<string, Region>;
-  keys?: StyleKey[];
-  directions?: DirectionKey[];
-}
-
-/** The layer with another design, instead of its own and of the effect that its parameters name. */
-export function withDesign(layer: Layer, { regions = {}, keys = [], directions = [] }: Design): Layer {
-  const { effect: _effect, ...params } = layer.params ?? {};
-  return { ...layer, params, regions, style_keys: keys, directions };
-}
-
-/** Take a tube out of a region and add it to the region `name`, which `splitRegion` has made of another part of it. */
-export function moveTube(layer: Layer, owner: string, tube: number, name: string): Layer {
-  const { [owner]: whole, [name]: part } = layer.regions ?? {};
-  const left = whole?.tubes?.filter((other) => other !== tube) ?? [];
-  if (!left.length || left.length === whole?.tubes?.length) return layer;
-  const tubes = [...(part?.tubes ?? []), tube].sort((a, b) => a - b);
-  return { ...layer, regions: { ...layer.regions, [owner]: { ...whole, tubes: left }, [name]: { ...part, tubes } } };
-}
-
-/** Remove a tube from a region: it becomes the region `name`, with the keys of the former region. */
-export function splitRegion(
-  layer: Layer,
-  owner: string,
-  tube: number,
-  name: string,
-  partsOf: (object: number) => readonly number[],
-): Layer {
-  const whole = layer.regions?.[owner] ?? {};
-  const left = tubesOf(whole, partsOf).filter((other) => other !== tube);
-  if (!left.length) return layer;
-  const { objects: _objects, ...rest } = whole;
-  const copied = <Item extends RegionFramed>(items: readonly Item[] = []): Item[] => [
-    ...items,
-    ...trackOf(items, owner).map((item) => ({ ...item, region: name })),
-  ];
-  return {
-    ...layer,
-    regions: { ...layer.regions, [owner]: { ...rest, tubes: left }, [name]: { tubes: [tube] } },
-    style_keys: copied(layer.style_keys),
-    directions: copied(layer.directions),
-  };
 }
 
 /** Asset names that the document refers to anywhere in its shots, or in styles saved with it. */

@@ -1,6 +1,7 @@
 /** Plane geometry of the stage: the view (zoom and pan), polygons, brush samples, direction elements. */
 
-import type { DirectionElement, Pattern, Point } from "../document/document";
+import type { DirectionElement, Pattern } from "../document/design";
+import type { Point } from "../document/document";
 
 export interface Size {
   width: number;

@@ -73,7 +73,7 @@ export class Films {
       throw new api.Problem({ detail: "The project is not saved.", remedy: "See the message above the stage." });
     const [fault] = await checkProject(store.projectId);
     if (fault) throw new api.Problem({ detail: fault.message, remedy: fault.remedy });
-    const output = withClusters(store);
+    const output = withOverlays(store);
     const wishes = { ...(range && { range }), ...(output && { output }) };
     const made = await submitProject(store.projectId, wishes, api.token());
     const own = made.find(({ shot }) => shot === store.shot.peek().id) ?? made[0];
@@ -207,12 +207,13 @@ export async function filmFrame({ film, frame }: FilmFrame): Promise<Blob> {
   return (await api.request(api.url`/v1/jobs/${film}/frames/${frame - firstOf(job)}`)).blob();
 }
 
-/** The output with the clusters, which the studio shows later; undefined: as the document has it. */
-function withClusters(store: Store): Output | undefined {
+/** The output with what the studio draws over the film; undefined: as the document has it. */
+function withOverlays(store: Store): Output | undefined {
   const [only, ...others] = store.shot.value.layers.filter((layer) => layer.visible !== false);
   const plain = only && !others.length && (only.opacity ?? 1) === 1 && (only.blend ?? "over") === "over" && !only.matte;
-  const artefacts = plain ? store.methodOf(only)?.studio.cluster_artefacts : [];
-  if (!artefacts?.length || store.document.value.shots.length > 1) return undefined;
+  const overlays = plain ? (store.methodOf(only)?.studio.sections ?? []).map((section) => section.overlay) : [];
+  const artefacts = overlays.flatMap((one) => [one?.artefact, one?.uncertainty]).filter((name) => name) as string[];
+  if (!artefacts.length || store.document.value.shots.length > 1) return undefined;
   const { output = {} } = store.document.value;
   return { ...output, artefacts: [...new Set([...(output.artefacts ?? []), ...artefacts])] };
 }

@@ -3,9 +3,11 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as api from "../../api/api";
+import type { Section } from "../../api/schemas";
 import { IconButton } from "../../ui/icons";
+import { picturesOf } from "../document/document";
 import type { Cuts } from "../previews/cuts";
-import type { Store } from "../state/store";
+import { isPainted, pictureAt, type Store } from "../state/store";
 import {
   frameAt,
   isShown,
@@ -32,16 +34,22 @@ const WHEEL_PX = 1000;
 /** A shorter video needs no zoom of the strip. */
 const ZOOM_FRAMES = 240;
 
+/** Frames that are painted in the parts of these sections of the selected layer. */
+export function paintedFrames(store: Store, sections: readonly Section[]): number[] {
+  const layer = store.layer.value;
+  const stored = sections.flatMap(({ part }) => picturesOf(layer, part)).map(({ frame }) => frame);
+  const open = Object.keys(store.history.value.present.pictures)
+    .map(pictureAt)
+    .filter((at) => at.layer === layer.id && sections.some(({ part }) => part === at.part));
+  return [...new Set([...stored, ...open.map(({ frame }) => frame)])].sort((a, b) => a - b);
+}
+
 /** Frames with a key of the selected layer: painted, or of style and direction of the selected region. */
 export function keyFrames(store: Store): number[] {
-  const layer = store.layer.value;
-  const prefix = `${layer.id}:`;
-  const open = Object.keys(store.history.value.present.pictures).filter((key) => key.startsWith(prefix));
-  const tracks = [...(layer.style_keys ?? []), ...(layer.directions ?? [])].filter(
-    (key) => !store.region.value || key.region === store.region.value,
-  );
-  const frames = [...(layer.keys ?? []), ...tracks, ...(layer.scribbles ?? [])].map((key) => key.frame);
-  return [...new Set([...frames, ...open.map((key) => Number(key.slice(prefix.length)))])].sort((a, b) => a - b);
+  const { keys = [], directions = [] } = store.design;
+  const tracks = [...keys, ...directions].filter((key) => !store.region.value || key.region === store.region.value);
+  const painted = paintedFrames(store, store.method.value?.studio.sections.filter(isPainted) ?? []);
+  return [...new Set([...painted, ...tracks.map(({ frame }) => frame)])].sort((a, b) => a - b);
 }
 
 interface FilmstripProps {

@@ -1,9 +1,10 @@
-/** The foreground that the service spreads from scribbles: shown over the frame and the frames after it while one scribbles. */
+/** The mask that the service makes of marks: a veil over the frame and the frames after it while one draws them. */
 
 import { effect, signal, untracked } from "@preact/signals";
 import { asProblem, isAbort } from "../../api/api";
+import type { Overlay } from "../../api/schemas";
 import { pictureOf, preview } from "../document/api";
-import type { ProjectDocument } from "../document/document";
+import { type ProjectDocument, picturesOf } from "../document/document";
 import { createCanvas } from "../drawing/raster";
 import type { Store } from "../state/store";
 
@@ -20,7 +21,7 @@ export class Foreground {
   /** By frame. */
   readonly veils = signal<ReadonlyMap<number, Veil>>(new Map());
   readonly shown = signal(true);
-  private known: unknown = null;
+  private known: readonly unknown[] = [];
   private timer = 0;
   private running = new AbortController();
   private readonly dispose: () => void;
@@ -41,21 +42,21 @@ export class Foreground {
   /** Ask for the foreground of the shown frame once the scribbles or the frame have rested. */
   private follow(): void {
     const { store } = this;
-    const layer = store.layer.value;
-    const { scribbles = [] } = layer;
+    const overlay = store.overlay("mask");
+    const marks = overlay?.after.map((part) => picturesOf(store.layer.value, part)) ?? [];
     const frame = store.frame.value;
-    const wanted = store.offers("scribbles") && store.previews.value && this.shown.value && scribbles.length > 0;
+    const wanted = overlay && store.previews.value && this.shown.value && marks.some(({ length }) => length > 0);
     clearTimeout(this.timer);
-    if (this.known !== layer.scribbles || !wanted) {
-      this.known = layer.scribbles;
+    if (marks.some((one, i) => one !== this.known[i]) || !wanted) {
+      this.known = marks;
       this.running.abort();
       this.veils.value = new Map();
     }
     if (wanted && !untracked(() => this.veils.value.has(frame)))
-      this.timer = window.setTimeout(() => this.load(frame, store.document.peek()), REST_MS);
+      this.timer = window.setTimeout(() => this.load(frame, overlay, store.document.peek()), REST_MS);
   }
 
-  private async load(frame: number, document: ProjectDocument): Promise<void> {
+  private async load(frame: number, overlay: Overlay, document: ProjectDocument): Promise<void> {
     const { store } = this;
     this.running.abort();
     this.running = new AbortController();
@@ -69,7 +70,7 @@ export class Foreground {
     try {
       await preview({
         project: store.projectId,
-        what: "spread",
+        what: overlay.preview,
         channel: "foreground",
         body,
         signal: life,

@@ -2,17 +2,19 @@
 
 import { useEffect, useRef, useState } from "preact/hooks";
 import { isAbort, saveFile } from "../../api/api";
+import type { Section } from "../../api/schemas";
 import { Icon, IconButton } from "../../ui/icons";
 import { notify, notifyOf } from "../../ui/notices";
 import { changePictureLayer, type KeyPicture, type PictureLayer } from "../drawing/strokes";
 import { type FilmFrame, filmHas } from "../films/films";
-import { keyFrames } from "../films/filmstrip";
+import { paintedFrames } from "../films/filmstrip";
 import type { Result, Store } from "../state/store";
 import type { PaintedKeys } from "./keys";
 import { isPsd, makePsd, readLayers } from "./psd";
 
 export interface KeysSectionProps {
   store: Store;
+  section: Section;
   keys: PaintedKeys;
   /** Make the present painting of the shown frame a key. */
   correct(): Promise<void>;
@@ -22,10 +24,10 @@ export interface KeysSectionProps {
   suggest(): Promise<void>;
 }
 
-export function KeysSection({ store, keys, correct, take, suggest }: KeysSectionProps) {
+export function KeysSection({ store, section, keys, correct, take, suggest }: KeysSectionProps) {
   const [waiting, setWaiting] = useState(false);
   const frame = store.frame.value;
-  const frames = keyFrames(store);
+  const frames = paintedFrames(store, [section]);
   const here = frames.includes(frame);
   const film = store.film.value;
   const paint = () => {
@@ -39,7 +41,7 @@ export function KeysSection({ store, keys, correct, take, suggest }: KeysSection
   };
   return (
     <section class="side-section" aria-labelledby="keys-title">
-      <h2 id="keys-title">Painted keys</h2>
+      <h2 id="keys-title">{section.title}</h2>
       {!frames.length && (
         <p class="hint">Paint over a frame: the film follows your painting from there, forwards and backwards.</p>
       )}
@@ -85,7 +87,7 @@ export function KeysSection({ store, keys, correct, take, suggest }: KeysSection
           <Icon name="download" />
           Export PSD
         </button>
-        {here && <IconButton name="trash" label="Remove this key" onClick={() => keys.remove(frame)} />}
+        {here && <IconButton name="trash" label="Remove this key" onClick={() => keys.remove(frame, section)} />}
       </div>
       {store.previews.value && <Suggestions store={store} known={frames} suggest={suggest} />}
       {here && <PictureLayers store={store} keys={keys} />}
@@ -149,10 +151,10 @@ function ImportButton({ store, keys }: { store: Store; keys: PaintedKeys }) {
 /** A picture becomes one layer; a PSD keeps its layers. */
 async function importKey(store: Store, keys: PaintedKeys, file: File): Promise<void> {
   const frame = store.frame.value;
-  const layer = store.layer.value.id;
+  const key = store.pictureKey(frame);
   if (!isPsd(file)) return keys.import(frame, file);
   const { layers, simplified } = await readLayers(file, store.size);
-  await keys.importLayers(frame, layers, layer);
+  await keys.importLayers(frame, layers, key);
   if (!simplified.length) return;
   const names = simplified.map((name) => `“${name}”`).join(", ");
   notifyOf({

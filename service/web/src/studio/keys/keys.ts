@@ -1,30 +1,34 @@
-/**
- * Painted keys, and scribbles of the method patches: their editable pictures, their upload, and their entries in the
- * document.
- */
+/** Painted keys, and marks: their editable pictures, their upload, and their entries in the document. */
 
 import { effect } from "@preact/signals";
 import * as api from "../../api/api";
-import type { Asset } from "../../api/schemas";
+import type { Asset, Section } from "../../api/schemas";
 import { upload } from "../../ui/upload";
 import { isPassing } from "../document/autosave";
 import {
   addAsset,
   changeLayer,
+  type Framed,
+  type FrameImage,
+  type Layer,
+  type LayerPlace,
   layerOf,
   type PaintedKey,
   type PaintLayer,
   type ProjectDocument,
+  picturesOf,
   putAtFrame,
   removeAtFrame,
   shotOf,
+  stemOf,
+  withPart,
 } from "../document/document";
 import { rewrite } from "../document/undo";
 import { pngOf } from "../drawing/png";
 import { createCanvas, PictureRaster } from "../drawing/raster";
 import type { KeyPicture, PictureLayer, Stroke } from "../drawing/strokes";
 import type { FrameSource } from "../previews/frames";
-import { pictureKey, type State, type Store } from "../state/store";
+import { pictureAt, type State, type Store } from "../state/store";
 import { Bases, baseOf, FRAME_LAYER } from "./bases";
 import type { RasterLayer } from "./psd";
 
@@ -64,11 +68,13 @@ export class PaintedKeys {
 
   /** The editable picture of the selected layer at a frame, if it is open. */
   picture(frame: number): KeyPicture | undefined {
-    return this.store.history.value.present.pictures[pictureKey(this.store.layer.value.id, frame)];
+    return this.store.history.value.present.pictures[this.store.pictureKey(frame)];
   }
 
-  key(frame: number): PaintedKey | undefined {
-    return this.store.layer.value.keys?.find((key) => key.frame === frame);
+  /** What the document has at a frame, in the part that is painted on. */
+  private stored<Item extends Framed>(frame: number): Item | undefined {
+    const entries = picturesOf<Item>(this.store.layer.value, this.store.painted()?.part);
+    return entries.find((entry) => entry.frame === frame);
   }
 
   /**
@@ -80,17 +86,14 @@ export class PaintedKeys {
   async open(frame: number, wanted?: () => boolean, look = false): Promise<KeyPicture> {
     const known = this.picture(frame);
     const layer = this.store.layer.value.id;
-    const stored = this.store.offers("scribbles") ? this.readScribble(frame) : this.read(layer, frame);
-    const picture =
-      known ?? (await stored) ?? ((look && (await this.overLook(layer, frame))) || this.blank(layer, frame));
+    const marks = this.store.painted()?.editor === "marks";
+    const isStored = this.stored(frame) !== undefined;
+    const stored = marks ? this.readMarks(frame) : this.read(layer, frame);
+    const overLook = async () => (look && !marks && (await this.overLook(layer, frame))) || blank(layer, frame, marks);
+    const picture = known ?? (await stored) ?? (await overLook());
     await this.bases.load(picture, wanted);
-    if (!known && this.isStored(frame)) this.uploaded.add(picture);
+    if (!known && isStored) this.uploaded.add(picture);
     return picture;
-  }
-
-  private isStored(frame: number): boolean {
-    const { keys = [], scribbles = [] } = this.store.layer.value;
-    return [...keys, ...scribbles].some((entry) => entry.frame === frame);
   }
 
   /** A new picture over the painting of the frame that the stage shows; null: it shows none. */
@@ -99,7 +102,7 @@ export class PaintedKeys {
     const shown = store.results.peek().get(frame);
     const own = (shown?.layer ?? layer) === layer && (shown?.layer || store.shot.peek().layers.length === 1);
     const present = shown?.final && own && shown.document === store.document.peek();
-    if (!present || store.offers("scribbles") || store.stageView.peek() === "source") return null;
+    if (!present || store.stageView.peek() === "source") return null;
     const [canvas, context] = createCanvas(store.size);
     context.imageSmoothingQuality = "high";
     context.drawImage(shown.picture, 0, 0, canvas.width, canvas.height);
@@ -118,21 +121,12 @@ export class PaintedKeys {
     return { layers: [emptyLayer("result", "Painted frame", asset.id), emptyLayer(PAINT_LAYER, "Paint", null)] };
   }
 
-  private blank(layer: string, frame: number): KeyPicture {
-    const paint = emptyLayer(PAINT_LAYER, "Paint", null);
-    return {
-      layers: this.store.offers("scribbles")
-        ? [paint]
-        : [emptyLayer(FRAME_LAYER, "Video frame", baseOf(layer, frame)), paint],
-    };
-  }
-
-  private async readScribble(frame: number): Promise<KeyPicture | undefined> {
-    const scribble = this.store.layer.value.scribbles?.find((entry) => entry.frame === frame);
-    if (!scribble) return undefined;
+  private async readMarks(frame: number): Promise<KeyPicture | undefined> {
+    const marks = this.stored<FrameImage>(frame);
+    if (!marks) return undefined;
     const { assets } = this.store.document.value;
-    const strokes = assets[scribble.strokes ?? ""]?.id;
-    const base = strokes ? null : (assets[scribble.image]?.id ?? null);
+    const strokes = assets[marks.strokes ?? ""]?.id;
+    const base = strokes ? null : (assets[marks.image]?.id ?? null);
     return {
       layers: [{ ...emptyLayer(PAINT_LAYER, "Paint", base), strokes: strokes ? await readStrokes(strokes) : [] }],
     };
@@ -140,7 +134,7 @@ export class PaintedKeys {
 
   /** The editable form of a stored key. */
   private async read(layer: string, frame: number): Promise<KeyPicture | undefined> {
-    const key = this.key(frame);
+    const key = this.stored<PaintedKey>(frame);
     if (!key) return undefined;
     const document = this.store.document.value;
     const id = (name: string | undefined | null) => (name ? (document.assets[name]?.id ?? null) : null);
@@ -160,15 +154,14 @@ export class PaintedKeys {
     return { layers: await Promise.all(layers) };
   }
 
-  /** One step that changes a key's picture. `layer`: the one that was selected when a slow step began. */
-  edit(label: string, frame: number, picture: KeyPicture, layer = this.store.layer.value.id): void {
-    const key = pictureKey(layer, frame);
+  /** One step that changes a picture. `key`: its `pictureKey` when a slow step began. */
+  edit(label: string, frame: number, picture: KeyPicture, key = this.store.pictureKey(frame)): void {
     this.store.edit(label, (state) => ({ ...state, pictures: { ...state.pictures, [key]: picture } }));
   }
 
   /** Put a picture that was painted elsewhere, of exactly the video's size, at a frame. */
   async import(frame: number, file: File): Promise<void> {
-    const layer = this.store.layer.value.id;
+    const key = this.store.pictureKey(frame);
     const { width, height } = this.store.size;
     const picture = await createImageBitmap(file).catch(() => {
       throw new api.Problem({ detail: `“${file.name}” is not a picture.`, remedy: "Use a PNG." });
@@ -183,24 +176,24 @@ export class PaintedKeys {
     const asset = await upload(file);
     this.raster.setBase(asset.id, picture);
     const layers = [emptyLayer("import", file.name, asset.id), emptyLayer(PAINT_LAYER, "Paint", null)];
-    this.edit("Import a key", frame, { layers }, layer);
+    this.edit("Import a key", frame, { layers }, key);
   }
 
-  /** Put raster layers that were painted elsewhere, from back to front, at a frame of a layer of the shot. */
-  async importLayers(frame: number, layers: readonly RasterLayer[], layer: string): Promise<void> {
+  /** Put raster layers that were painted elsewhere, from back to front, at a frame. `key`: its `pictureKey`. */
+  async importLayers(frame: number, layers: readonly RasterLayer[], key: string): Promise<void> {
     const made = layers.map(async ({ name, canvas, opacity, visible }, i): Promise<PictureLayer> => {
       const asset = await upload(new File([await pngOf(canvas)], `key-${frame}-layer-${i}.png`, { type: "image/png" }));
       this.raster.setBase(asset.id, await createImageBitmap(canvas));
       return { ...emptyLayer(`import-${i}`, name.slice(0, 200), asset.id), opacity, visible };
     });
     const layersMade = await Promise.all(made);
-    this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] }, layer);
+    this.edit("Import a key", frame, { layers: [...layersMade, emptyLayer(PAINT_LAYER, "Paint", null)] }, key);
     await this.bases.load({ layers: layersMade }); // those that were dropped while others were uploaded
   }
 
   /** The layers of a frame's picture in drawing order, from back to front, and the finished picture. */
   async layersOf(frame: number): Promise<{ layers: RasterLayer[]; whole: HTMLCanvasElement }> {
-    const key = pictureKey(this.store.layer.value.id, frame);
+    const key = this.store.pictureKey(frame);
     const picture = await this.open(frame);
     return this.bases.with(picture, async () => this.drawnLayers(key, picture));
   }
@@ -217,35 +210,33 @@ export class PaintedKeys {
     return { layers, whole };
   }
 
-  /** Make a painted frame the lowest layer of a key of a layer of the shot, to be corrected by hand. */
-  async correct(frame: number, painted: Blob, layer: string): Promise<void> {
-    this.edit("Correct a frame", frame, await this.over(frame, painted), layer);
+  /** Make a painted frame the lowest layer of a key, to be corrected by hand. `key`: its `pictureKey`. */
+  async correct(frame: number, painted: Blob, key: string): Promise<void> {
+    this.edit("Correct a frame", frame, await this.over(frame, painted), key);
   }
 
-  remove(frame: number): void {
-    const key = pictureKey(this.store.layer.value.id, frame);
+  /** Remove the picture of a frame from the part that a section edits. */
+  remove(frame: number, section: Section): void {
+    const key = this.store.pictureKey(frame, section);
     const place = this.store.place;
     this.store.edit("Remove a key", ({ document, pictures }) => {
       const { [key]: _removed, ...rest } = pictures;
-      const change = (layer: ReturnType<Store["layer"]["peek"]>) => ({
-        ...layer,
-        keys: removeAtFrame(layer.keys, frame),
-        scribbles: removeAtFrame(layer.scribbles, frame),
-      });
+      const change = (layer: Layer) =>
+        withPart(layer, section.part, removeAtFrame(picturesOf(layer, section.part), frame));
       return { document: changeLayer(document, place, change), pictures: rest };
     });
   }
 
   /** The finished picture of a frame as PNG: its key, or the video's frame. */
   async png(frame: number): Promise<Blob> {
-    const key = pictureKey(this.store.layer.value.id, frame);
+    const key = this.store.pictureKey(frame);
     const picture = await this.open(frame);
     return this.bases.with(picture, () => this.raster.png(key, picture));
   }
 
   /** A picture of the selected layer as PNG, its longest side at most `side` px. */
   async small(frame: number, picture: KeyPicture, side: number): Promise<Blob> {
-    const key = pictureKey(this.store.layer.value.id, frame);
+    const key = this.store.pictureKey(frame);
     return this.bases.with(picture, () => this.raster.small(key, picture, side));
   }
 
@@ -287,8 +278,7 @@ export class PaintedKeys {
   }
 
   private async uploadOne(key: string, picture: KeyPicture): Promise<void> {
-    const [layer = "", at = "0"] = key.split(":");
-    const frame = Number(at);
+    const { layer, frame, part } = pictureAt(key);
     const png = await this.bases.with(picture, () => this.raster.png(key, picture));
     const image = await upload(new File([png], `key-${frame}.png`, { type: "image/png" }));
     const strokes = await Promise.all(picture.layers.map((one) => uploadStrokes(one, frame)));
@@ -296,61 +286,71 @@ export class PaintedKeys {
     const place = { shot: this.store.shot.value.id, layer };
     this.store.history.value = rewrite(this.store.history.value, (state: State) =>
       state.pictures[key] === picture
-        ? { ...state, document: this.withPicture(state.document, place, frame, picture, image, strokes) }
+        ? { ...state, document: this.withPicture(state.document, place, part, frame, picture, image, strokes) }
         : state,
     );
   }
 
-  /** The document with the uploaded picture as a key or as a scribble of the layer. */
+  /** The document with the uploaded picture as a key or as marks of the layer. */
   private withPicture(
     document: ProjectDocument,
-    place: { shot: string; layer: string },
+    place: LayerPlace,
+    part: string,
     frame: number,
     picture: KeyPicture,
     image: Asset,
     strokes: readonly (Asset | null)[],
   ): ProjectDocument {
     const layer = layerOf(shotOf(document, place.shot), place.layer);
-    if (layer && this.store.offers("scribbles", layer)) return withScribble(document, place, frame, image, strokes);
-    return withKey(document, place, frame, picture, image, strokes);
+    const section = layer && this.store.painted(layer, part);
+    if (!section) return document;
+    const stem = stemOf(place, section.part, frame);
+    const [next, entry] =
+      section.editor === "marks"
+        ? withMarks(document, stem, frame, image, strokes)
+        : withKey(document, stem, frame, picture, image, strokes);
+    const put = (one: Layer) => withPart(one, section.part, putAtFrame<Framed>(picturesOf(one, section.part), entry));
+    return changeLayer(next, place, put);
   }
 }
 
-/** A scribble has one layer of strokes. */
-function withScribble(
+/** A new picture: marks have nothing below them, a key has the frame of the video. */
+function blank(layer: string, frame: number, marks: boolean): KeyPicture {
+  const paint = emptyLayer(PAINT_LAYER, "Paint", null);
+  return { layers: marks ? [paint] : [emptyLayer(FRAME_LAYER, "Video frame", baseOf(layer, frame)), paint] };
+}
+
+/** Marks have one layer of strokes. */
+function withMarks(
   document: ProjectDocument,
-  place: { shot: string; layer: string },
+  stem: string,
   frame: number,
   image: Asset,
   strokes: readonly (Asset | null)[],
-): ProjectDocument {
-  const stem = `${place.layer}-scribble-${frame}`;
+): [ProjectDocument, FrameImage] {
   const [withImage, name] = addAsset(document, stem, { id: image.id });
   const first = strokes.find((asset) => asset !== null);
   const [next, strokesName] = first ? addAsset(withImage, `${stem}-strokes`, { id: first.id }) : [withImage, null];
-  const entry = { frame, image: name, strokes: strokesName };
-  return changeLayer(next, place, (one) => ({ ...one, scribbles: putAtFrame(one.scribbles, entry) }));
+  return [next, { frame, image: name, strokes: strokesName }];
 }
 
 function withKey(
   document: ProjectDocument,
-  place: { shot: string; layer: string },
+  stem: string,
   frame: number,
   picture: KeyPicture,
   image: Asset,
   strokes: readonly (Asset | null)[],
-): ProjectDocument {
-  let [next, name] = addAsset(document, `${place.layer}-key-${frame}`, { id: image.id });
+): [ProjectDocument, PaintedKey] {
+  let [next, name] = addAsset(document, stem, { id: image.id });
   const layers = picture.layers.map((one, i): PaintLayer => {
     const entry: PaintLayer = { id: one.id, name: one.name, opacity: one.opacity, visible: one.visible };
     const stroke = strokes[i];
-    if (stroke) [next, entry.strokes] = addAsset(next, `${place.layer}-key-${frame}-strokes`, { id: stroke.id });
-    if (one.base?.startsWith("ast_"))
-      [next, entry.image] = addAsset(next, `${place.layer}-key-${frame}-base`, { id: one.base });
+    if (stroke) [next, entry.strokes] = addAsset(next, `${stem}-strokes`, { id: stroke.id });
+    if (one.base?.startsWith("ast_")) [next, entry.image] = addAsset(next, `${stem}-base`, { id: one.base });
     return entry;
   });
-  const key: PaintedKey = { frame, image: name, paint: { layers } };
-  return changeLayer(next, place, (layer) => ({ ...layer, keys: putAtFrame(layer.keys, key) }));
+  return [next, { frame, image: name, paint: { layers } }];
 }
 
 async function uploadStrokes({ strokes }: PictureLayer, frame: number): Promise<Asset | null> {

@@ -7,7 +7,7 @@ import { effect, untracked } from "@preact/signals";
 import { asProblem, isAbort } from "../../api/api";
 import { type PreviewOptions, pictureOf, preview } from "../document/api";
 import type { KeyPicture } from "../drawing/strokes";
-import { pictureKey, type Store } from "../state/store";
+import type { Store } from "../state/store";
 import type { PaintedKeys } from "./keys";
 
 /** Frames on each side of a key. */
@@ -35,10 +35,10 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
 
   const dispose = effect(() => {
     const frame = store.frame.value;
-    const { id } = store.layer.value;
-    const key = pictureKey(id, frame);
+    const section = store.section("keys");
+    const key = store.pictureKey(frame, section);
     const picture = store.history.value.present.pictures[key];
-    if (!picture || !store.offers("keys") || !store.previews.value || sent.get(key) === picture) return;
+    if (!picture || !section || !store.previews.value || sent.get(key) === picture) return;
     sent.set(key, picture);
     schedule(frame, picture, REST_MS);
   });
@@ -70,7 +70,8 @@ export function startNeighbours(store: Store, keys: PaintedKeys): Neighbours {
     } catch (error) {
       if (isAbort(error)) return;
       const { status, message } = asProblem(error);
-      const current = sent.get(pictureKey(store.layerId.value, frame)) === picture && store.frame.value === frame;
+      const current =
+        sent.get(store.pictureKey(frame, store.section("keys"))) === picture && store.frame.value === frame;
       if (status === 503 && current && !timer) schedule(frame, picture, AGAIN_MS);
       else if (status !== 404 && status !== 503) store.problem.value = message;
     }

@@ -1,5 +1,6 @@
 /** Brush, eraser, smudge, fill and colour picker on the layers of a painted key. */
 
+import { untracked } from "@preact/signals";
 import { isAbort } from "../../api/http";
 import { notify } from "../../ui/notices";
 import { createCanvas, type LiveStroke } from "../drawing/raster";
@@ -14,7 +15,7 @@ import {
   type Sample,
   type Stroke,
 } from "../drawing/strokes";
-import { pictureKey, type Store } from "../state/store";
+import type { Store } from "../state/store";
 import { type PointerSample, type StageTool, sampleOf } from "../state/tool";
 import type { PaintedKeys } from "./keys";
 
@@ -43,7 +44,7 @@ export interface PaintTool extends StageTool {
 /** `keep` is called every half second while a stroke is drawn. */
 export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => void, keep: () => void): PaintTool {
   let keeping = 0;
-  let open: { frame: number; layer: string; picture: KeyPicture } | null = null;
+  let open: { key: string; picture: KeyPicture } | null = null;
   let live: LiveStroke | undefined;
   /** Samples of the stroke under the pen in their stored form, so that it is drawn the same way later. */
   let samples: Sample[] = [];
@@ -51,11 +52,11 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   let skipped: Sample | null = null;
 
   async function prepare(frame: number): Promise<void> {
-    const layer = store.layerId.value;
+    const key = store.pictureKey(frame);
+    const still = () => untracked(() => store.pictureKey(store.frame.value)) === key;
     try {
-      const wanted = () => store.frame.peek() === frame && store.layerId.peek() === layer;
-      const picture = await keys.open(frame, wanted, true);
-      if (store.frame.value === frame && store.layerId.value === layer) open = { frame, layer, picture };
+      const picture = await keys.open(frame, still, true);
+      if (still()) open = { key, picture };
       redraw();
     } catch (error) {
       if (!isAbort(error)) notify(error);
@@ -67,7 +68,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const frame = store.frame.value;
     const edited = keys.picture(frame);
     if (edited) return edited;
-    return open?.frame === frame && open.layer === store.layerId.value ? open.picture : null;
+    return open?.key === store.pictureKey(frame) ? open.picture : null;
   }
 
   /** The layer to paint on: the chosen one, else the topmost. */
@@ -77,7 +78,8 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
 
   /** Act on the key and the layer to paint on: now, or once the key is open, if the user starts before that. */
   function whenOpen(act: (picture: KeyPicture, layer: PictureLayer) => void): void {
-    const [frame, shot] = [store.frame.value, store.layerId.value];
+    const frame = store.frame.value;
+    const key = store.pictureKey(frame);
     const on = (picture: KeyPicture) => {
       const layer = target(picture);
       if (layer) act(picture, layer);
@@ -88,7 +90,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
       keys
         .open(frame, undefined, true)
         .then((opened) => {
-          if (store.frame.value === frame && store.layerId.value === shot) on(present() ?? opened);
+          if (store.pictureKey(store.frame.value) === key) on(present() ?? opened);
         })
         .catch(notify);
   }
@@ -105,7 +107,8 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const picture = present();
     samples = [rounded(sampleOf(sample))];
     skipped = null;
-    const { color, ...brush } = store.brush.value;
+    const { color: _chosen, ...brush } = store.brush.value;
+    const color = store.brushColor;
     const stroke: DrawnStroke = kind === "smudge" ? { kind, ...brush, samples } : { kind, color, ...brush, samples };
     live = { layer: (picture && target(picture)?.id) ?? "", stroke };
     clearInterval(keeping);
@@ -147,14 +150,15 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
 
   function composite(picture: KeyPicture): ImageData {
     const [, context] = createCanvas(store.size);
-    keys.raster.draw(context, pictureKey(store.layerId.value, store.frame.value), picture);
+    keys.raster.draw(context, store.pictureKey(store.frame.value), picture);
     return context.getImageData(0, 0, store.size.width, store.size.height);
   }
 
   function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): void {
     const runs = floodRuns(composite(picture).data, store.size, at, FILL_TOLERANCE);
-    const { color, opacity } = store.brush.value;
-    if (runs.length) commit(LABELS.fill, picture, layer.id, { kind: "fill", color, opacity, runs });
+    const { opacity } = store.brush.value;
+    const fill: Stroke = { kind: "fill", color: store.brushColor, opacity, runs };
+    if (runs.length) commit(LABELS.fill, picture, layer.id, fill);
   }
 
   function pick(picture: KeyPicture, { at }: PointerSample): void {
@@ -177,7 +181,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
       const picture = live && present();
       const layer = picture && (live?.layer || target(picture)?.id);
       if (!live || !picture || !layer) return {};
-      const key = pictureKey(store.layerId.value, store.frame.value);
+      const key = store.pictureKey(store.frame.value);
       return { [key]: addStroke(picture, layer, { ...live.stroke, samples: [...samples] }) };
     },
     prepare: (frame) => void prepare(frame),

@@ -29,7 +29,7 @@ export function followCuts(store: Store): Cuts {
   /** The data on which the cuts depend. */
   const asked = computed(() => {
     const { id, source, params } = store.layer.value;
-    return JSON.stringify([id, source, params?.cut_sensitivity]);
+    return JSON.stringify([id, source, params?.[store.method.value?.studio.cuts ?? ""]]);
   });
 
   const dispose = effect(() => {

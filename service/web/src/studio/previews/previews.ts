@@ -3,7 +3,7 @@
 import { computed, effect } from "@preact/signals";
 import * as api from "../../api/api";
 import { hasPreviews, pictureOf, preview } from "../document/api";
-import { type Layer, type ProjectDocument, shownAlone } from "../document/document";
+import { type Layer, type ProjectDocument, picturesOf, shownAlone } from "../document/document";
 import type { FrameHeader, PreviewRecord } from "../document/records";
 import { PAINT_TOOLS, type Store } from "../state/store";
 
@@ -93,13 +93,10 @@ export function startPreviews(store: Store): Previews {
 
   /** Whether the frame follows a key that somebody paints. */
   function nearKey(frame: number): boolean {
-    const { keys = [] } = store.layer.peek();
+    const layer = store.layer.peek();
+    const keys = picturesOf(layer, store.section("keys", layer)?.part);
     const large = (store.results.peek().get(frame)?.scale ?? 1) < 0.999;
-    return (
-      large &&
-      store.offers("keys", store.layer.peek()) &&
-      keys.some((key) => Math.abs(key.frame - frame) <= NEAR_FRAMES)
-    );
+    return large && keys.some((key) => Math.abs(key.frame - frame) <= NEAR_FRAMES);
   }
 
   async function enlarge(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {

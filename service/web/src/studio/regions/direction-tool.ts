@@ -2,14 +2,14 @@
 
 import { type Signal, signal } from "@preact/signals";
 import {
+  type Design,
   type DirectionElement,
   type DirectionKey,
-  keyAt,
   type Pattern,
-  type Point,
   putOnTrack,
   trackOf,
-} from "../document/document";
+} from "../document/design";
+import { keyAt, type Point } from "../document/document";
 import { DRAG_MS, GROUP_MS } from "../document/undo";
 import { angleOf, directionAt, distance, isSymmetric } from "../drawing/geometry";
 import type { Store } from "../state/store";
@@ -27,7 +27,7 @@ export const selectedElement = signal(-1);
 
 /** The directions of the selected region that hold at the shown frame. */
 export function presentKey(store: Store): DirectionKey | undefined {
-  return keyAt(trackOf(store.layer.value.directions, store.region.value || REST), store.frame.value);
+  return keyAt(trackOf(store.design.directions, store.region.value || REST), store.frame.value);
 }
 
 /** Change the elements at the shown frame; a key there is made if there was none. */
@@ -43,7 +43,8 @@ export function editElements(
   const known = presentKey(store);
   const elements = change(known?.elements ?? []);
   const key: DirectionKey = { edge_weight: 0.2, ...known, region, frame, elements };
-  store.editLayer(label, (layer) => ({ ...layer, directions: putOnTrack(layer.directions, key) }), group, within);
+  const put = (design: Design) => ({ ...design, directions: putOnTrack(design.directions, key) });
+  store.editDesign(label, put, group, within);
 }
 
 /** "size": a new element, of which the pointer sets the reach, and the angle where that turns the whole pattern. */

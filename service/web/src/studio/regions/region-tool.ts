@@ -3,7 +3,8 @@
 import { signal } from "@preact/signals";
 import { asProblem, isAbort } from "../../api/api";
 import { pictureOf, preview } from "../document/api";
-import { freeName, type Layer, moveTube, type Point, type Region, splitRegion, tubesOf } from "../document/document";
+import { type Design, moveTube, type Region, splitRegion, tubesOf, withRegion } from "../document/design";
+import { freeName, type Point } from "../document/document";
 import type { RegionsHeader } from "../document/records";
 import { DRAG_MS } from "../document/undo";
 import { distance, simplify } from "../drawing/geometry";
@@ -112,9 +113,9 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     const tube = tubeAt(at);
     if (tube < 0 || !map) return false;
     const object = map.objects.get(tube) ?? -1;
-    const layer = store.layer.value;
-    const owner = ownerOf(layer, tube, object);
-    const selected = store.layer.value.regions?.[store.region.value];
+    const { design } = store;
+    const owner = ownerOf(design, tube, object);
+    const selected = design.regions?.[store.region.value];
     if (shift && selected && !selected.polygons) extend(store.region.value, tube, object, alt);
     else if (owner && alt) split(owner, tube, at);
     else if (owner) store.region.value = owner;
@@ -123,14 +124,14 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     return true;
   }
 
-  const newName = (): string => freeName("region", (candidate) => candidate in (store.layer.value.regions ?? {}));
+  const newName = (): string => freeName("region", (candidate) => candidate in (store.design.regions ?? {}));
 
   /** Make a part of a region a region of its own, with the same styles and directions at first. */
   function split(owner: string, tube: number, at: Point): void {
     const name = newName();
-    const change = (layer: Layer) => splitRegion(layer, owner, tube, name, partsOf);
-    store.editLayer("Split a region", change, `split-${name}`, DRAG_MS);
-    if (!(name in (store.layer.value.regions ?? {}))) return;
+    const change = (design: Design) => splitRegion(design, owner, tube, name, partsOf);
+    store.editDesign("Split a region", change, `split-${name}`, DRAG_MS);
+    if (!(name in (store.design.regions ?? {}))) return;
     store.region.value = name;
     splitting = { owner, name, last: at };
   }
@@ -145,8 +146,8 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
       const steps = Math.ceil(distance(last, at) / step);
       for (let i = 1; i <= steps; i++) {
         const tube = tubeAt([last[0] + ((at[0] - last[0]) * i) / steps, last[1] + ((at[1] - last[1]) * i) / steps]);
-        const change = (layer: Layer) => moveTube(layer, owner, tube, name);
-        store.editLayer("Split a region", change, `split-${name}`, DRAG_MS);
+        const change = (design: Design) => moveTube(design, owner, tube, name);
+        store.editDesign("Split a region", change, `split-${name}`, DRAG_MS);
       }
       splitting.last = at;
     }
@@ -157,16 +158,15 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
 
   function create(region: Region): void {
     const name = newName();
-    store.editLayer("New region", (layer) => ({ ...layer, regions: { ...layer.regions, [name]: region } }));
+    store.editDesign("New region", (design) => withRegion(design, name, region));
     store.region.value = name;
   }
 
   /** Add the picked part to the selected region; a region of objects that gets a single part becomes one of parts. */
   function extend(name: string, tube: number, object: number, part: boolean): void {
-    store.editLayer("Extend a region", (layer) => {
-      const region = layer.regions?.[name];
-      if (!region) return layer;
-      return { ...layer, regions: { ...layer.regions, [name]: extended(region, tube, object, part) } };
+    store.editDesign("Extend a region", (design) => {
+      const region = design.regions?.[name];
+      return region ? withRegion(design, name, extended(region, tube, object, part)) : design;
     });
   }
 
@@ -181,8 +181,7 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
   /** Everything but the selected and the hovered region is dimmed. */
   function draw(context: CanvasRenderingContext2D): void {
     if (!map) return;
-    const layer = store.layer.value;
-    const region = layer.regions?.[store.region.value];
+    const region = store.design.regions?.[store.region.value];
     const key = JSON.stringify([map.frame, hovered, region]);
     if (overlay?.key !== key) overlay = { key, canvas: dimmed(map, region, hovered) };
     context.imageSmoothingEnabled = false;
@@ -227,8 +226,8 @@ function tubeMap(frame: number, picture: ImageBitmap, found: RegionsHeader): Tub
 const has = (region: Region, tube: number, object: number): boolean =>
   (region.objects?.includes(object) ?? false) || (region.tubes?.includes(tube) ?? false);
 
-const ownerOf = (layer: Layer, tube: number, object: number): string | undefined =>
-  Object.entries(layer.regions ?? {}).findLast(([, region]) => has(region, tube, object))?.[0];
+const ownerOf = (design: Design, tube: number, object: number): string | undefined =>
+  Object.entries(design.regions ?? {}).findLast(([, region]) => has(region, tube, object))?.[0];
 
 function dimmed(map: TubeMap, region: Region | undefined, hovered: number): HTMLCanvasElement {
   const [canvas, context] = createCanvas(map);
@@ -261,13 +260,13 @@ export function createLassoTool(store: Store, redraw: () => void): StageTool {
   /** A new outline of the selected region if that was drawn, else of a new region. */
   function add(outline: Point[]): void {
     const frame = store.frame.value;
-    const selected = store.layer.value.regions?.[store.region.value];
-    const known = store.layer.value.regions ?? {};
+    const selected = store.design.regions?.[store.region.value];
+    const known = store.design.regions ?? {};
     const name = selected?.polygons ? store.region.value : freeName("region", (candidate) => candidate in known);
-    store.editLayer("Draw a region", (layer) => {
-      const others = layer.regions?.[name]?.polygons?.filter((polygon) => polygon.frame !== frame) ?? [];
+    store.editDesign("Draw a region", (design) => {
+      const others = design.regions?.[name]?.polygons?.filter((polygon) => polygon.frame !== frame) ?? [];
       const polygons = [...others, { frame, points: outline }].sort((a, b) => a.frame - b.frame);
-      return { ...layer, regions: { ...layer.regions, [name]: { polygons } } };
+      return withRegion(design, name, { polygons });
     });
     store.region.value = name;
   }
@@ -298,7 +297,7 @@ const round = (value: number): number => Math.round(value * 1e4) / 1e4;
 /** Outlines of the selected region in the shown frame. */
 export function drawOutlines(context: CanvasRenderingContext2D, store: Store, px: number): void {
   const { width, height } = store.size;
-  const region = store.layer.value.regions?.[store.region.value];
+  const region = store.design.regions?.[store.region.value];
   for (const polygon of region?.polygons ?? []) {
     if (polygon.frame !== store.frame.value) continue;
     drawOutline(

@@ -1,23 +1,23 @@
-/** Regions of a multistyle layer: their styles over time, and the directions of their strokes. */
+/** Regions of a layer: their styles over time, and the directions of their strokes. */
 
 import { useEffect, useState } from "preact/hooks";
 import * as api from "../../api/api";
-import type { Schema } from "../../api/schemas";
+import type { Section } from "../../api/schemas";
 import { humanise } from "../../ui/format";
 import { Icon, IconButton } from "../../ui/icons";
 import {
   type Design,
   type Ease,
-  type Layer,
   mergeRegions,
   type Pattern,
   putOnTrack,
   removeFromTrack,
   removeRegion,
+  renameRegion,
   type StyleKey,
   trackOf,
-  withDesign,
-} from "../document/document";
+} from "../document/design";
+import { type Layer, withPart } from "../document/document";
 import type { Store } from "../state/store";
 import { styleAt } from "../state/timeline";
 import { StyleCards } from "../styles/style-cards";
@@ -25,30 +25,38 @@ import { editElements, pattern, presentKey, REST, selectedElement } from "./dire
 import { objectCount, type RegionsState, regionsState } from "./region-tool";
 import { shownParameter } from "./style-lane";
 
-export function RegionsSection({ store }: { store: Store }) {
+interface RegionsProps {
+  store: Store;
+  section: Section;
+}
+
+export function RegionsSection({ store, section }: RegionsProps) {
   return (
     <>
-      <Effects store={store} />
-      <RegionList store={store} />
-      <StyleKeys store={store} />
+      <Effects store={store} section={section} />
+      <RegionList store={store} section={section} />
+      <StyleKeys store={store} section={section} />
       <Directions store={store} />
     </>
   );
 }
 
 /** Ready-made designs, which are edited like one's own. */
-function Effects({ store }: { store: Store }) {
+function Effects({ store, section }: RegionsProps) {
   const [effects, setEffects] = useState<Record<string, Design>>({});
   const { frames } = store;
+  const { name: method = "", inputs = [] } = store.method.value ?? {};
+  const input = inputs.find(({ kind, part }) => kind === "json" && part === section.part)?.name;
   useEffect(() => {
+    if (!input) return;
     const controller = new AbortController();
-    const path = api.url`/v1/methods/multistyle/inputs/design/examples?frames=${frames}`;
+    const path = api.url`/v1/methods/${method}/inputs/${input}/examples?frames=${frames}`;
     api.get<Record<string, Design>>(path, controller.signal).then(setEffects, () => {});
     return () => controller.abort();
-  }, [frames]);
+  }, [method, input, frames]);
   const use = (name: string) => {
     const design = effects[name];
-    if (design) store.editLayer(`Begin with ${humanise(name)}`, (layer) => withDesign(layer, design));
+    if (design) store.editLayer(`Begin with ${humanise(name)}`, (layer) => withDesign(layer, section, design));
     store.region.value = "";
   };
   if (!Object.keys(effects).length) return null;
@@ -67,22 +75,29 @@ function Effects({ store }: { store: Store }) {
   );
 }
 
-/** Regions by name, with `rest` for all pixels that no region has. */
-const regionNames = (layer: Layer): string[] => [REST, ...Object.keys(layer.regions ?? {})];
+/** The layer with another design, instead of its own and of what its parameters say of one. */
+function withDesign(layer: Layer, { part, replaces }: Section, { regions, keys, directions }: Design): Layer {
+  const params = Object.fromEntries(Object.entries(layer.params ?? {}).filter(([name]) => !replaces.includes(name)));
+  const { styles } = (layer.parts?.[part] as Design | undefined) ?? {};
+  return withPart({ ...layer, params }, part, { regions, ...(styles && { styles }), keys, directions });
+}
 
-function RegionList({ store }: { store: Store }) {
-  const layer = store.layer.value;
-  const names = regionNames(layer);
+/** Regions by name, with `rest` for all pixels that no region has. */
+const regionNames = (design: Design): string[] => [REST, ...Object.keys(design.regions ?? {})];
+
+function RegionList({ store, section }: RegionsProps) {
+  const { design } = store;
+  const names = regionNames(design);
   const selected = store.region.value || REST;
   const state = regionsState.value;
-  const merge = (other: string) => store.editLayer("Merge regions", (one) => mergeRegions(one, [selected, other]));
+  const merge = (other: string) => store.editDesign("Merge regions", (one) => mergeRegions(one, [selected, other]));
   const sameKind = names.filter(
     (name) =>
-      name !== selected && name !== REST && selected !== REST && kindOf(layer, name) === kindOf(layer, selected),
+      name !== selected && name !== REST && selected !== REST && kindOf(design, name) === kindOf(design, selected),
   );
   return (
     <section class="side-section" aria-labelledby="regions-title">
-      <h2 id="regions-title">Regions</h2>
+      <h2 id="regions-title">{section.title}</h2>
       <p class="hint">{regionsHint(state, store.previews.value)}</p>
       <ul class="region-list">
         {names.map((name) => (
@@ -128,8 +143,8 @@ function regionsHint(state: RegionsState, previews: boolean): string {
   return `Pick ${one}: click it. Shift adds to the region, Alt makes the part of it under a click or a stroke a region of its own. Or draw with the lasso.`;
 }
 
-function kindOf(layer: Layer, name: string): string {
-  const { objects, tubes, polygons } = layer.regions?.[name] ?? {};
+function kindOf(design: Design, name: string): string {
+  const { objects, tubes, polygons } = design.regions?.[name] ?? {};
   if (polygons?.length) return "polygons";
   return tubes?.length ? "tubes" : objects?.length ? "objects" : "label";
 }
@@ -140,7 +155,7 @@ function choose(store: Store, name: string): void {
 }
 
 function remove(store: Store, name: string): void {
-  store.editLayer("Remove a region", (layer) => removeRegion(layer, name));
+  store.editDesign("Remove a region", (design) => removeRegion(design, name));
   store.region.value = "";
 }
 
@@ -148,28 +163,13 @@ const NAME = /^[A-Za-z][A-Za-z0-9_. -]{0,63}$/;
 
 function rename(store: Store, from: string): void {
   const to = window.prompt("Name of the region (letters, digits, spaces)", from)?.trim() ?? "";
-  if (!NAME.test(to) || to in (store.layer.value.regions ?? {}) || to === REST) return;
-  store.editLayer("Rename a region", (layer) => {
-    const regions = Object.fromEntries(
-      Object.entries(layer.regions ?? {}).map(([name, region]) => [name === from ? to : name, region]),
-    );
-    const renamed = <Item extends { region: string }>(items: readonly Item[] = []) =>
-      items.map((item) => (item.region === from ? { ...item, region: to } : item));
-    return { ...layer, regions, style_keys: renamed(layer.style_keys), directions: renamed(layer.directions) };
-  });
+  if (!NAME.test(to) || to in (store.design.regions ?? {}) || to === REST) return;
+  store.editDesign("Rename a region", (design) => renameRegion(design, from, to));
   store.region.value = to;
 }
 
 // -- styles -----------------------------------------------------------------------------------------------------------
 
-/** Sliders of a style key: name, title, range, step. The full range is the design's. */
-const SLIDERS: [name: string, title: string, min: number, max: number, step: number][] = [
-  ["size", "Stroke width", 2, 150, 1],
-  ["length", "Stroke length", 0, 600, 5],
-  ["opacity", "Opacity", 0.02, 1, 0.01],
-  ["hue", "Hue", -180, 180, 1],
-  ["saturation", "Saturation", -1, 1, 0.05],
-];
 const EASES: [Ease, string][] = [
   ["linear", "Steadily"],
   ["smooth", "Smoothly"],
@@ -178,48 +178,41 @@ const EASES: [Ease, string][] = [
   ["hold", "At once, at the next key"],
 ];
 
-function styleNames(store: Store): string[] {
-  const schema: Schema = store.method.value?.params_schema ?? {};
-  const style = schema.properties?.style;
-  const values: unknown[] = style?.enum ?? (style?.oneOf ?? style?.anyOf ?? []).map((option) => option.const ?? null);
-  return values.filter((value): value is string => typeof value === "string");
-}
-
-function StyleKeys({ store }: { store: Store }) {
+function StyleKeys({ store, section }: RegionsProps) {
   const region = store.region.value || REST;
-  const track = trackOf(store.layer.value.style_keys, region);
+  const track = trackOf(store.design.keys, region);
   const key = styleAt(track, store.frame.value);
   const exact = key?.frame === store.frame.value;
   const edit = (label: string, change: Partial<StyleKey>, group = "") => {
     const next: StyleKey = { ...key, ...change, region, frame: store.frame.value };
-    store.editLayer(
+    store.editDesign(
       label,
-      (layer) => ({ ...layer, style_keys: withOthers(layer, putOnTrack(layer.style_keys, next)) }),
+      (design) => ({ ...design, keys: withOthers(design, putOnTrack(design.keys, next)) }),
       group,
     );
   };
   const drop = () =>
-    store.editLayer("Remove a style key", (layer) => ({
-      ...layer,
-      style_keys: removeFromTrack(layer.style_keys, region, store.frame.value),
+    store.editDesign("Remove a style key", (design) => ({
+      ...design,
+      keys: removeFromTrack(design.keys, region, store.frame.value),
     }));
   return (
     <section class="side-section" aria-labelledby="styles-title">
       <h2 id="styles-title">Style of {region === REST ? "everything else" : region}</h2>
       <StyleCards
         store={store}
-        names={styleNames(store)}
+        section={section}
         chosen={key?.style ?? ""}
         onChoose={(style) => edit("Choose a style", { style })}
       />
       {key && (
         <>
-          {SLIDERS.map(([name, title, min, max, step]) => (
+          {section.sliders.map(({ name, title, minimum, maximum, step }) => (
             <StyleSlider
               key={name}
               title={title}
-              min={min}
-              max={max}
+              min={minimum}
+              max={maximum}
               step={step}
               value={key.set?.[name]}
               onChange={(value) => {
@@ -248,9 +241,7 @@ function StyleKeys({ store }: { store: Store }) {
           ? `${track.length > 1 ? "Keys at frames" : "Key at frame"} ${track.map((one) => one.frame + 1).join(", ")}. `
           : ""}
         {key && !exact ? "A change here makes a key at this frame." : ""}
-        {!key && store.layer.value.style_keys?.length
-          ? "Without a style of its own, it takes those of the others."
-          : ""}
+        {!key && store.design.keys?.length ? "Without a style of its own, it takes those of the others." : ""}
       </p>
       {exact && (
         <button type="button" class="button small" onClick={drop}>
@@ -264,8 +255,8 @@ function StyleKeys({ store }: { store: Store }) {
 
 /** Style keys with one of the layer's own style for each region that has none: without keys, it would take those of the
  * others. */
-function withOthers(layer: Layer, keys: StyleKey[]): StyleKey[] {
-  const bare = regionNames(layer).filter((name) => !keys.some((key) => key.region === name));
+function withOthers(design: Design, keys: StyleKey[]): StyleKey[] {
+  const bare = regionNames(design).filter((name) => !keys.some((key) => key.region === name));
   return bare.reduce<StyleKey[]>((all, region) => putOnTrack(all, { region, frame: 0 }), keys);
 }
 

@@ -1,7 +1,8 @@
 /** Under the filmstrip: a parameter of the selected region's style over time, between its keys. */
 
 import { signal } from "@preact/signals";
-import { type StyleKey, trackOf } from "../document/document";
+import { humanise } from "../../ui/format";
+import { type StyleKey, trackOf } from "../document/design";
 import type { Store } from "../state/store";
 import { valueAt } from "../state/timeline";
 import { REST } from "./direction-tool";
@@ -9,12 +10,12 @@ import { REST } from "./direction-tool";
 /** The parameter that the lane shows: the one that the user has last changed. */
 export const shownParameter = signal("");
 const POINTS = 160;
-const TITLES: Record<string, string> = { size: "Stroke width", length: "Stroke length" };
 
 export function StyleLane({ store }: { store: Store }) {
-  if (!store.offers("regions")) return null;
+  const section = store.section("regions");
+  if (!section) return null;
   const region = store.region.value || REST;
-  const track = trackOf(store.layer.value.style_keys, region);
+  const track = trackOf(store.design.keys, region);
   const known = shownBy(track);
   const name = known.includes(shownParameter.value) ? shownParameter.value : known[0];
   if (track.length < 2 || !name) return null;
@@ -26,7 +27,7 @@ export function StyleLane({ store }: { store: Store }) {
   const height = (frame: number) => 92 - (84 * (value(frame) - least)) / Math.max(1e-6, most - least);
   const frames = Array.from({ length: POINTS + 1 }, (_, i) => span[0] + ((span[1] - span[0]) * i) / POINTS);
   const course = keys.map((key) => `${key.value} at frame ${key.frame + 1}`).join(", ");
-  const title = TITLES[name] ?? name.charAt(0).toUpperCase() + name.slice(1);
+  const title = section.sliders.find((slider) => slider.name === name)?.title ?? humanise(name);
   return (
     <div class="style-lane">
       <svg

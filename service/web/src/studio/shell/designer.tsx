@@ -182,6 +182,7 @@ class Designer {
       const frame = store.frame.value;
       const tool = store.tool.value;
       store.layerId.value;
+      store.paintPart.value;
       untracked(() => this.showFrame(frame, tool));
     });
   }
@@ -200,7 +201,7 @@ class Designer {
 
   /** Once per visit: the first repainting of neighbours is slow, so that it is begun before the first stroke. */
   private prepareNeighbours(frame: number): void {
-    if (this.prepared || !this.store.offers("keys", this.store.layer.peek())) return;
+    if (this.prepared || this.store.painted(this.store.layer.peek())?.editor !== "keys") return;
     this.prepared = true;
     this.neighbours
       .prepare(frame)
@@ -211,8 +212,8 @@ class Designer {
   async correctFrame(): Promise<void> {
     const { store } = this;
     const frame = store.frame.value;
-    const layer = store.layer.value.id;
-    await this.keys.correct(frame, await this.previews.full(frame), layer);
+    const key = store.pictureKey(frame, store.section("keys"));
+    await this.keys.correct(frame, await this.previews.full(frame), key);
     if (store.frame.value === frame) store.tool.value = "brush";
   }
 
@@ -220,8 +221,8 @@ class Designer {
   async takeFromFilm(wanted: FilmFrame): Promise<void> {
     const { store } = this;
     store.goTo(wanted.frame);
-    const layer = store.layer.value.id;
-    await this.keys.correct(wanted.frame, await filmFrame(wanted), layer);
+    const key = store.pictureKey(wanted.frame, store.section("keys"));
+    await this.keys.correct(wanted.frame, await filmFrame(wanted), key);
     if (store.frame.value === wanted.frame) store.tool.value = "brush";
   }
 
@@ -265,6 +266,25 @@ class Designer {
 
 const withUnsaved = (state: State, unsaved: Unsaved | null): State =>
   unsaved ? { document: unsaved.document, pictures: { ...state.pictures, ...unsaved.pictures } } : state;
+
+/**
+ * The stored project. Changes that this browser kept for a page of an earlier schema are saved first: the service writes
+ * them in the present one. If another version is stored, they are a conflict, which the page shows.
+ */
+export async function openProject(id: string): Promise<Project> {
+  const project = await readProject(id);
+  const unsaved = readUnsaved(id);
+  if (!unsaved || unsaved.document.schema === project.document.schema) return project;
+  try {
+    const version = await saveProject(id, unsaved.document, unsaved.version);
+    const saved = await readProject(id);
+    writeUnsaved(id, { version, document: saved.document, pictures: unsaved.pictures });
+    return saved;
+  } catch (error) {
+    if (!(error instanceof shared.Problem) || error.status !== 412) throw error;
+    return project;
+  }
+}
 
 export interface StudioPageProps {
   project: Project;

@@ -3,7 +3,8 @@
 import { computed, type ReadonlySignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { Icon, IconButton } from "../../ui/icons";
-import { PAINT_TOOLS, type Store } from "../state/store";
+import { picturesOf } from "../document/document";
+import { PAINT_TOOLS, pictureAt, type Store } from "../state/store";
 
 /** Value of `ui.lesson` of a project that has this lesson. */
 const KEYS_LESSON = "keys";
@@ -74,8 +75,8 @@ function trackProgress(store: Store): ReadonlySignal<number> {
       picture.layers.some((layer) => layer.strokes.length),
     );
     const frames = new Set([
-      ...(store.layer.value.keys ?? []).map(({ frame }) => frame),
-      ...drawn.map(([key]) => Number(key.split(":").at(-1))),
+      ...picturesOf(store.layer.value, store.section("keys")?.part).map(({ frame }) => frame),
+      ...drawn.map(([key]) => pictureAt(key).frame),
     ]);
     const painting = PAINT_TOOLS.includes(store.tool.value);
     most = Math.max(most, stepsDone({ painting, keys: frames.size, neighbours: store.neighbours.value.length }, most));

@@ -1,7 +1,7 @@
 /** The panel beside the stage: the method, its main inputs, all settings, output, and the button that submits. */
 
 import { useMemo } from "preact/hooks";
-import type { Method, Params } from "../../api/schemas";
+import type { Method, Params, Section } from "../../api/schemas";
 import { Inputs } from "../../forms/inputs";
 import { MethodCards, Presets } from "../../forms/method-cards";
 import { outputSchema } from "../../forms/output-form";
@@ -15,10 +15,10 @@ import { SubmitBar } from "../films/submit-bar";
 import type { Foreground } from "../keys/foreground";
 import type { PaintedKeys } from "../keys/keys";
 import { KeysSection } from "../keys/keys-section";
-import { ScribblesSection } from "../keys/scribbles-section";
+import { MarksSection } from "../keys/marks-section";
 import { usePresetPictures } from "../previews/preset-pictures";
 import { RegionsSection } from "../regions/regions-section";
-import type { Store } from "../state/store";
+import { isPainted, type Store } from "../state/store";
 import { SaveStyle, StyleLibrary } from "../styles/style-library";
 import { LayersSection } from "./layers-section";
 import { Lesson } from "./lesson";
@@ -85,17 +85,14 @@ interface MethodPartsProps extends PanelProps {
 }
 
 function MethodParts(props: MethodPartsProps) {
-  const { store, keys, clusters, foreground, method, saveAll, correct, take, suggest, solve } = props;
+  const { store, method, saveAll } = props;
   return (
     <>
       <StyleLibrary store={store} method={method} />
       <LayerInputs store={store} method={method} />
-      {store.offers("keys") && (
-        <KeysSection store={store} keys={keys} correct={correct} take={take} suggest={suggest} />
-      )}
-      {store.offers("scribbles") && <ScribblesSection store={store} keys={keys} foreground={foreground} />}
-      {store.offers("clusters") && <ClustersSection store={store} clusters={clusters} solve={solve} />}
-      {store.offers("regions") && <RegionsSection store={store} />}
+      {method.studio.sections.map((section) => (
+        <PartSection key={section.part} {...props} section={section} />
+      ))}
       <AllSettings store={store} method={method} />
       <SaveStyle store={store} />
       <LayersSection store={store} />
@@ -103,6 +100,23 @@ function MethodParts(props: MethodPartsProps) {
       <OutputSettings store={store} method={method} />
     </>
   );
+}
+
+/** The editor of one part of the layer; what is pressed in it is about that part. */
+function PartSection({ section, ...props }: MethodPartsProps & { section: Section }) {
+  const { store, keys, clusters, foreground, correct, take, suggest, solve } = props;
+  const choosePart = () => {
+    if (isPainted(section)) store.paintPart.value = section.part;
+  };
+  const editors = {
+    keys: () => (
+      <KeysSection store={store} section={section} keys={keys} correct={correct} take={take} suggest={suggest} />
+    ),
+    marks: () => <MarksSection store={store} section={section} keys={keys} foreground={foreground} />,
+    clusters: () => <ClustersSection store={store} section={section} clusters={clusters} solve={solve} />,
+    regions: () => <RegionsSection store={store} section={section} />,
+  };
+  return <div onClickCapture={choosePart}>{editors[section.editor]()}</div>;
 }
 
 function choose(store: Store, method: string): void {

@@ -8,7 +8,7 @@ import type { PaintTool } from "../keys/paint-tool";
 import type { FrameSource } from "../previews/frames";
 import type { ScrubFrames } from "../previews/scrub";
 import { drawOutlines } from "../regions/region-tool";
-import { PAINT_TOOLS, pictureKey, type Store, type Tool } from "../state/store";
+import { PAINT_TOOLS, type Store, type Tool } from "../state/store";
 import type { PointerSample, StageTool } from "../state/tool";
 
 const WHEEL_ZOOM = 1.0015;
@@ -127,7 +127,7 @@ export function mountStage(
 
   function drawKey(shown: ReturnType<PaintTool["shown"]>): void {
     if (!shown || !context) return;
-    const key = pictureKey(store.layerId.value, store.frame.value);
+    const key = store.pictureKey(store.frame.value);
     context.drawImage(keys.raster.whole(key, shown.picture, shown.live), 0, 0);
   }
 

@@ -1,9 +1,10 @@
 /** The state of the studio: one project, its history, and what is selected. */
 
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
-import type { Asset, Job, Method, Section } from "../../api/schemas";
+import type { Asset, Job, Method, Overlay, Section } from "../../api/schemas";
 import type { Project } from "../document/api";
 import type { SaveState } from "../document/autosave";
+import type { Design } from "../document/design";
 import {
   changeLayer,
   type Layer,
@@ -12,6 +13,7 @@ import {
   type ProjectDocument,
   type Shot,
   shotOf,
+  withPart,
 } from "../document/document";
 import { GROUP_MS, type History, record, redo, startHistory, undo } from "../document/undo";
 import type { View } from "../drawing/geometry";
@@ -30,15 +32,23 @@ export type Tool =
   | "direction"
   | "label"
   | "loupe";
+/** Whether the brush paints on the part of a section. */
+export const isPainted = ({ editor }: Section): boolean => editor === "keys" || editor === "marks";
 export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker"];
 
-/** What undo restores: the document and the editable pictures of painted keys, by `pictureKey`. */
+/** What undo restores: the document and the editable pictures of painted keys and marks, by `pictureKey`. */
 export interface State {
   document: ProjectDocument;
   pictures: Readonly<Record<string, KeyPicture>>;
 }
 
-export const pictureKey = (layer: string, frame: number): string => `${layer}:${frame}`;
+const pictureKey = (layer: string, frame: number, part: string): string => `${layer}:${frame}:${part}`;
+
+/** What a key of `State.pictures` stands for; `part` is empty in what earlier versions have kept in the browser. */
+export function pictureAt(key: string): { layer: string; frame: number; part: string } {
+  const [layer = "", frame = "0", part = ""] = key.split(":");
+  return { layer, frame: Number(frame), part };
+}
 
 /** A painted frame as a preview or a finished job gave it. */
 export interface Result {
@@ -80,6 +90,8 @@ export class Store {
   readonly tool = signal<Tool>("pan");
   readonly brush = signal<Brush>({ color: "#b43c25", size: 24, opacity: 1 });
   readonly paintLayer = signal("paint");
+  /** The part of the layer that is painted on, if its method has several that are. */
+  readonly paintPart = signal("");
   readonly view = signal<View>({ scale: 1, x: 0, y: 0 });
   /** Whether the playhead moves by itself. */
   readonly playing = signal(false);
@@ -131,9 +143,39 @@ export class Store {
     return this.methods.find((method) => method.name === layer.method);
   }
 
-  /** Whether the method of a layer, the selected one if none is given, offers a part of the studio. */
-  offers(section: Section, layer = this.layer.value): boolean {
-    return this.methodOf(layer)?.studio.sections.includes(section) ?? false;
+  /** The first section with this editor that the method of a layer, the selected one if none is given, has. */
+  section(editor: Section["editor"], layer = this.layer.value): Section | undefined {
+    return this.methodOf(layer)?.studio.sections.find((section) => section.editor === editor);
+  }
+
+  /** The first overlay of a kind that the method of a layer, the selected one if none is given, offers. */
+  overlay(kind: Overlay["kind"], layer = this.layer.value): Overlay | undefined {
+    const overlays = this.methodOf(layer)?.studio.sections.map((section) => section.overlay);
+    return overlays?.find((overlay) => overlay?.kind === kind) ?? undefined;
+  }
+
+  /** The section whose part the brush paints on: of this part if it is one, else the first. */
+  painted(layer = this.layer.value, part = this.paintPart.value): Section | undefined {
+    const sections = this.methodOf(layer)?.studio.sections.filter(isPainted);
+    return sections?.find((section) => section.part === part) ?? sections?.[0];
+  }
+
+  /** Key of the editable picture of the selected layer at a frame. */
+  pictureKey(frame: number, section = this.painted()): string {
+    return pictureKey(this.layer.value.id, frame, section?.part ?? "");
+  }
+
+  /** The brush's colour: marks have no other ones than those of their section. */
+  get brushColor(): string {
+    const marks = this.painted()?.marks ?? [];
+    const { color } = this.brush.value;
+    return marks.find(({ colour }) => colour === color)?.colour ?? marks[0]?.colour ?? color;
+  }
+
+  /** Regions, styles and directions of the selected layer. */
+  get design(): Design {
+    const section = this.section("regions");
+    return (section && (this.layer.value.parts?.[section.part] as Design | undefined)) ?? {};
   }
 
   get frames(): number {
@@ -178,6 +220,17 @@ export class Store {
   editLayer(label: string, change: (layer: Layer) => Layer, group = "", within = GROUP_MS): void {
     const place = this.place;
     this.editDocument(label, (document) => changeLayer(document, place, change), group, within);
+  }
+
+  /** One step that changes one part of the selected layer. */
+  editPart<Part>(label: string, part: string, change: (part: Part) => Part, group = "", within = GROUP_MS): void {
+    const changed = (layer: Layer) => withPart(layer, part, change(layer.parts?.[part] as Part));
+    this.editLayer(label, changed, group, within);
+  }
+
+  editDesign(label: string, change: (design: Design) => Design, group = "", within = GROUP_MS): void {
+    const part = this.section("regions")?.part;
+    if (part) this.editPart<Design | undefined>(label, part, (design = {}) => change(design), group, within);
   }
 
   undo(): void {

@@ -1,6 +1,7 @@
 /** Frames, times and steps of the timeline. */
 
-import { type Ease, keyAt, type StyleKey } from "../document/document";
+import type { Ease, StyleKey } from "../document/design";
+import { keyAt } from "../document/document";
 
 /** Time code of a frame at a nominal rate: "00:01:05:12" (hours, minutes, seconds, frames). */
 export function timeCode(frame: number, fps: number): string {

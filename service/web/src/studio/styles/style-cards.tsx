@@ -1,35 +1,35 @@
 /** Styles as cards: pictures of the user's own frame where the service makes them, else names. */
 
 import { useEffect, useState } from "preact/hooks";
-import { humanise } from "../../ui/format";
+import type { Section } from "../../api/schemas";
 import { paintCards } from "../previews/cards";
 import type { Store } from "../state/store";
 
 export interface StyleCardsProps {
   store: Store;
-  names: readonly string[];
+  section: Section;
   chosen: string;
   onChoose(name: string): void;
 }
 
-export function StyleCards({ store, names, chosen, onChoose }: StyleCardsProps) {
-  const pictures = usePictures(store, names);
+export function StyleCards({ store, section, chosen, onChoose }: StyleCardsProps) {
+  const pictures = usePictures(store, section);
   return (
     <div class="style-cards" role="group" aria-label="Styles">
-      {names.map((name) => (
+      {section.styles.map(({ value, title }) => (
         <button
-          key={name}
+          key={value}
           type="button"
           class="style-card"
-          aria-pressed={name === chosen}
-          onClick={() => onChoose(name)}
+          aria-pressed={value === chosen}
+          onClick={() => onChoose(value)}
         >
-          {pictures.has(name) ? (
-            <img src={pictures.get(name)} alt="" />
+          {pictures.has(value) ? (
+            <img src={pictures.get(value)} alt="" />
           ) : (
             store.previews.value && <span class="card-blank" />
           )}
-          <span>{name === "van-gogh" ? "Van Gogh" : humanise(name)}</span>
+          <span>{title}</span>
         </button>
       ))}
     </div>
@@ -37,14 +37,14 @@ export function StyleCards({ store, names, chosen, onChoose }: StyleCardsProps) 
 }
 
 /** The first shown frame in each style, as object URLs. */
-function usePictures(store: Store, names: readonly string[]): ReadonlyMap<string, string> {
+function usePictures(store: Store, { styles, style_param: param }: Section): ReadonlyMap<string, string> {
   const [pictures, setPictures] = useState<ReadonlyMap<string, string>>(new Map());
   const available = store.previews.value;
   useEffect(() => {
     if (!available) return;
     const controller = new AbortController();
     const urls: string[] = [];
-    const cards = names.map((name) => ({ id: name, set: { params: { style: name } } }));
+    const cards = styles.map(({ value }) => ({ id: value, set: { params: { [param]: value } } }));
     paintCards(store, "styles", cards, controller.signal, (card, picture) => {
       const url = URL.createObjectURL(picture);
       urls.push(url);

@@ -1,5 +1,6 @@
 /** The tools beside the stage, and the settings of the brush. */
 
+import type { Section } from "../../api/schemas";
 import { percent } from "../../ui/format";
 import type { IconName } from "../../ui/icons";
 import { IconButton } from "../../ui/icons";
@@ -119,6 +120,7 @@ function ViewSwitch({ store, films }: { store: Store; films: Films }) {
 function BrushSettings({ store }: { store: Store }) {
   const brush = store.brush.value;
   const labels = store.tool.value === "label";
+  const { editor, marks = [] } = store.painted() ?? {};
   const smudging = store.tool.value === "smudge";
   const opacity = smudging ? "Strength" : "Opacity";
   const set = (change: Partial<typeof brush>) => {
@@ -128,7 +130,7 @@ function BrushSettings({ store }: { store: Store }) {
     <div class="brush-settings">
       {!labels &&
         !smudging &&
-        (store.offers("scribbles") ? <ScribbleSwitch store={store} /> : <ColorField store={store} />)}
+        (editor === "marks" ? <MarkSwitch store={store} marks={marks} /> : <ColorField store={store} />)}
       <label>
         Size
         <input
@@ -175,21 +177,17 @@ function ColorField({ store }: { store: Store }) {
   );
 }
 
-/** White scribbles mark the foreground, black ones the background. */
-function ScribbleSwitch({ store }: { store: Store }) {
-  const kinds = [
-    ["#ffffff", "Foreground"],
-    ["#000000", "Background"],
-  ] as const;
+/** What the brush marks. */
+function MarkSwitch({ store, marks }: { store: Store; marks: Section["marks"] }) {
   return (
-    <div class="views" role="group" aria-label="Scribbles mark">
-      {kinds.map(([color, title]) => (
+    <div class="views" role="group" aria-label="The brush marks">
+      {marks.map(({ title, colour }) => (
         <button
-          key={color}
+          key={colour}
           type="button"
-          aria-pressed={store.brush.value.color === color}
+          aria-pressed={store.brushColor === colour}
           onClick={() => {
-            store.brush.value = { ...store.brush.value, color, opacity: 1 };
+            store.brush.value = { ...store.brush.value, color: colour, opacity: 1 };
             store.tool.value = "brush";
           }}
         >

@@ -1,5 +1,6 @@
 import fc from "fast-check";
 import { expect, test } from "vitest";
+import { type Design, mergeRegions, putOnTrack, removeRegion } from "../../../src/studio/document/design";
 import * as doc from "../../../src/studio/document/document";
 import { DRAG_MS, type History, record, redo, rewrite, startHistory, undo } from "../../../src/studio/document/undo";
 
@@ -9,6 +10,12 @@ const onLayer =
   (change: (layer: doc.Layer) => doc.Layer): Change =>
   (document) =>
     doc.changeLayer(document, PLACE, change);
+
+const onPart =
+  <Part>(part: string, change: (value: Part | undefined) => Part): Change =>
+  (document) =>
+    onLayer((layer) => doc.withPart(layer, part, change(layer.parts?.[part] as Part | undefined)))(document);
+const onDesign = (change: (design: Design) => Design): Change => onPart<Design>("design", (one = {}) => change(one));
 
 const frame = fc.nat({ max: 60 });
 const region = fc.constantFrom("swan", "water", "sky");
@@ -23,34 +30,26 @@ const operation: fc.Arbitrary<Change> = fc.oneof(
     ([at, id]): Change =>
       (document) => {
         const [next, image] = doc.addAsset(document, `key-${at}`, { id: `ast_${id}` });
-        return onLayer((layer) => ({ ...layer, keys: doc.putAtFrame(layer.keys, { frame: at, image }) }))(next);
+        return onPart<doc.FrameImage[]>("keys", (keys) => doc.putAtFrame(keys, { frame: at, image }))(next);
       },
   ),
-  frame.map((at) => onLayer((layer) => ({ ...layer, keys: doc.removeAtFrame(layer.keys, at) }))),
-  fc.tuple(region, frame, fc.string()).map(([name, at, style]) =>
-    onLayer((layer) => ({
-      ...layer,
-      style_keys: doc.putOnTrack(layer.style_keys, { region: name, frame: at, style }),
-    })),
-  ),
-  fc.tuple(region, frame, point).map(([name, at, where]) =>
-    onLayer((layer) => ({
-      ...layer,
-      directions: doc.putOnTrack(layer.directions, {
-        region: name,
-        frame: at,
-        elements: [{ pattern: "center", at: where }],
-      }),
-    })),
-  ),
+  frame.map((at) => onPart<doc.FrameImage[]>("keys", (keys) => doc.removeAtFrame(keys, at))),
+  fc
+    .tuple(region, frame, fc.string())
+    .map(([name, at, style]) =>
+      onDesign((one) => ({ ...one, keys: putOnTrack(one.keys, { region: name, frame: at, style }) })),
+    ),
+  fc.tuple(region, frame, point).map(([name, at, where]) => {
+    const key = { region: name, frame: at, elements: [{ pattern: "center" as const, at: where }] };
+    return onDesign((one) => ({ ...one, directions: putOnTrack(one.directions, key) }));
+  }),
   fc
     .tuple(region, fc.nat(20))
     .map(([name, object]) =>
-      onLayer((layer) => ({ ...layer, regions: { ...layer.regions, [name]: { objects: [object] } } })),
+      onDesign((one) => ({ ...one, regions: { ...one.regions, [name]: { objects: [object] } } })),
     ),
-  fc.constant(onLayer((layer) => doc.mergeRegions(layer, ["swan", "water"]))),
-  region.map((name) => onLayer((layer) => doc.removeRegion(layer, name))),
-  fc.tuple(frame, frame).map(([from, to]) => onLayer((layer) => doc.moveKeys(layer, "style_keys", from, to))),
+  fc.constant(onDesign((one) => mergeRegions(one, ["swan", "water"]))),
+  region.map((name) => onDesign((one) => removeRegion(one, name))),
   fc.constant(doc.pruneAssets),
 );
 

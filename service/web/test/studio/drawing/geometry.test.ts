@@ -1,5 +1,6 @@
 import { expect, test } from "vitest";
-import type { Pattern, Point } from "../../../src/studio/document/document";
+import type { Pattern } from "../../../src/studio/document/design";
+import type { Point } from "../../../src/studio/document/document";
 import * as g from "../../../src/studio/drawing/geometry";
 import { floodRuns, rowsOf, runsOf, widthAt } from "../../../src/studio/drawing/strokes";
 

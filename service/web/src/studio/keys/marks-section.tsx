@@ -1,54 +1,62 @@
-/** Scribbles that mark the foreground of a patches layer, in any frame. */
+/** Marks on any frames, in the colours of the section, and what the service makes of them. */
 
 import { useEffect, useRef } from "preact/hooks";
+import type { Section } from "../../api/schemas";
 import { Icon, IconButton } from "../../ui/icons";
-import { keyFrames, thumbnail } from "../films/filmstrip";
+import { picturesOf } from "../document/document";
+import { paintedFrames, thumbnail } from "../films/filmstrip";
 import type { Store } from "../state/store";
 import type { Foreground, Veil } from "./foreground";
 import type { PaintedKeys } from "./keys";
 
-const FOREGROUND = "#ffffff";
-const BACKGROUND = "#000000";
-
-interface ScribblesProps {
+interface MarksProps {
   store: Store;
+  section: Section;
   keys: PaintedKeys;
   foreground: Foreground;
 }
 
-export function ScribblesSection({ store, keys, foreground }: ScribblesProps) {
+export function MarksSection({ store, section, keys, foreground }: MarksProps) {
   const frame = store.frame.value;
-  const here = keyFrames(store).includes(frame);
-  const scribble = (color: string) => () => {
+  const here = paintedFrames(store, [section]).includes(frame);
+  const { overlay } = section;
+  const marked = overlay?.after.some((part) => picturesOf(store.layer.value, part).length > 0);
+  const mark = (color: string) => {
     store.brush.value = { color, size: Math.max(4, Math.round(store.size.height / 40)), opacity: 1 };
     store.tool.value = "brush";
   };
   return (
-    <section class="side-section" aria-labelledby="scribbles-title">
-      <h2 id="scribbles-title">Foreground</h2>
-      <p class="hint">Scribble over the foreground and over the background: the rest of the shot follows.</p>
+    <section class="side-section" aria-labelledby={`${section.part}-title`}>
+      <h2 id={`${section.part}-title`}>{section.title}</h2>
+      {section.hint && <p class="hint">{section.hint}</p>}
       <div class="actions">
-        <button type="button" class="button" onClick={scribble(FOREGROUND)}>
-          <Icon name="brush" />
-          Mark the foreground
-        </button>
-        <button type="button" class="button" onClick={scribble(BACKGROUND)}>
-          <Icon name="brush" />
-          Mark the background
-        </button>
+        {section.marks.map(({ title, colour }) => (
+          <button key={colour} type="button" class="button" onClick={() => mark(colour)}>
+            <Icon name="brush" />
+            Mark the {title.toLowerCase()}
+          </button>
+        ))}
         {here && (
-          <IconButton name="trash" label="Remove the scribbles of this frame" onClick={() => keys.remove(frame)} />
+          <IconButton name="trash" label="Remove the marks of this frame" onClick={() => keys.remove(frame, section)} />
         )}
       </div>
-      {(store.layer.value.scribbles ?? []).length > 0 && store.previews.value && (
-        <Spread store={store} foreground={foreground} />
+      {overlay?.kind === "mask" && marked && store.previews.value && (
+        <Spread store={store} name={section.title} title={overlay.title} foreground={foreground} />
       )}
     </section>
   );
 }
 
-/** The foreground of the shown frame and of those after it. */
-function Spread({ store, foreground }: { store: Store; foreground: Foreground }) {
+interface SpreadProps {
+  store: Store;
+  name: string;
+  /** Of the switch. */
+  title: string;
+  foreground: Foreground;
+}
+
+/** What the marks make of the shown frame and of those after it. */
+function Spread({ store, name, title, foreground }: SpreadProps) {
   const veils = [...foreground.veils.value].sort(([a], [b]) => a - b);
   const from = Math.max(
     0,
@@ -64,10 +72,10 @@ function Spread({ store, foreground }: { store: Store; foreground: Foreground })
             foreground.shown.value = event.currentTarget.checked;
           }}
         />
-        Show the foreground
+        {title}
       </label>
       {veils.length > 0 && (
-        <div class="neighbours" role="group" aria-label="Foreground of the next frames">
+        <div class="neighbours" role="group" aria-label={`${name} of the next frames`}>
           {veils.slice(from, from + 8).map(([frame, veil]) => (
             <button key={frame} type="button" aria-label={`Frame ${frame + 1}`} onClick={() => store.goTo(frame)}>
               <VeiledFrame assetId={store.asset.id} frame={frame} veil={veil} />
