@@ -14,16 +14,16 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent / "measurements"
 PAGES = {
-    # "abstraction": "Speed, sharpness and steadiness of [abstraction](../abstraction.md)",
-    # "multistyle": "Speed and steadiness of [multistyle](../multistyle.md)",
-    # "patches": "Speed, sharpness and steadiness of [patches](../patches.md)",
-    # "analogy": "Speed, fidelity and steadiness of [analogy](../analogy.md)",
-    # "steady": "Speed and steadiness of [steady](../steady.md)",
-    # "faces": "Faces that stay recognisable in a result",
+    "abstraction": "Speed, sharpness and steadiness of [abstraction](../abstraction.md)",
+    "multistyle": "Speed and steadiness of [multistyle](../multistyle.md)",
+    "patches": "Speed, sharpness and steadiness of [patches](../patches.md)",
+    "analogy": "Speed, fidelity and steadiness of [analogy](../analogy.md)",
+    "steady": "Speed and steadiness of [steady](../steady.md)",
+    "faces": "Faces that stay recognisable in a result",
     "flow": "Time and accuracy of optical flow",
     "live": "Latency and loss of [live](../live.md) sessions",
-    # "studio": "Response times of the [studio](../studio.md)",
-    # "farm": "The store, the service and the workers",
+    "studio": "Response times of the [studio](../studio.md)",
+    "farm": "The store, the service and the workers",
     "abuse": "What one key can do to the others",
 }
 """Pages in the order of the site, with their first sentence."""

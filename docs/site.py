@@ -24,7 +24,6 @@ PAGES = ("README.md", "DESIGN.md", "CONTRIBUTING.md", "CHANGELOG.md")
 FOLDERS = ("docs", "examples", "deploy")
 LINKED = ("LICENSE", "impasto/live/client.py", "tests/regression/README.md")
 """Single files that pages link to."""
-OLD = ("abstraction", "multistyle", "patches", "analogy", "steady", "faces", "studio", "farm")
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "README",
@@ -35,7 +34,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     ),
     "Use": tuple(f"docs/{name}" for name in ("studio", "projects", "live", "quality", "api", "http", "python")),
     "Operate": tuple(f"docs/{name}" for name in ("operations", "runbook", "security", "performance")),
-    "Measurements": tuple(f"docs/measurements/{name}" for name in ("README", *OLD, *MEASURED)),
+    "Measurements": tuple(f"docs/measurements/{name}" for name in ("README", *MEASURED)),
     "Develop": ("docs/architecture", "docs/testing", "docs/glossary", "DESIGN", "CONTRIBUTING", "CHANGELOG"),
 }
 PYTHON = """\
