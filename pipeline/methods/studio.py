@@ -1,4 +1,4 @@
-"""What the studio offers for layers of a method, as data: the web pages know no method by its name."""
+"""Description of the tools and sections of the studio for a method, as data: web pages name no method."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Assembly:
         self._format = output_format(order.output.format)
         self.files: Files = {}
         self.notes: list[Note] = []
-        """What was chosen, corrected, assumed or left out of the source."""
+        """Notes on what was chosen, corrected, assumed or left out of the source."""
 
     def run(self, progress: Callable[[float], None]) -> TaskResult:
         """Join, describe, pack. Raises UnreadableMedia if no task emitted a frame."""
