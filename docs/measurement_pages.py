@@ -25,6 +25,7 @@ PAGES = {
     "studio": "Response times of the [studio](../studio.md)",
     "farm": "The store, the service and the workers",
     "abuse": "What one key can do to the others",
+    "testing": "Time and findings of the [tests](../testing.md)",
 }
 """Pages in the order of the site, with their first sentence."""
 KEYS = ("title", "says", "unit", "date", "machine", "command")
