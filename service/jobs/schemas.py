@@ -47,7 +47,7 @@ class OutputIn(_Body):
 
 
 class SourceIn(_Body):
-    """Options for reading the video."""
+    """How the video is read."""
 
     picture: int | None = Field(
         default=None, ge=0, le=1000, description="Which of its video streams, from 0; null: the main one."
