@@ -17,25 +17,13 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 from docs.http_reference import http_reference
+from docs.measurement_pages import PAGES as MEASURED
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "DESIGN.md", "CONTRIBUTING.md", "CHANGELOG.md")
 FOLDERS = ("docs", "examples", "deploy")
 LINKED = ("LICENSE", "impasto/live/client.py", "tests/regression/README.md")
 """Single files that pages link to."""
-MEASURED = (
-    "abstraction",
-    "multistyle",
-    "patches",
-    "analogy",
-    "steady",
-    "faces",
-    "flow",
-    "live",
-    "studio",
-    "farm",
-    "abuse",
-)
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "README",
@@ -46,7 +34,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     ),
     "Use": tuple(f"docs/{name}" for name in ("studio", "projects", "live", "quality", "api", "http", "python")),
     "Operate": tuple(f"docs/{name}" for name in ("operations", "runbook", "security", "performance")),
-    "Measurements": tuple(f"docs/measurements/{name}" for name in MEASURED),
+    "Measurements": tuple(f"docs/measurements/{name}" for name in ("README", *MEASURED)),
     "Develop": ("docs/architecture", "docs/testing", "docs/glossary", "DESIGN", "CONTRIBUTING", "CHANGELOG"),
 }
 PYTHON = """\

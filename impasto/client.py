@@ -141,7 +141,7 @@ class Client:
         return self._items("/jobs", **filters)
 
     def newest_jobs(self, most: int) -> Iterator[Json]:
-        """At most `most` of the newest jobs, read page by page."""
+        """The newest jobs, at most `most`, read page by page."""
         cursor, left = None, most
         while left > 0:
             page = self._json("GET", "/jobs", params={"limit": min(left, 200)} | ({"cursor": cursor} if cursor else {}))

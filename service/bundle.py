@@ -1,7 +1,7 @@
 """The browser bundle: `service/web` (TypeScript) built into `service/web/dist`, which the service serves.
 
     python -m service.bundle           build if a source has changed since the last build
-    python -m service.bundle lock      write package-lock.json anew from package.json, without addresses
+    python -m service.bundle lock      rewrite package-lock.json from package.json, without addresses
     python -m service.bundle types     write types/api.d.ts, the types of the HTTP API, from the OpenAPI document
     python -m service.bundle npm ...   run npm with the Node of this environment; `npm run` writes the types first
 

@@ -370,7 +370,7 @@ def _on_unhandled_error(request: Request, error: Exception) -> Response:
 
 
 def internal_error(what: str, error: Exception) -> ImpastoError:
-    """Log an unexpected error; returns the one for the answer, which tells nothing of it."""
+    """Log an unexpected error; returns the error for the answer, which contains no details."""
     log.error("%s failed", what, exc_info=error)
     return ImpastoError(
         "The service failed to answer this request.",

@@ -77,16 +77,16 @@ class FarmSettings(BaseModel):
     one."""
 
     attempts: int = Field(default=3, ge=1, le=20)
-    """Failures after which a task fails for good."""
+    """Failures after which a task fails permanently."""
     interruptions: int = Field(default=20, ge=1)
-    """Attempts of a task that may die with the whole process before it fails for good (a task that kills its host)."""
+    """Attempts of a task that may end with their process before it fails permanently."""
     retry_delay_s: float = Field(default=0.5, ge=0)
     """Wait before the second attempt; doubles with each failure."""
     lease_s: float = Field(default=30.0, gt=0)
     """An attempt whose dispatcher (on another machine) is silent for this long is given to another."""
     stall_s: float = Field(default=45.0, gt=0)
     """An attempt that neither reports nor moves bytes for this long hangs: it is ended with its process and runs again.
-    The longest span without a report that was measured, of 3840x2160 frames on a busy machine, takes 13 s."""
+    The default leaves time for frames of 3840x2160 on a busy machine."""
     warm_up: bool = True
     """Load the kernels of every method, compiling new ones, when a process starts that renders; off: at their first
     use, so that the first frame takes seconds longer and the start less work."""

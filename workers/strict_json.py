@@ -25,7 +25,7 @@ _STRINGS = re.compile(rb'"[^"\\]*+(?:\\.[^"\\]*+)*+"?', re.DOTALL)
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _STEP = {ord("["): 1, ord("{"): 1, ord("]"): -1, ord("}"): -1}
 _ESCAPED = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])")
-"""Escapes that may stand for a NUL or for half a character."""
+"""Escapes that may encode a NUL or half of a surrogate pair."""
 
 
 class BadJson(BadInput):
@@ -66,7 +66,7 @@ def _check_characters(dumped: str) -> None:
 
 
 def _check_text(text: bytes, max_values: int) -> None:
-    """Refuse too many values and deep nesting before a parser reads them. What stands inside strings does not count."""
+    """Refuse too many values and deep nesting before a parser reads them. Brackets inside strings do not count."""
     bare = _STRINGS.sub(b"", text)
     values = 1 + sum(bare.count(mark) for mark in (b",", b":", b"[", b"{"))
     if values > max_values:
@@ -79,7 +79,7 @@ def _check_text(text: bytes, max_values: int) -> None:
 
 @dataclass
 class Budget:
-    """What values may still cost while they are copied or checked."""
+    """Remaining number of values and bytes that may be copied or checked."""
 
     values: int
     bytes: int

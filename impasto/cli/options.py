@@ -31,7 +31,7 @@ class DamagePolicy(StrEnum):
 
 
 class FieldOrder(StrEnum):
-    """How the fields of a video are read: see `pipeline.video.media.SourceOptions`."""
+    """Treatment of interlaced fields: see `pipeline.video.media.SourceOptions`."""
 
     AUTO = "auto"
     PROGRESSIVE = "progressive"
@@ -40,7 +40,7 @@ class FieldOrder(StrEnum):
 
 
 def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrder) -> SourceOptions:
-    """How the video is read."""
+    """Options for reading the video."""
     return SourceOptions(picture, tuple(sound) if sound else None, fields.value)
 
 
@@ -179,7 +179,7 @@ def inputs_of(options: Sequence[str]) -> dict[str, Path]:
 
 
 def sequence_of(missing: MissingPolicy | None, fps: str | None, layer: str | None, view: str | None) -> SequenceOptions:
-    """How a sequence of images is read. Raises BadParameter that names the option."""
+    """Options for reading a sequence of images. Raises BadParameter that names the option."""
     from pipeline.video.sequence_options import options_of
 
     given = {"missing": missing and missing.value, "fps": fps, "layer": layer, "view": view}

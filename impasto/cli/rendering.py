@@ -43,7 +43,7 @@ class RenderOrder:
     overwrite: bool = False
     """Whether existing outputs may be replaced."""
     sequence: SequenceOptions = USUAL
-    """How IN is read, if it is a sequence of images."""
+    """Options for reading IN, if it is a sequence of images."""
 
     def check(self) -> None:
         """Refuse an invalid order, before any file is read. Raises: BadParameter, BadInput."""

@@ -103,7 +103,7 @@ def serve(options: ServeOptions) -> None:
 
 
 def _places(settings: Settings) -> str:
-    """Where the service keeps its data, without passwords."""
+    """The places of the service's data, without passwords."""
     database, blobs = settings.database_url, settings.blob_url or settings.blob_root
     if not database and not blobs:
         return f"Impasto keeps everything in {settings.home}."

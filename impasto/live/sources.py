@@ -85,7 +85,7 @@ def open_source(text: str, loops: int, size: Size | None, fps: float | None, fie
     """A source by its name: a path, `camera`, `camera:N`, or an address.
 
     Args:
-        loops: how often a file is played, 0 = for ever.
+        loops: how often a file is played, 0 = without end.
         size: scale frames to it, (width, height) px; None: as they come.
         fps: rate to ask a camera for, or to play a file at.
         fields: see `pipeline.video.media.SourceOptions`.

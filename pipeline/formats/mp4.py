@@ -11,8 +11,8 @@ KEY_EVERY = 60
 _CPU_AVX_512F = 13
 """`CV_CPU_AVX_512F` in the headers of OpenCV, which its Python module does not export."""
 _X264_REPEATABLE_ASM = "MMX2,SSE2Fast,LZCNT,SSSE3,SSE4.2,AVX,FMA3,BMI2,AVX2"
-"""CPU features that x264 may use on a processor with AVX-512. With its AVX-512 macroblock-tree code, the same frames of
-96x64 gave different files in 3 to 15 % of the runs; without it they never did, at the same speed."""
+"""CPU features that x264 may use on a processor with AVX-512. Its AVX-512 macroblock-tree code is left out, because it
+does not give the same file in each run."""
 
 
 def _options(quality: int) -> dict[str, str]:

@@ -30,6 +30,6 @@ def to_single(values: AnyArray) -> NDArray[np.float32]:
 
 
 def _convert(values: AnyArray, out: AnyArray) -> None:
-    """OpenCV's conversion of contiguous arrays; int16 stands for the bits of half precision."""
+    """OpenCV's conversion of contiguous arrays; int16 holds the bits of half precision."""
     if values.size:
         cv2.convertFp16(values.reshape(1, -1), dst=out.reshape(1, -1))

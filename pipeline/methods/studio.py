@@ -1,4 +1,4 @@
-"""What the studio offers for layers of a method, as data: the web pages know no method, and nothing of one, by name."""
+"""What the studio offers for layers of a method, as data: web pages name no method, and nothing of one."""
 
 from __future__ import annotations
 

@@ -85,14 +85,14 @@ def _widths(profiles: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def _run_length(rising: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """How many leading entries of each row are true."""
+    """Number of leading entries of each row that are true."""
     return np.asarray(np.logical_and.accumulate(rising, axis=1).sum(axis=1), dtype=np.intp)
 
 
 def _crossing(
     profiles: NDArray[np.float32], start: NDArray[np.intp], level: NDArray[np.float32]
 ) -> NDArray[np.float64]:
-    """Where each profile first reaches `level` at or after the sample `start`, in samples, linearly interpolated."""
+    """Position where each profile first reaches `level`, from sample `start` on: in samples, linearly interpolated."""
     count, samples = profiles.shape
     columns = np.arange(samples)
     reached = (profiles >= level[:, None]) & (columns >= start[:, None])

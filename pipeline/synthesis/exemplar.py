@@ -18,7 +18,7 @@ _CELL_LEVELS = 256 // _CELLS
 _COLOURS = 1 << 24
 """Number of colours of 8 bits per channel."""
 VIDEO_SHARPNESS = 0.6
-"""Contrast of neighbouring pixels in videos, relative to the contrast at half resolution: measured 0.56 to 0.84."""
+"""Contrast of neighbouring pixels in videos, relative to the contrast at half resolution."""
 _SIGMA_STEPS_PX = tuple(step / 8 for step in range(17))
 """Tried standard deviations of the Gaussian, px."""
 

@@ -28,9 +28,7 @@ class Motion:
 
 
 MAX_VISIBLE_DIFFERENCE = 10.0
-"""Mean difference over 5x5 px up to which a pixel counts as visible in the frame to which the flow leads, gray levels.
-On synthetic scenes, 0.2 instead of 1.1 % of the visible pixels then count as hidden, and 23 instead of 43 % of the
-hidden ones."""
+"""Mean difference over 5x5 px up to which a pixel counts as visible in the other frame of the flow, gray levels."""
 
 
 def motions_between(

@@ -63,9 +63,9 @@ def refine(
 
     Departures: besides the four direct neighbours, the four at 8, 4, 2 and 1 px (one distance per round) propose their
     offsets, so a good offset travels as far in 4 rounds as otherwise in 15. The random search runs in every second
-    round only, and not in the last of several; the other rounds propagate its results. At 640x480 this saves a quarter
-    of the time and raises the energy by 0.6 %. A single round asks the direct neighbours only, because no later round
-    would fill the gaps that distant proposals leave. For further departures see `Rounds`.
+    round only, and not in the last of several; the other rounds propagate its results, which saves time. A single round
+    asks the direct neighbours only, because no later round would fill the gaps that distant proposals leave. For
+    further departures see `Rounds`.
     """
     before: T | None = None
     for index in range(rounds.count):

@@ -1,4 +1,4 @@
-"""Access to the files of a shot: an archive with folders of frames, passes and layers; see `pipeline.video.shot`."""
+"""Access to the files of a shot: an archive with folders of frames, passes and layers."""
 
 from __future__ import annotations
 

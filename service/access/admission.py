@@ -47,7 +47,7 @@ async def _stays() -> bool:
 
 
 class Cost(StrEnum):
-    """What a request costs."""
+    """Classes of the cost of a request."""
 
     HEALTH = "health"
     """State of the service, for probes and monitors."""

@@ -110,5 +110,5 @@ Context = Annotated[ServiceContext, Depends(_context)]
 Reader = Annotated[Principal, Depends(_requires(Scope.READ))]
 Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
 Sharer = Annotated[Principal, Depends(_requires(Scope.SUBMIT, Scope.READ))]
-"""A caller who lets others read: nobody gives away more than they have."""
+"""A caller who lets others read; a caller can share only what the caller may read."""
 Admin = Annotated[Principal, Depends(_requires(Scope.ADMIN))]

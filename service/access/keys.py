@@ -32,7 +32,7 @@ class Principal:
         return scope in self.scopes or Scope.ADMIN in self.scopes
 
     def sees(self, owner: str) -> bool:
-        """Whether the caller may know of `owner`'s jobs and assets."""
+        """Whether the caller may see `owner`'s jobs and assets."""
         return Scope.ADMIN in self.scopes or owner == self.owner
 
     @property

@@ -120,7 +120,7 @@ async def _stream(context: ServiceContext, caller: Principal, job_id: str, after
 
 
 async def _heard(news: _News, context: ServiceContext) -> bool:
-    """Wait for news; False if there are none for the time of a heartbeat."""
+    """Wait for news; False if none arrive within the heartbeat interval."""
     await news.wait(context.settings.heartbeat_s, context.closing.is_set)
     return news.any or context.closing.is_set()
 

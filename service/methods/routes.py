@@ -44,7 +44,7 @@ def list_methods(_caller: Reader) -> Response:
 
 @cache
 def _listing(*found: Method) -> bytes:
-    """The methods in JSON, cached, because making their schemas takes 10 ms and every page requests them."""
+    """The methods in JSON, cached, because every page requests them."""
     return TypeAdapter(MethodsOut).dump_json(MethodsOut(tuple(map(method_out, found))))
 
 

@@ -271,7 +271,7 @@ def _encoded(run: PreviewRun, path: str) -> Generator[bytes]:
 
 
 def _told(error: Exception, path: str) -> ImpastoError:
-    """What the client is told of an error in an answer that has begun."""
+    """The error that the client gets in an answer that has begun."""
     if isinstance(error, NoBlob):
         return NotFound(
             "The bytes of a file of this project are lost.",

@@ -106,12 +106,12 @@ def _shared(context: ServiceContext, token: str) -> Project:
 
 
 def _maker(context: ServiceContext, caller: Principal) -> str:
-    """What a link of the caller lives as long as: a stored key, the present admin key, or ("") the open service."""
+    """The key with which the caller's links end: a stored key, the present admin key, or "" for an open service."""
     return _admin_key(context) if caller == OPERATOR else caller.key
 
 
 def _admin_key(context: ServiceContext) -> str:
-    """The admin key's name in a token, which tells nothing of the key: another key has another name."""
+    """The admin key's name in a token: a fingerprint, which changes with the key and does not reveal it."""
     key = context.settings.admin_key
     return "" if key is None else f"admin-{fingerprint(key.get_secret_value(), context.webhook_secrets.master())}"
 

@@ -22,7 +22,7 @@ class Claims:
 
     project: str
     key: str
-    """What made the link: the id of a key, the name of the admin key (`admin-` and its fingerprint), or "" for a
+    """Origin of the link: the id of a key, the name of the admin key (`admin-` and its fingerprint), or "" for a
     service that required no key."""
     epoch: int
     """The project's share epoch when the link was made."""

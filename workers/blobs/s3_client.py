@@ -104,7 +104,7 @@ def _new_client(options: S3Options, hasty: bool) -> S3Client:
             config=config,
         )
     events = client.meta.events
-    # If the connection breaks in an answer to "Expect: 100-continue", botocore 1.44.5 reads its end for ever.
+    # If the connection breaks in an answer to "Expect: 100-continue", botocore 1.44.5 never stops reading.
     events.unregister("before-call.s3", add_expect_header)
     events.register("before-call.s3", _set_deadline)
     events.register("request-created.s3", _check_deadline)

@@ -1,4 +1,4 @@
-"""What a worker gets and answers: one attempt of a task. Everything here can be written as JSON."""
+"""The order of one attempt of a task, and its outcome. Both can be written as JSON."""
 
 from __future__ import annotations
 

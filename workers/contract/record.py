@@ -1,4 +1,4 @@
-"""What the farm keeps and shows: assets, jobs, tasks, events, keys, deliveries.
+"""Records of the farm: assets, jobs, tasks, events, keys, deliveries.
 
 The terms are those of Open Job Description. Times are seconds since the epoch, UTC, as floats. Ids are sortable strings
 with a prefix: `ast_`, `job_`, `tsk_`, `att_`.

@@ -1,4 +1,4 @@
-"""What a user asks for: a job and its output. Free of HTTP and of the database."""
+"""The request of a job and its output, independent of HTTP and the database."""
 
 from __future__ import annotations
 
@@ -66,4 +66,4 @@ class JobRequest:
     """Behaviour if frames of an input are missing or unreadable: "warn" (use the readable frames, and add a warning to
     the job) or "fail" (the job fails with the code "damaged-media" before it paints them)."""
     source: SourceOptions = field(default_factory=SourceOptions)
-    """How the input `video` is read: which of its streams, and its fields."""
+    """Options for reading the input `video`: streams and fields."""

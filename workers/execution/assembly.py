@@ -55,7 +55,7 @@ class Assembly:
         self.missing: list[str] = []
         """Requested artefacts of which no task has made a part."""
         self.notes: list[Note] = []
-        """What was chosen, corrected, assumed or left out of the source."""
+        """Notes on what was chosen, corrected, assumed or left out of the source."""
 
     def run(self, progress: Callable[[float], None]) -> TaskResult:
         """Join, describe, pack. Raises UnreadableMedia if no task emitted a frame."""

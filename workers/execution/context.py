@@ -111,7 +111,7 @@ class AttemptContext:
         self.frame_cache: FrameCache | None = None
         """Keeps decoded frames for later tasks in this process; None: tasks read them from decoders only."""
         self.shown = True
-        """Whether somebody may look at previews."""
+        """Whether previews may be published."""
 
     # -- inputs
 
@@ -157,7 +157,7 @@ class AttemptContext:
             self._ended_at = at
 
     def _options(self, name: str) -> SourceOptions:
-        """How the input is read: as the job says, if it is the video."""
+        """Reading options of the input: those of the job for the video, otherwise the defaults."""
         return self._order.source if name == "video" else SourceOptions()
 
     def _cache_key(self, name: str) -> str:

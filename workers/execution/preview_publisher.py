@@ -11,7 +11,7 @@ from workers.blobs.base import Blobs
 
 EVERY_S = 2.0
 SIDE_PX = 640
-"""Longest side: 360 lines of a wide picture. Scaling and coding take about 1 ms at 720p; 854 px would take 4."""
+"""Longest side: 360 lines of a wide picture, so that scaling and coding take little time."""
 KEPT = 3
 """Number of pictures kept, so that a client can still fetch a picture that was announced to it."""
 

@@ -30,7 +30,7 @@ A job that another version of the program has planned goes back to the first ste
 (`Replanned`); the tasks of that step and the later ones are planned again.
 
 Steps run one after the other: a step is planned once every task of the step before it is done. The last step of every
-job is the platform's own (`ASSEMBLE`). A job that is `doomed` (a task has failed for good) starts nothing new, lets
+job is the platform's own (`ASSEMBLE`). A job that is `doomed` (a task has failed permanently) starts nothing new, lets
 running attempts end, because their results are kept, and then fails. Pausing, too, lets running attempts end.
 
 The machine depends on the current step only: all tasks of earlier steps have succeeded, and later steps have no tasks
@@ -111,7 +111,7 @@ ASSEMBLE = "assemble"
 @dataclass(frozen=True)
 class Limits:
     attempts: int = 3
-    """Number of failures after which a task fails for good."""
+    """Number of failures after which a task fails permanently."""
     interruptions: int = 20
     """The same for attempts that died with their whole process, because a task that kills its process must end, too."""
 
@@ -151,7 +151,7 @@ class JobSnapshot:
     planned: bool = False
     """Whether the tasks of the current step exist."""
     doomed: bool = False
-    """Whether a task has failed for good since the job was last started; nothing new begins then."""
+    """Whether a task has failed permanently since the job was last started; then no task starts."""
     counts: Counts = Counts()
 
 

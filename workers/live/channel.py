@@ -1,9 +1,9 @@
 """Sends frames to a worker in another process and back over a separate socket instead of Ray's actor calls.
 
-A call of a Ray actor costs 2 ms of latency and 1.5 ms of processor time on both sides (measured with Ray 2.60), and a
-frame needs two calls. A message here costs a tenth of that. A frame is one message with two answers: the first when it
-has been analyzed, the second with the painted frame or the error. A connection starts with a secret that the service
-gave to the process; without it the connection is closed.
+A frame needs two calls of a Ray actor, and each costs about ten times as much latency and processor time as a message
+here. A frame is one message with two answers: the first when it has been analyzed, the second with the painted frame or
+the error. A connection starts with a secret that the service gave to the process; without it the connection is
+closed.
 """
 
 from __future__ import annotations

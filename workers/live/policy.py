@@ -143,7 +143,7 @@ class FramePolicy:
         return self.restart()
 
     def restart(self) -> bool:
-        """Start decoding anew. The waiting frame is kept only if it starts with a keyframe; True: ask for one."""
+        """Restart decoding. The waiting frame is kept only if it starts with a keyframe; True: ask for one."""
         if not self.built_on or (self._waiting and self._waiting[0].key):
             return False
         return self._give_up()

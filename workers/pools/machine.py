@@ -104,8 +104,9 @@ class Machine:
 
 
 def most_processes(attempts: int, memory_bytes: int, threads: int = 0) -> int:
-    """How many of these attempts can run at once if each has a process, except those in `threads` of this one: as many
-    as take at most half of the memory, and at least one."""
+    """Number of these attempts that can run at once if each has a process, except those in `threads` of this one.
+
+    Their processes take at most half of the memory. At least one can run."""
     return max(1, min(attempts, threads + memory_bytes // (2 * PROCESS_BYTES)))
 
 

@@ -51,7 +51,7 @@ class _Ticket:
     left: threading.Event = field(default_factory=threading.Event)
     """Set when the client has disconnected."""
     slot: FairTicket | None = None
-    """Its place in the queue, from the first request for a slot to the end."""
+    """Place in the queue of slots, from the first request to the end."""
 
     def check(self) -> None:
         if self.by is not None:

@@ -37,11 +37,11 @@ class FairSlots:
         self._waiting: dict[str, deque[FairTicket]] = {}
         self._turns = itertools.count(1)
         self._last_turn: dict[str, int] = {}
-        """Of owners who hold a slot or wait for one."""
+        """Number of the latest turn by owner, for owners who hold a slot or wait for one."""
 
     @property
     def held(self) -> int:
-        """Number of slots that are taken."""
+        """Number of slots in use."""
         return self._held.total()
 
     def enter(self, owner: str, on_turn: Callable[[], None] = lambda: None) -> FairTicket:

@@ -51,7 +51,7 @@ def _limited(send: Callable[[], None]) -> Callable[[], None]:
 
 @contextmanager
 def heartbeats_of_another(limit_s: float) -> Iterator[None]:
-    """Heartbeats while this thread waits for a process that moves on unseen and has a time limit of its own.
+    """Heartbeats while this thread waits for a process that reports nothing and has its own time limit.
 
     Args:
         limit_s: that limit, seconds; then the heartbeats end.

@@ -39,7 +39,7 @@ def set_up_logs(settings: FarmSettings) -> logging.Handler:
 class JsonLines(logging.Formatter):
     """One JSON object per line: time, level, logger, message, context, traceback.
 
-    A newline in a message stays inside its string, so that nobody can forge a line.
+    A newline in a message stays inside its string, so that a message cannot forge a line.
     """
 
     def format(self, record: logging.LogRecord) -> str:

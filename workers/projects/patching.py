@@ -16,7 +16,7 @@ from workers.strict_json import MAX_DEPTH, BadJson, Budget, check_value
 
 MAX_OPERATIONS = 1000
 MAX_COPIED_VALUES = 200_000
-"""What all operations `copy` of a patch may copy: as many values, and `MAX_DOCUMENT_BYTES`."""
+"""Maximum number of values that all operations `copy` of a patch may copy, besides `MAX_DOCUMENT_BYTES`."""
 _LONGEST_REASON = 200
 """Characters of the library's explanation that are shown; it may contain the whole document."""
 

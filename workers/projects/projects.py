@@ -117,7 +117,7 @@ class Projects:
         return self._store.delete(project_id)
 
     def remove(self, project_id: str) -> None:
-        """Delete a deleted project for good."""
+        """Remove a deleted project with all its versions."""
         self._store.remove(project_id)
 
     def restore(self, project_id: str) -> Project:

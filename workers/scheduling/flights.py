@@ -34,7 +34,7 @@ class Flight:
     stall_s: float = float("inf")
     """Time without a report after which it hangs, seconds."""
     hang: str = ""
-    """What was seen of it when it was ended because it hangs; empty: it does not."""
+    """Diagnosis of an attempt that was ended because it hangs; empty: it does not hang."""
     moved_bytes: int = 0
     """Bytes that its process had moved when that was last asked."""
 

@@ -111,8 +111,8 @@ def _job_in(wait: bool) -> Select[Any]:
 
 
 def _lanes() -> Select[Any]:
-    """Priority, owner, oldest job, quotas and slot time of every lane. The index leads from one lane to the next
-    without reading a lane."""
+    """Priority, owner, oldest job, quotas and slot time of every lane. Jumps through the index from lane to lane and
+    reads only the first row of each."""
     heads, jobs, owners, used = _heads(_is_ready), schema.jobs, schema.owners, schema.shares
     columns = (jobs.c.priority, jobs.c.owner, jobs.c.id, owners.c.quotas, used.c.used_s, shares.FLOOR.label("floor_s"))
     lanes = select(*columns).join(heads, heads.c.id == jobs.c.id)

@@ -26,7 +26,7 @@ from workers.store.records import Row, pack_cursor, unpack_cursor
 _LEVEL = 6
 _THINNED_AT_ONCE = 20
 _ROW_BYTES = 256
-"""What a row of a version or of a named asset takes, without the document."""
+"""Bytes that a row of a version or of a named asset counts, without the document."""
 MOST_VERSIONS = 500
 """Versions of a project, without those that are named or that jobs were submitted from. If there are more, every second
 one of the older half is deleted."""
@@ -181,7 +181,7 @@ class StoredProjects(StorePart):
         return self._mark(project_id, self._now())
 
     def remove(self, project_id: str) -> None:
-        """Delete for good what is marked as deleted, with all versions. No effect on a project that is not."""
+        """Remove a project that is marked as deleted, with all versions. No effect on others."""
         table = schema.projects
         with self._db.write() as connection:
             connection.execute(delete(table).where(table.c.id == project_id, table.c.deleted_at.is_not(None)))

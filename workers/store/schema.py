@@ -79,7 +79,7 @@ _ROWS = "rows"
 def restrict_indexes() -> None:
     """Give the partial indexes their conditions for PostgreSQL.
 
-    SQLAlchemy imports all drivers of a database whose options it meets: 25 ms for PostgreSQL, at every start.
+    SQLAlchemy imports all drivers of a database whose options it meets, which would delay every start.
     """
     for table in metadata.tables.values():
         for index in table.indexes:

@@ -51,8 +51,8 @@ def accumulated_frames(params: MultistyleParams) -> int:
 class Painter:
     """Paints consecutive frames of one size. Not thread-safe.
 
-    The only state is the previous paintings: a painter that is given the previous analyses (`recall`) continues with
-    the same bytes.
+    The only state is the previous paintings. A painter that gets the previous analyses (`recall`) continues
+    with the same bytes.
 
     Args:
         size: (width, height), px.

@@ -111,7 +111,7 @@ class Patches(Method):
     cpu_s_per_megapixel: ClassVar[float] = 1.2
     cpu_growth: ClassVar[float] = 0.5
     examples: ClassVar[tuple[Example, ...]] = (
-        Example("circles", "Dabs of colour, as in the paper's figure 6", {"style": "circles"}),
+        Example("circles", "Round dabs of colour", {"style": "circles"}),
         Example("threes", "On threes: ten paintings per second", {"frames_per_painting": 3}),
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
         Example("wash", "A washed background", {"background_style": "wash"}),

@@ -213,8 +213,8 @@ def appearance_periods(
 
     Departure: zhang2011patches uses one mean per patch, which blurs a turning or speaking face. Here a new period
     begins where the mean of the next `SPAN_FRAMES` frames differs. Its strokes have the same positions and their own
-    colours. A patch that does not change has one period. With a single mean per patch, flicker is 4 to 8 % higher
-    (foreman, coffee), since more pixels misfit and are painted frame by frame.
+    colours. A patch that does not change has one period. With a single mean per patch, more pixels misfit and are
+    painted frame by frame, which flickers.
     """
     found: list[tuple[int, int]] = []
     current, overall = rect.zeros(), rect.zeros()

@@ -3,8 +3,7 @@
 Visual masking: errors are less visible in detailed areas than in smooth ones, so the tolerated error of strokes and
 patches scales with the local amount of detail. Leaves can be painted with a few dabs, while a pale dog on a pale path
 needs a low tolerance. Departure from hertzmann1998painterly, section 2.1, and zhang2011patches, where the threshold T
-is constant: at T = 25 the dog lost its legs and its lead. With masking, structural similarity rises from 0.96 to 0.98
-(dog) and from 0.89 to 0.96 (black swan); flicker of single-frame painting falls by 2 to 14 %.
+is constant: at T = 25 the dog would lose its legs and its lead.
 
 Misfit: repainting helps only where the paint differs from the frame, and the picture that it was painted from differs
 from the frame, too. Where the picture has not changed, new paint would have the same error, since strokes never

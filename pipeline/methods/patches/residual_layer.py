@@ -12,8 +12,7 @@ Each run of frames is a separate task and begins with new paint. The last few fr
 painting of the next run's first frame, advected backward.
 
 Departure from zhang2011patches, section 5, which paints unclustered pixels in each frame separately: most pixels that
-cannot be clustered can still be followed from one frame to the next. Relative to single-frame painting, flicker fell
-from 0.67 to 0.49 on a running actor (chaplin) and from 0.50 to 0.37 on a lifted kettle (coffee); it rose on no clip.
+cannot be clustered can still be followed from one frame to the next, which lowers the flicker.
 
 hertzmann2000video also repaints only where the picture has changed. Departures from it: repeated warping would blur
 the paint, so each pixel stores the frame and position where its paint was made and samples it once; where paint
