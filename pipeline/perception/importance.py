@@ -30,18 +30,31 @@ from pipeline.perception.saliency import spectral_residual
 from pipeline.perception.shrink import shrink, size_within
 from pipeline.perception.skin import skin_beside_faces
 
-MAP_SIDE_PX = 96
-"""Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
-SALIENCY_SIDE_PX = 256
-"""Longer side of the picture of which saliency is computed, px."""
-CUES_EVERY_FRAMES = 3
-"""Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
-HANDS = 0.8
-"""Importance of hands relative to that of faces."""
-HANDS_EVERY_FRAMES = 2
-"""Hands are searched in every second frame and move with the flow in between."""
-HANDS_RISE, HANDS_FALL = 0.84, 0.36
-"""Share a search by which the cue of hands rises where one is found, and falls where none is."""
+
+@dataclass(frozen=True)
+class CueParams:
+    """Constants of the cues of importance."""
+
+    map_side_px: int = 96
+    """Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
+    saliency_side_px: int = 256
+    """Longer side of the picture of which saliency is computed, px."""
+    cues_every_frames: int = 3
+    """Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
+    hands: float = 0.8
+    """Importance of hands relative to that of faces."""
+    hands_every_frames: int = 2
+    """Hands are searched in every second frame and move with the flow in between."""
+    hands_rise: float = 0.84
+    hands_fall: float = 0.36
+    """Share a search by which the cue of hands rises where one is found, and falls where none is."""
+    small_head: float = 0.1
+    large_head: float = 0.25
+    """Widths of a face, as fractions of the longer side of the frame, between which the weight of its head in
+    `hands_and_heads` falls from 1 to 0: strokes are fine enough for a large face."""
+
+
+CUES = CueParams()
 
 
 @dataclass(frozen=True)
@@ -63,11 +76,6 @@ class ImportanceParams:
     large_faces: float = 1.0
 
 
-SMALL_HEAD, LARGE_HEAD = 0.1, 0.25
-"""Widths of a face, as fractions of the longer side of the frame, between which the weight of its head in
-`hands_and_heads` falls from 1 to 0: strokes are fine enough for a large face."""
-
-
 class ImportanceTracker:
     """Computes I(p) for consecutive frames of a video. Causal; not thread-safe. The same frames give the same bytes.
 
@@ -78,10 +86,10 @@ class ImportanceTracker:
     def __init__(self, params: ImportanceParams, size: tuple[int, int]) -> None:
         self._params = params
         self._size = size
-        self._small = size_within(size, SALIENCY_SIDE_PX)
-        self.map_size = size_within(size, MAP_SIDE_PX)
+        self._small = size_within(size, CUES.saliency_side_px)
+        self.map_size = size_within(size, CUES.map_side_px)
         self._gain = np.float32(
-            1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
+            1.0 - 0.5 ** (CUES.cues_every_frames / params.half_life_frames) if params.half_life_frames > 0 else 1.0
         )
         self._faces = FaceTracker(size, params.half_life_frames)
         self._gray: NDArray[np.uint8] | None = None  # of the frame whose faces are still to be searched
@@ -126,7 +134,7 @@ class ImportanceTracker:
         mask: Plane | Mask | None = None,
         colours: Frame | None = None,
     ) -> Plane:
-        """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`.
+        """`step` without enlarging the map (`CUES.map_side_px` on its longer side) and without `continue_search`.
 
         `colours`: the RGB frame in which hands are searched; None: they are not. After `track_faces`, `image` and
         `colours` may be smaller than the frame.
@@ -182,9 +190,9 @@ class ImportanceTracker:
             return None
         faces = self._faces.faces.copy()
         widths = faces["box"][:, 2] / max(self._size)
-        faces["strength"] *= np.clip((LARGE_HEAD - widths) / (LARGE_HEAD - SMALL_HEAD), 0, 1)
+        faces["strength"] *= np.clip((CUES.large_head - widths) / (CUES.large_head - CUES.small_head), 0, 1)
         heads = head_mask(faces, self._size, self._hands.shape)
-        found = np.maximum(heads, np.float32(HANDS) * self._hands)
+        found = np.maximum(heads, np.float32(CUES.hands) * self._hands)
         return np.asarray(np.float32(self._params.face) * found, np.float32)
 
     def eyes_and_mouths(self) -> Plane | None:
@@ -225,7 +233,7 @@ class ImportanceTracker:
         flow: Flow | None,
         colours: Frame | None,
     ) -> Plane:
-        if self._age % CUES_EVERY_FRAMES == 0:
+        if self._age % CUES.cues_every_frames == 0:
             gain = np.float32(1) if self._age == 0 else self._gain
             small = _shrink_gray(image, self._small)
             self._cues = self._cues + gain * (self._saliency_and_motion(small, flow) - self._cues)
@@ -235,7 +243,7 @@ class ImportanceTracker:
         if not len(self._faces.faces):
             return self._cues
         face = np.float32(self._params.face)
-        plain: Plane = (1 - self._cues) * (1 - np.float32(HANDS) * face * self._hands)
+        plain: Plane = (1 - self._cues) * (1 - np.float32(CUES.hands) * face * self._hands)
         return np.asarray(1 - plain * (1 - face * self._heads()), np.float32)
 
     def _heads(self) -> Plane:
@@ -253,14 +261,14 @@ class ImportanceTracker:
             self._hands = np.zeros_like(self._hands)
         elif flow is not None and self._hands.any():
             self._hands = moved(self._hands, flow, self._size)
-        if self._age % HANDS_EVERY_FRAMES:
+        if self._age % CUES.hands_every_frames:
             return
         found = skin_beside_faces(colours, faces, self._size)
         if found is None:
-            self._hands *= np.float32(1 - HANDS_FALL)
+            self._hands *= np.float32(1 - CUES.hands_fall)
             return
         change = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32) - self._hands
-        self._hands += np.where(change > 0, np.float32(HANDS_RISE), np.float32(HANDS_FALL)) * change
+        self._hands += np.where(change > 0, np.float32(CUES.hands_rise), np.float32(CUES.hands_fall)) * change
 
     def _saliency_and_motion(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
         """Combined saliency and motion cue of one frame: float32 at the size of the map, 0..1."""

@@ -21,44 +21,58 @@ from pipeline.kernels.selection import column_medians, upper_median
 from pipeline.perception.faces import Faces
 from pipeline.perception.shrink import shrink, size_within
 
-SIDE_PX = 256
-"""Longer side of the picture in which hands are searched, px."""
-MIDDLE = np.float32(128)
-"""Level of a = 0 and b = 0 in 8-bit CIELAB."""
 
-LEAST_FACE_PX = 12.0
-"""Width of a face in the searched picture below which its hands are too small to be found."""
-FINEST_FACE_PX = 64.0
-"""Width of a face in the searched picture from which on half of the resolution shows hands as well."""
-LEAST_CHROMA = 7.0
-"""Least chroma of a face (CIELAB) for this search. Below it, as in black-and-white films, many things have its
-colour."""
-LEAST_DETECTIONS = 2
-"""Detections of a face before its hands are searched. A false face is rarely detected twice."""
-_LEAST_RED, _LEAST_YELLOW = 2.0, 2.0
-"""Least a and b (CIELAB) of a face: what looks like one in leaves or grass is greener."""
-_CHEEKS = (0.3, 0.0, 0.28)
-"""The part of a detected box that is surely skin, as fractions of the box's side: its half width, and the distances of
-its top and bottom below the centre."""
-_CHROMA_SPREAD, _LEAST_SPREAD, _MOST_SPREAD = 1.5, 4.5, 7.0
-"""Standard deviation of skin in a and b (CIELAB): this many times the median deviation in the cheeks, within limits."""
-_DARKEST, _LIGHTEST = 0.45, 1.3
-"""Lightness of skin elsewhere, relative to the face's."""
-_REACH, _BELOW = 4.5, 2.0
-"""The ellipse within which hands are searched, as fractions of the box's sides: its semi-axes, and how far its centre
-is below the face's."""
-_LEAST_AREA, _MOST_AREA = 0.08, 3.0
-"""Least and largest area of a hand or arm, in areas of the box: a hand that is half hidden, two bare arms. Walls of the
-same colour are larger."""
-_LEAST_LIKELIHOOD = 0.35
-"""Likelihood, 0..1, from which on a pixel counts as skin."""
-_FARTHEST = 1.1 * math.log(1 / _LEAST_LIKELIHOOD)
-"""Distance from the face's colour, in the exponent of the likelihood, beyond which no pixel has that likelihood."""
-_WIDER, _SOFT = 0.12, 0.12
-"""Radius of the mask's dilation, which covers the blurred outlines of moving fingers, and standard deviation of the
-mask's blur; both as fractions of the box's side."""
-_BLUR_REACH = 4
-"""Radius of OpenCV's Gaussian of 32-bit values, in standard deviations."""
+class SkinParams(NamedTuple):
+    """Constants of the search for hands and arms. Colours are CIELAB units."""
+
+    side_px: int = 256
+    """Longer side of the picture in which hands are searched, px."""
+    middle: np.float32 = np.float32(128)
+    """Level of a = 0 and b = 0 in 8-bit CIELAB."""
+    least_face_px: float = 12.0
+    """Width of a face in the searched picture below which its hands are too small to be found."""
+    finest_face_px: float = 64.0
+    """Width of a face in the searched picture from which on half of the resolution shows hands as well."""
+    least_chroma: float = 7.0
+    """Least chroma of a face (CIELAB) for this search. Below it, as in black-and-white films, many things have its
+    colour."""
+    least_detections: int = 2
+    """Detections of a face before its hands are searched. A false face is rarely detected twice."""
+    least_red: float = 2.0
+    least_yellow: float = 2.0
+    """Least a and b (CIELAB) of a face: what looks like one in leaves or grass is greener."""
+    cheeks: tuple[float, float, float] = (0.3, 0.0, 0.28)
+    """The part of a detected box that is surely skin, as fractions of the box's side: its half width, and the
+    distances of its top and bottom below the centre."""
+    chroma_spread: float = 1.5
+    least_spread: float = 4.5
+    most_spread: float = 7.0
+    """Standard deviation of skin in a and b (CIELAB): this many times the median deviation in the cheeks, within
+    limits."""
+    darkest: float = 0.45
+    lightest: float = 1.3
+    """Lightness of skin elsewhere, relative to the face's."""
+    reach: float = 4.5
+    below: float = 2.0
+    """The ellipse within which hands are searched, as fractions of the box's sides: its semi-axes, and how far its
+    centre is below the face's."""
+    least_area: float = 0.08
+    most_area: float = 3.0
+    """Least and largest area of a hand or arm, in areas of the box: a hand that is half hidden, two bare arms.
+    Walls of the same colour are larger."""
+    least_likelihood: float = 0.35
+    """Likelihood, 0..1, from which on a pixel counts as skin."""
+    farthest: float = 1.1 * math.log(1 / least_likelihood)
+    """Distance from the face's colour, in the exponent of the likelihood, beyond which no pixel has that likelihood."""
+    wider: float = 0.12
+    soft: float = 0.12
+    """Radius of the mask's dilation, which covers the blurred outlines of moving fingers, and standard deviation of the
+    mask's blur; both as fractions of the box's side."""
+    blur_reach: int = 4
+    """Radius of OpenCV's Gaussian of 32-bit values, in standard deviations."""
+
+
+SKIN = SkinParams()
 
 
 class _Person(NamedTuple):
@@ -78,12 +92,12 @@ def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Pl
         picture: uint8 RGB (h, w, 3), the frame or a smaller version of it.
         size: (width, height) of the frame in whose pixels the faces are given.
 
-    Returns: float32, 0..1, at most `SIDE_PX` on the longer side, or half of that if all these faces are large.
+    Returns: float32, 0..1, at most `SKIN.side_px` on the longer side, or half of that if all these faces are large.
     """
-    searched = size_within(size, SIDE_PX)
+    searched = size_within(size, SKIN.side_px)
     widths = faces["box"][:, 2] * (searched[0] / size[0])
-    chosen = np.flatnonzero((widths >= LEAST_FACE_PX) & (faces["detections"] >= LEAST_DETECTIONS))
-    if chosen.size and widths[chosen].min() >= FINEST_FACE_PX:
+    chosen = np.flatnonzero((widths >= SKIN.least_face_px) & (faces["detections"] >= SKIN.least_detections))
+    if chosen.size and widths[chosen].min() >= SKIN.finest_face_px:
         searched = searched[0] // 2, searched[1] // 2
     boxes = faces["box"] * np.tile(np.divide(searched, size), 2)
     lab = rgb_to_lab8(shrink(picture, searched)) if chosen.size else np.empty((3, 0, 0), np.uint8)
@@ -99,18 +113,18 @@ def skin_beside_faces(picture: Frame, faces: Faces, size: tuple[int, int]) -> Pl
 def _person(lab: LabPlanes, face: int, box: NDArray[np.float64]) -> _Person | None:
     """The person with that face; None if it has not the colour of skin or hardly any pixels."""
     cx, cy, w, h = box
-    half, top, bottom = _CHEEKS
+    half, top, bottom = SKIN.cheeks
     rows = slice(max(0, round(cy + top * h)), max(0, round(cy + bottom * h) + 1))
     columns = slice(max(0, round(cx - half * w)), max(0, round(cx + half * w) + 1))
     cheeks = lab[:, rows, columns].reshape(3, -1).astype(np.float32)
     if cheeks.shape[1] < 4:
         return None
     colour = column_medians(cheeks.T)
-    red, yellow = colour[1] - MIDDLE, colour[2] - MIDDLE
-    if np.hypot(red, yellow) < LEAST_CHROMA or red < _LEAST_RED or yellow < _LEAST_YELLOW:
+    red, yellow = colour[1] - SKIN.middle, colour[2] - SKIN.middle
+    if np.hypot(red, yellow) < SKIN.least_chroma or red < SKIN.least_red or yellow < SKIN.least_yellow:
         return None
-    spread = _CHROMA_SPREAD * float(upper_median(np.abs(cheeks[1:] - colour[1:, None])))
-    spread = min(max(spread, _LEAST_SPREAD), _MOST_SPREAD)
+    spread = SKIN.chroma_spread * float(upper_median(np.abs(cheeks[1:] - colour[1:, None])))
+    spread = min(max(spread, SKIN.least_spread), SKIN.most_spread)
     return _Person(face, colour, 2 * spread * spread, box)
 
 
@@ -142,21 +156,23 @@ def _mark_skin(
     for person in range(skin.shape[0]):
         cx, cy, w, h = boxes[person]
         own_light, own_a, own_b, spread = colours[person]
-        darkest, lightest = np.float32(_DARKEST) * own_light, np.float32(_LIGHTEST) * own_light
+        darkest, lightest = np.float32(SKIN.darkest) * own_light, np.float32(SKIN.lightest) * own_light
         for x in range(width):
-            across[x] = ((np.float32(x) + np.float32(0.5) - cx) / (np.float32(_REACH) * w)) ** 2
+            across[x] = ((np.float32(x) + np.float32(0.5) - cx) / (np.float32(SKIN.reach) * w)) ** 2
         for y in range(height):
-            down = ((np.float32(y) + np.float32(0.5) - cy - np.float32(_BELOW) * h) / (np.float32(_REACH) * h)) ** 2
+            down = (
+                (np.float32(y) + np.float32(0.5) - cy - np.float32(SKIN.below) * h) / (np.float32(SKIN.reach) * h)
+            ) ** 2
             if down > np.float32(2.25):
                 continue
             light, red, yellow = lab[0, y], lab[1, y], lab[2, y]
             for x in range(width):
                 a, b = np.float32(red[x]) - own_a, np.float32(yellow[x]) - own_b
                 away = (a * a + b * b) / spread
-                if away > np.float32(_FARTHEST) or light[x] < darkest or light[x] > lightest:
+                if away > np.float32(SKIN.farthest) or light[x] < darkest or light[x] > lightest:
                     continue
                 reach = min(np.float32(3) - np.float32(2) * np.sqrt(across[x] + down), np.float32(1))
-                skin[person, y, x] = np.exp(-away) * reach > np.float32(_LEAST_LIKELIHOOD)
+                skin[person, y, x] = np.exp(-away) * reach > np.float32(SKIN.least_likelihood)
 
 
 def _pieces(skin: NDArray[np.uint8], box: NDArray[np.float64]) -> NDArray[np.uint8] | None:
@@ -167,7 +183,7 @@ def _pieces(skin: NDArray[np.uint8], box: NDArray[np.float64]) -> NDArray[np.uin
     pieces = np.asarray(components, np.int32)
     areas = np.zeros(count, np.int64)
     _measure_areas(pieces, areas)
-    hands = ((areas >= _LEAST_AREA * w * h) & (areas <= _MOST_AREA * w * h)).astype(np.uint8)
+    hands = ((areas >= SKIN.least_area * w * h) & (areas <= SKIN.most_area * w * h)).astype(np.uint8)
     hands[0] = 0
     y, x = (min(max(round(at), 0), side - 1) for at, side in zip((cy, cx), skin.shape, strict=True))
     if skin[y, x]:
@@ -201,8 +217,8 @@ def _mark_pieces(pieces: NDArray[np.int32], chosen: NDArray[np.uint8], out: NDAr
 
 def _softened(hands: NDArray[np.uint8], box: NDArray[np.float64]) -> Plane:
     """Wider hands with soft outlines: float32, 0..1."""
-    radius, sigma = round(_WIDER * box[2]), max(_SOFT * box[2], 0.5)
-    part = _around(hands, radius + math.ceil(_BLUR_REACH * sigma) + 1)
+    radius, sigma = round(SKIN.wider * box[2]), max(SKIN.soft * box[2], 0.5)
+    part = _around(hands, radius + math.ceil(SKIN.blur_reach * sigma) + 1)
     wider = cv2.dilate(hands[part], cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1)))
     out = np.zeros(hands.shape, np.float32)
     out[part] = cv2.GaussianBlur(wider.astype(np.float32), (0, 0), sigma)

@@ -9,6 +9,7 @@ that a scanline starts at 0 (`pipeline.vector.fill`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -24,18 +25,22 @@ EDGE = np.dtype([("start", np.int32), ("end", np.int32), ("left", np.int32), ("r
 """A directed edge: its two nodes, and the labels to its left and right on the screen (y points down)."""
 
 
-_CONTRAST = np.float32(400)
-"""Squared contrast, in 8-bit CIELAB levels, at which colours and label map have equal weight for a border."""
+class BorderParams(NamedTuple):
+    """Constants of the placing of borders."""
+
+    contrast: np.float32 = np.float32(400)
+    """Squared contrast, in 8-bit CIELAB levels, at which colours and label map have equal weight for a border."""
+    line: int = 64
+    """Least ink of a pixel that belongs to a line, 0..255."""
+    under_line_px: np.float32 = np.float32(0.9)
+    """Distance of a border from the edge of the line that covers it, px: the rim of a line is not opaque."""
+    sliver_reach: int = 2
+    """Factor on the reach of a line, for the border of a region that continues on the other side of the line."""
+    thick_line_px: int = 12
+    """Least thickness, px, of a line that does not attract such a border."""
 
 
-_LINE = 64
-"""Least ink of a pixel that belongs to a line, 0..255."""
-_UNDER_LINE_PX = np.float32(0.9)
-"""Distance of a border from the edge of the line that covers it, px: the rim of a line is not opaque."""
-_SLIVER_REACH = 2
-"""Factor on the reach of a line, for the border of a region that continues on the other side of the line."""
-_THICK_LINE_PX = 12
-"""Least thickness, px, of a line that does not attract such a border."""
+BORDERS = BorderParams()
 
 
 @dataclass(frozen=True)
@@ -70,8 +75,8 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
 
     Across each edge, four pixels are interpreted as mixtures of the two colours beyond them, and the border is placed
     where the mixtures change from one colour to the other. A border then moves by fractions of a pixel, before a pixel
-    changes its label. Low contrast reduces the displacement (`_CONTRAST`). Still borders stay on the lattice, since
-    noise would move them.
+    changes its label. Low contrast reduces the displacement (`BORDERS.contrast`). Still borders stay on the lattice,
+    since noise would move them.
 
     Args:
         borders: of `labels`, not smoothed yet.
@@ -98,7 +103,7 @@ def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach
         reach_px: distance from a border in which lines are searched, px.
     """
     positions = borders.positions.copy()
-    margin = _SLIVER_REACH * reach_px
+    margin = BORDERS.sliver_reach * reach_px
     near = np.asarray(cv2.dilate(ink, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)), np.uint8)
     padded = np.pad(ink, margin)
     _tuck(positions, borders.lattice, borders.edges, padded, near, labels, reach_px)
@@ -227,7 +232,7 @@ def _offset(
         part = dl * (np.float32(here[0]) - l0) + da * (np.float32(here[1]) - a0) + db * (np.float32(here[2]) - b0)
         mixed += min(max(part * scale, np.float32(0)), np.float32(1))
     offset = min(max(np.float32(reach) - mixed, np.float32(-1)), np.float32(1))
-    return offset * square / (square + _CONTRAST)
+    return offset * square / (square + BORDERS.contrast)
 
 
 @kernel
@@ -238,7 +243,7 @@ def _tuck(
     """Move the nodes of edges beside a line, in place.
 
     Args:
-        ink: with a margin of `_SLIVER_REACH` times the reach, without ink, on each side.
+        ink: with a margin of `BORDERS.sliver_reach` times the reach, without ink, on each side.
         near: uint8 (h, w), the most ink within that distance.
     """
     count = positions.shape[0]
@@ -249,7 +254,7 @@ def _tuck(
         if edges[k]["right"] == 0:
             continue
         a, b = edges[k]["start"], edges[k]["end"]
-        if near[lattice[a, 1], lattice[a, 0]] < _LINE:
+        if near[lattice[a, 1], lattice[a, 0]] < BORDERS.line:
             continue
         axis = 0 if lattice[b, 0] == lattice[a, 0] else 1
         move = _to_line(ink, labels, lattice[a, 0], lattice[a, 1], axis, reach)
@@ -264,18 +269,18 @@ def _tuck(
 def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, reach: int) -> np.float32:
     """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
     line within reach, or the edge is under a line. `ink`: with the margin that `_tuck` describes."""
-    margin, width = _SLIVER_REACH * reach, ink.shape[1]
+    margin, width = BORDERS.sliver_reach * reach, ink.shape[1]
     flat, at = ink.reshape(ink.size), (y + margin) * width + x + margin
     step = 1 if axis == 0 else width
     for k in range(margin):
         ahead, behind = flat[at + k * step], flat[at - (k + 1) * step]
-        if max(ahead, behind) < _LINE:
+        if max(ahead, behind) < BORDERS.line:
             continue
-        if k == 0 and min(ahead, behind) >= _LINE:
+        if k == 0 and min(ahead, behind) >= BORDERS.line:
             return np.float32(0)
         way = 1 if ahead >= behind else -1
         if k < reach or _crosses_line(ink, labels, x, y, axis, way, k):
-            return np.float32(way) * (np.float32(k) + _UNDER_LINE_PX)
+            return np.float32(way) * (np.float32(k) + BORDERS.under_line_px)
         return np.float32(0)
     return np.float32(0)
 
@@ -289,11 +294,11 @@ def _crosses_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: 
     step_x, step_y = (way, 0) if axis == 0 else (0, way)
     first_x, first_y = x + min(step_x, 0), y + min(step_y, 0)
     own = labels[first_y, first_x]
-    for n in range(distance + _THICK_LINE_PX):
+    for n in range(distance + BORDERS.thick_line_px):
         i, j = first_x + n * step_x, first_y + n * step_y
         if not _is(labels, i, j, own, height, width):
             return False
-        if n > distance and ink[j + margin, i + margin] < _LINE:
+        if n > distance and ink[j + margin, i + margin] < BORDERS.line:
             return True
     return False
 

@@ -22,7 +22,7 @@ from pipeline.methods.abstraction.shading import smooth_shading
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
 from pipeline.perception.backward_maps import BackwardMaps, backward_maps
-from pipeline.perception.cuts import FADING, is_cut, light_steadiness, thumbnail
+from pipeline.perception.cuts import CUTS, is_cut, light_steadiness, thumbnail
 from pipeline.perception.face_contrast import raise_contrast
 from pipeline.perception.face_masks import FaceCrop
 from pipeline.perception.faces import Faces
@@ -34,10 +34,20 @@ from pipeline.regions.edges import edges
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
-FACE_BLUR, LEAST_FACE_BLUR_PX = 0.018, 0.4
-"""Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
-DENOISE_TOLERANCE = 6.0
-"""Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
+
+
+@dataclass(frozen=True)
+class AnalysisParams:
+    """Constants of the analysis."""
+
+    face_blur: float = 0.018
+    least_face_blur_px: float = 0.4
+    """Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
+    denoise_tolerance: float = 6.0
+    """Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
+
+
+ANALYSIS = AnalysisParams()
 
 
 @dataclass(frozen=True)
@@ -141,7 +151,7 @@ class FrameAnalyzer:
     def _sharpen(self, small: Frame, planes: LabPlanes, faces: Sequence[FaceCrop]) -> None:
         """Replace small faces by less blurred ones, in place."""
         for face in faces:
-            sigma = min(max(FACE_BLUR * face.width_px, LEAST_FACE_BLUR_PX), self.smooth_px)
+            sigma = min(max(ANALYSIS.face_blur * face.width_px, ANALYSIS.least_face_blur_px), self.smooth_px)
             part = np.ascontiguousarray(small[face.box])
             fine = rgb_to_lab8(np.asarray(cv2.GaussianBlur(part, (0, 0), sigma), np.uint8))
             for plane, own in zip(planes, fine, strict=True):
@@ -192,7 +202,7 @@ class FrameAnalyzer:
         In a fade it is the usual one, so that no small regions remain from the dim frames.
         """
         assert self.thumbnail is not None
-        if self.light_steadiness < FADING:
+        if self.light_steadiness < CUTS.fading:
             self.contrast = None
             return 1.0
         self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
@@ -213,7 +223,12 @@ class FrameAnalyzer:
         with self.clock("denoise"):
             back = backward_maps(flow)
             denoised, residual = denoise(
-                lab, self.denoised, flow, back, self.params.steadiness * self.light_steadiness, DENOISE_TOLERANCE
+                lab,
+                self.denoised,
+                flow,
+                back,
+                self.params.steadiness * self.light_steadiness,
+                ANALYSIS.denoise_tolerance,
             )
         return back, denoised, residual
 

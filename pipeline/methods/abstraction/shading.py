@@ -10,6 +10,8 @@ Departure: this is not part of zhang2011online.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,20 +19,32 @@ from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Plane
 from pipeline.kernels.jit import kernel
 
-CELL_PX = 8
-"""Side of a cell, px, equal to that of the smallest block of a codec."""
-MEASURED_ROWS = (0, 2, 5, 7)
-"""Rows of a cell that are measured, symmetric about its middle. They suffice, because the frame has been blurred."""
-FLAT_BELOW, UNEVEN_FROM = np.float32(6), np.float32(10)
-"""Range of a cell's colours, 8-bit CIELAB levels. A cell below `FLAT_BELOW` is smoothed fully, one from `UNEVEN_FROM`
-on is not smoothed."""
-LARGEST_STEP = np.float32(8)
-"""Difference of two cells' mean colours, 8-bit CIELAB levels, at and above which nothing is diffused between them."""
-PASSES, SHARE = 8, np.float32(0.24)
-"""Number of diffusion passes, and the largest share of a difference that moves in a pass: together a Gaussian with a
-standard deviation of 2 cells."""
-LARGEST_CHANGE = np.float32(4)
-"""Largest change of a pixel, 8-bit CIELAB levels."""
+
+class ShadingParams(NamedTuple):
+    """Constants of the smoothing of gradients."""
+
+    cell_px: int = 8
+    """Side of a cell, px, equal to that of the smallest block of a codec."""
+    measured_rows: tuple[int, int, int, int] = (0, 2, 5, 7)
+    """Rows of a cell that are measured, symmetric about its middle. They suffice, because the frame has been
+    blurred."""
+    flat_below: np.float32 = np.float32(6)
+    uneven_from: np.float32 = np.float32(10)
+    """Range of a cell's colours, 8-bit CIELAB levels. A cell below `flat_below` is smoothed fully, one from
+    `uneven_from` on is not smoothed."""
+    largest_step: np.float32 = np.float32(8)
+    """Difference of two cells' mean colours, 8-bit CIELAB levels, at and above which nothing is diffused between
+    them."""
+    passes: int = 8
+    share: np.float32 = np.float32(0.24)
+    """Number of diffusion passes, and the largest share of a difference that moves in a pass: together a Gaussian
+    with a standard deviation of 2 cells."""
+    largest_change: np.float32 = np.float32(4)
+    """Largest change of a pixel, 8-bit CIELAB levels."""
+
+
+SHADING = ShadingParams()
+
 
 Cells = NDArray[np.float32]
 """float32 (3, rows, columns): mean L, a, b of every cell, 8-bit levels."""
@@ -43,7 +57,7 @@ def smooth_shading(lab: LabPlanes) -> None:
         lab: uint8 (3, h, w), 8-bit CIELAB.
     """
     height, width = lab.shape[1:]
-    shape = (-(-height // CELL_PX), -(-width // CELL_PX))
+    shape = (-(-height // SHADING.cell_px), -(-width // SHADING.cell_px))
     means, flatness = np.empty((3, *shape), np.float32), np.empty(shape, np.float32)
     _measure_cells(lab, means, flatness)
     if flatness.any():
@@ -52,16 +66,16 @@ def smooth_shading(lab: LabPlanes) -> None:
 
 @kernel
 def _measure_cells(lab: LabPlanes, means: Cells, flatness: Plane) -> None:
-    """Write the mean colour and the flatness, 0..1, of every cell, measured on `MEASURED_ROWS`."""
+    """Write the mean colour and the flatness, 0..1, of every cell, measured on `SHADING.measured_rows`."""
     height, width = lab.shape[1], lab.shape[2]
     total, least, most = np.empty(width, np.int32), np.empty(width, np.uint8), np.empty(width, np.uint8)
     flatness[:] = 1
     for plane in range(3):
         for row in range(flatness.shape[0]):
-            top, bottom = row * CELL_PX, min((row + 1) * CELL_PX, height)
+            top, bottom = row * SHADING.cell_px, min((row + 1) * SHADING.cell_px, height)
             total[:], least[:], most[:] = 0, 255, 0
             count = 0
-            for offset in MEASURED_ROWS:
+            for offset in SHADING.measured_rows:
                 if top + offset >= bottom:
                     break
                 count += 1
@@ -71,7 +85,7 @@ def _measure_cells(lab: LabPlanes, means: Cells, flatness: Plane) -> None:
                     least[x] = min(least[x], line[x])
                     most[x] = max(most[x], line[x])
             for column in range(flatness.shape[1]):
-                left, right = column * CELL_PX, min((column + 1) * CELL_PX, width)
+                left, right = column * SHADING.cell_px, min((column + 1) * SHADING.cell_px, width)
                 level, low, high = np.int32(0), np.uint8(255), np.uint8(0)
                 for x in range(left, right):
                     level += total[x]
@@ -82,7 +96,7 @@ def _measure_cells(lab: LabPlanes, means: Cells, flatness: Plane) -> None:
 
 @kernel
 def _diffused(means: Cells, flatness: Plane) -> Cells:
-    """Mean colours diffused between flat cells whose colours differ by less than `LARGEST_STEP`."""
+    """Mean colours diffused between flat cells whose colours differ by less than `SHADING.largest_step`."""
     rows, columns = flatness.shape
     right, below = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.float32)
     for y in range(rows):
@@ -93,7 +107,7 @@ def _diffused(means: Cells, flatness: Plane) -> Cells:
                 below[y, x] = _conductance(means, flatness, y, x, y + 1, x)
     now = means.copy()
     change = np.empty((rows, columns), np.float32)
-    for _ in range(PASSES):
+    for _ in range(SHADING.passes):
         for plane in range(3):
             level = now[plane]
             change[:] = 0
@@ -126,14 +140,16 @@ def _step(means: Cells, y: int, x: int, j: int, i: int) -> np.float32:
 def _conductance(means: Cells, flatness: Plane, y: int, x: int, j: int, i: int) -> np.float32:
     """Share of the difference between two neighbouring cells that moves in one pass."""
     both = min(flatness[y, x], flatness[j, i])
-    alike = max(np.float32(1) - _step(means, y, x, j, i) / LARGEST_STEP, np.float32(0))
-    return np.float32(SHARE * both * alike)
+    alike = max(np.float32(1) - _step(means, y, x, j, i) / SHADING.largest_step, np.float32(0))
+    return np.float32(SHADING.share * both * alike)
 
 
 @kernel
 def _evenness(span: np.float32) -> np.float32:
-    """1 for a range of colours below `FLAT_BELOW`, 0 from `UNEVEN_FROM` on."""
-    return min(max((UNEVEN_FROM - span) / (UNEVEN_FROM - FLAT_BELOW), np.float32(0)), np.float32(1))
+    """1 for a range of colours below `SHADING.flat_below`, 0 from `SHADING.uneven_from` on."""
+    return min(
+        max((SHADING.uneven_from - span) / (SHADING.uneven_from - SHADING.flat_below), np.float32(0)), np.float32(1)
+    )
 
 
 @kernel
@@ -159,10 +175,10 @@ def _pixel_weights(means: Cells, flatness: Plane) -> Plane:
 def _interpolate(means: Cells, weights: Plane, lab: LabPlanes) -> None:
     """Move each pixel towards the bilinear interpolation of the cells around it, by their interpolated weights."""
     rows, columns = weights.shape
-    row, share = np.empty(columns + 2, np.float32), np.empty((columns + 1) * CELL_PX, np.float32)
+    row, share = np.empty(columns + 2, np.float32), np.empty((columns + 1) * SHADING.cell_px, np.float32)
     smooth = np.empty_like(share)
     for y in range(lab.shape[1]):
-        place = (np.float32(y) + np.float32(0.5)) / np.float32(CELL_PX) - np.float32(0.5)
+        place = (np.float32(y) + np.float32(0.5)) / np.float32(SHADING.cell_px) - np.float32(0.5)
         upper = int(np.floor(place))
         part = place - np.float32(upper)
         above, below = max(upper, 0), min(upper + 1, rows - 1)
@@ -176,8 +192,8 @@ def _interpolate(means: Cells, weights: Plane, lab: LabPlanes) -> None:
             continue
         first, last = max(first - 1, 0), min(last + 1, columns + 1)
         _stretch(row[first : last + 1], share)
-        left = first * CELL_PX - CELL_PX // 2
-        right = min((last * CELL_PX) - CELL_PX // 2, lab.shape[2])
+        left = first * SHADING.cell_px - SHADING.cell_px // 2
+        right = min((last * SHADING.cell_px) - SHADING.cell_px // 2, lab.shape[2])
         skipped = max(-left, 0)
         for plane in range(3):
             _mix_rows(means[plane, above], means[plane, below], part, row)
@@ -196,16 +212,17 @@ def _mix_rows(one: NDArray[np.float32], two: NDArray[np.float32], part: np.float
 
 @kernel
 def _stretch(row: NDArray[np.float32], out: NDArray[np.float32]) -> None:
-    """Write the linear interpolation between the centres of cells: `CELL_PX` values for each pair of neighbours."""
+    """Write the linear interpolation between the centres of cells: `SHADING.cell_px` values for each pair of
+    neighbours."""
     for column in range(row.size - 1):
-        first, step = row[column], (row[column + 1] - row[column]) / np.float32(CELL_PX)
-        for k in range(CELL_PX):
-            out[column * CELL_PX + k] = first + step * (np.float32(k) + np.float32(0.5))
+        first, step = row[column], (row[column + 1] - row[column]) / np.float32(SHADING.cell_px)
+        for k in range(SHADING.cell_px):
+            out[column * SHADING.cell_px + k] = first + step * (np.float32(k) + np.float32(0.5))
 
 
 @kernel
 def _approach(line: NDArray[np.uint8], smooth: NDArray[np.float32], share: NDArray[np.float32]) -> None:
     for x in range(line.size):  # this vectorises
         level = np.float32(line[x])
-        change = min(max(smooth[x] - level, -LARGEST_CHANGE), LARGEST_CHANGE)
+        change = min(max(smooth[x] - level, -SHADING.largest_change), SHADING.largest_change)
         line[x] = np.uint8(np.int32(level + share[x] * change + np.float32(0.5)))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import LabPlanes
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
-from pipeline.methods.abstraction.shading import LARGEST_CHANGE, smooth_shading
+from pipeline.methods.abstraction.shading import SHADING, smooth_shading
 
 HEIGHT, WIDTH = 96, 160
 
@@ -66,7 +66,7 @@ def test_no_pixel_changes_by_more_than_the_limit() -> None:
     lab = planes(np.kron(np.random.default_rng(3).integers(100, 107, (12, 20)), np.ones((8, 8))))
     before = lab.astype(int)
     smooth_shading(lab)
-    assert 0 < np.abs(lab - before).max() <= LARGEST_CHANGE
+    assert 0 < np.abs(lab - before).max() <= SHADING.largest_change
 
 
 def test_a_border_through_a_compressed_sky_is_calm() -> None:

@@ -23,7 +23,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
-from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
+from pipeline.methods.multistyle.denoise import DENOISE, denoise, zero_resting_flow
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.painter import Painter, colour_order
@@ -257,7 +257,7 @@ def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
     rng, nowhere = np.random.default_rng(3), np.zeros((80, 120, 2), np.float32)
     past = np.full((80, 120, 3), 100, np.float32)
     patch, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
-    patch[30:50, 40:60] += PLAIN + 5
+    patch[30:50, 40:60] += DENOISE.plain + 5
     denoised, other = denoise(patch, past, nowhere, 3)
     np.testing.assert_array_equal(denoised[32:48, 42:58], patch[32:48, 42:58])
     assert other[32:48, 42:58].all() and not other[:15].any() and (denoised[:15] == 100).all()
@@ -268,7 +268,7 @@ def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
 def test_hands_and_small_heads_follow_smaller_changes_at_once() -> None:
     nowhere, past = np.zeros((80, 120, 2), np.float32), np.full((80, 120, 3), 100, np.float32)
     hand = past.copy()
-    hand[30:50, 40:60] += PLAIN / 3
+    hand[30:50, 40:60] += DENOISE.plain / 3
     slow, other = denoise(hand, past, nowhere, 3)
     assert not other.any() and np.abs(slow - hand)[32:48, 42:58].min() > 1
     at_once, other = denoise(hand, past, nowhere, 3, np.ones((4, 6), np.float32))
