@@ -221,7 +221,7 @@ def _is_drawn(stroke: np.void, limits: StrokeLimits, length_factor: float) -> bo
     return strong_enough and _extent(stroke) >= shortest
 
 
-def advect(plane: Plane, flow: Flow) -> Plane:
+def warp_forward(plane: Plane, flow: Flow) -> Plane:
     """Move a plane of the previous frame to the current one, bilinear: float32 (h, w).
 
     Args:

@@ -53,7 +53,9 @@ _NEUTRAL = np.float32(128)
 """a and b of gray in 8-bit CIELAB."""
 
 
-def uncover_stripes(ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32], means: Means) -> tuple[Ink, Ink]:
+def erase_ink_on_thin_regions(
+    ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32], means: Means
+) -> tuple[Ink, Ink]:
     """`ink` and `drawn` without the ink on thin coloured regions: uint8, 0..255, the same objects if there are none.
 
     Args:

@@ -24,7 +24,7 @@ from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.perception.face_masks import FaceCrop, face_crops, head_mask, largeness, small_faces
 from pipeline.perception.faces import NO_FACES, Faces, FaceTracker
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.perception.motion import median_motion
 from pipeline.perception.saliency import spectral_residual
 from pipeline.perception.shrink import shrink, size_within
@@ -260,7 +260,7 @@ class ImportanceTracker:
         if not len(faces):
             self._hands = np.zeros_like(self._hands)
         elif flow is not None and self._hands.any():
-            self._hands = moved(self._hands, flow, self._size)
+            self._hands = warp_forward(self._hands, flow, self._size)
         if self._age % CUES.hands_every_frames:
             return
         found = skin_beside_faces(colours, faces, self._size)
@@ -293,7 +293,7 @@ def _motion(flow: Flow, full_px: float) -> Plane:
     return squeezed
 
 
-def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
+def warp_forward(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
     """A plane of the previous frame, moved along the flow: float32 (h, w), as `plane`.
 
     Args:
@@ -304,7 +304,7 @@ def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
     height, width = plane.shape
     coarse = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
     cells = np.array([width / size[0], height / size[1]], np.float32)
-    return np.asarray(fetch(plane, -coarse * cells), np.float32)
+    return np.asarray(warp_back(plane, -coarse * cells), np.float32)
 
 
 def _shrink_gray(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -17,7 +17,7 @@ from pipeline.frames import Flow, Frame
 from pipeline.kernels.background import INLINE, Background
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.selection import column_medians
-from pipeline.perception.backward_maps import BackwardMaps, warp_back
+from pipeline.perception.backward_maps import BackwardMaps, warp_back_mapped
 
 RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
@@ -90,7 +90,7 @@ def denoise(
     """
     size = lab[0].size
     mixed = np.empty_like(lab)
-    cv2.split(warp_back(denoised, back), list(mixed))
+    cv2.split(warp_back_mapped(denoised, back), list(mixed))
     here, past = lab.reshape(3, size), mixed.reshape(3, size)  # by plane, these loops vectorise
     residual = np.empty(lab.shape[1:], np.uint8)
     weights = np.empty(lab.shape[1:], np.int16)
@@ -109,7 +109,7 @@ def blend_with_past(
 
     Args:
         picture: uint8 (h, w, 3), this output.
-        past: the previous output, warped to this frame (`warp_back`); overwritten with the result.
+        past: the previous output, warped to this frame (`warp_back_mapped`); overwritten with the result.
         residual: residual of the source, see `denoise`.
         memory: weight of the previous output where the residual is 0, 0..0.95; it falls to 1/e at `FADE_TOLERANCE`.
 

@@ -89,7 +89,7 @@ def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
-def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
+def hide_borders_under_lines(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
     """Borders near a line, moved just under its outline.
 
     A line beside a border leaves a sliver of one region between the two, which widens the edge; and a border

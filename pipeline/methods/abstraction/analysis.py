@@ -16,7 +16,7 @@ from pipeline.colour.scheme import measure as measure_tone
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.background import Background, Pending, Ready
 from pipeline.lines.coherent import Ink
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
+from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.shading import smooth_shading
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
@@ -93,7 +93,7 @@ class FrameAnalyzer:
 
     def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
         """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper; edges
-        and lines on the thread that needs them in a `DeferringBackground`."""
+        and lines on the thread that needs them in a `LazyExecutor`."""
         fresh = self._begins_shot(same_size(frame, self.sizes.frame))
         with self.clock("lab"):
             small = shrink_frame(frame, self.sizes)
@@ -109,10 +109,10 @@ class FrameAnalyzer:
         raise_contrast(planes[0][..., None], tracked, self.sizes.frame)
         back, planes, residual = self._denoise(planes, flow)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
-        edge_map = self.background.later(self._edges, planes, importance, faces, contrast)
-        past = None if flow is None or residual is None else Past(flow, residual)
-        later = self.background.later
-        ink = later(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
+        edge_map = self.background.submit(self._edges, planes, importance, faces, contrast)
+        past = None if flow is None or residual is None else PreviousFrame(flow, residual)
+        submit = self.background.submit
+        ink = submit(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
@@ -180,7 +180,7 @@ class FrameAnalyzer:
             return edges(planes, importance.result(), self.params.edge_threshold * contrast, faces)
 
     def _ink(
-        self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: Past | None,
+        self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: PreviousFrame | None,
         faces: Sequence[FaceCrop],
     ) -> Ink:  # fmt: skip
         with self.clock("lines"):

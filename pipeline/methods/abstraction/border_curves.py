@@ -12,7 +12,7 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px
 from pipeline.regions.ramps import divide_ramps
 from pipeline.regions.segmenter import Segmentation
-from pipeline.vector.borders import Borders, align_borders, find_borders, tuck_borders
+from pipeline.vector.borders import Borders, align_borders, find_borders, hide_borders_under_lines
 from pipeline.vector.simplify import simplify_borders
 from pipeline.vector.smoothing import smooth_borders
 
@@ -72,7 +72,9 @@ class BorderCurves:
         if analysis.flow is not None:
             borders = align_borders(borders, labels, analysis.lab, analysis.flow)
         if drawn is not None:
-            borders = tuck_borders(borders, labels, drawn, max(CURVES.least_reach_px, math.ceil(self.limit_px)))
+            borders = hide_borders_under_lines(
+                borders, labels, drawn, max(CURVES.least_reach_px, math.ceil(self.limit_px))
+            )
         borders = smooth_borders(borders, self.sigma_px, self.limit_px)
         if not self.simple_sigma_px:
             return borders

@@ -63,7 +63,7 @@ fades. In a frame larger than the analysed one, interpolation would otherwise le
 lines are drawn wider there, for the same reason. Of a line of ink, the smaller neighbourhood keeps the soft rim."""
 
 
-class Past(NamedTuple):
+class PreviousFrame(NamedTuple):
     """Relation of a frame to the previous one.
 
     Attributes:
@@ -102,7 +102,7 @@ class LineExtractor:
         self.flow_lines = FlowLines(self.sigma_px, LINES.tau, params.steadiness) if flows else None
 
     def step(
-        self, gray: NDArray[np.uint8], importance: Plane, past: Past | None, faces: Sequence[FaceCrop] = ()
+        self, gray: NDArray[np.uint8], importance: Plane, past: PreviousFrame | None, faces: Sequence[FaceCrop] = ()
     ) -> Ink:  # fmt: skip
         """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
 
@@ -139,25 +139,25 @@ class LineExtractor:
         field = line_field(response, importance, self.params.line_threshold, self.margin, blur)
         return draw_lines(field, opacity, self.output_size)
 
-    def _motion(self, past: Past | None) -> PastMotion | None:
+    def _motion(self, past: PreviousFrame | None) -> PastMotion | None:
         """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
         if past is None or not self.params.paint_memory:
             return None
         weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
         return PastMotion(past.flow, past.residual, weights)
 
-    def _shrunk(self, past: Past | None) -> Past | None:
+    def _shrunk(self, past: PreviousFrame | None) -> PreviousFrame | None:
         """The relation to the previous frame at the size of the line planes, px of these."""
         if past is None or self.small == self.size:
             return past
         flow, residual = (cv2.resize(plane, self.small, interpolation=cv2.INTER_NEAREST) for plane in past)
         across, down = np.divide(self.small, self.size)
-        return Past(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
+        return PreviousFrame(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
 
-    def _previous_ink(self, past: Past | None) -> PreviousInk | None:
+    def _previous_ink(self, past: PreviousFrame | None) -> PreviousInk | None:
         return None if past is None or self.last is None else PreviousInk(self.last, past.flow)
 
-    def _respond(self, gray: Plane, importance: Plane, past: Past | None) -> Plane:
+    def _respond(self, gray: Plane, importance: Plane, past: PreviousFrame | None) -> Plane:
         if self.flow_lines:
             return self.flow_lines.step(gray, importance, None if past is None else past.flow)
         return dog_response(gray, self.sigma_px, LINES.tau)

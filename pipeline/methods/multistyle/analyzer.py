@@ -16,7 +16,7 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
-from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
+from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_still_flow_by_texture
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.face_layer import FaceLayer
@@ -37,7 +37,7 @@ from pipeline.perception.face_contrast import raise_contrast
 from pipeline.perception.faces import Faces
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.invert import invert_flow
-from pipeline.perception.importance import ImportanceParams, ImportanceTracker, moved
+from pipeline.perception.importance import ImportanceParams, ImportanceTracker, warp_forward
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.field import OrientationField, field_of
@@ -222,7 +222,9 @@ class StrokeAnalyzer:
             return None, None
         with self.clock("flow"):
             before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
-            back = zero_resting_flow(estimate(now, before, self.params.flow), now, before, self.params.stillness)
+            back = zero_still_flow_by_texture(
+                estimate(now, before, self.params.flow), now, before, self.params.stillness
+            )
             forward, _ = invert_flow(back, now, before)
             return forward * np.divide(self.size, self.work).astype(np.float32), back
 
@@ -235,7 +237,7 @@ class StrokeAnalyzer:
             coarse = self.importance.step_coarse(gray, flow, fresh, colours=frame)
             self.importance.continue_search()
             if not fresh and self.detail is not None:
-                before = self.detail if flow is None else moved(self.detail, flow, self.size)
+                before = self.detail if flow is None else warp_forward(self.detail, flow, self.size)
                 far = np.abs(coarse - before) > ANALYZER.detail_dead_band
                 coarse = before + np.where(far, np.float32(ANALYZER.detail_gain), 0) * (coarse - before)
             self.detail = np.asarray(coarse, np.float32)

@@ -16,7 +16,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.selection import upper_median
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.perception.motion import zero_still_flow
 from pipeline.strokes.accumulation import ACCUMULATION, changes
 
@@ -56,7 +56,9 @@ class DenoiseParams(NamedTuple):
 DENOISE = DenoiseParams()
 
 
-def zero_resting_flow(flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float) -> Flow:
+def zero_still_flow_by_texture(
+    flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8], tolerance: float
+) -> Flow:
     """Set the flow of still pixels to exactly 0, in place; return it: float32 (h, w, 2), px.
 
     A pixel that does not change may be still, or belong to a flat surface that moves, such as the sky in a pan. An
@@ -151,7 +153,7 @@ def denoise(
             new value's weight rises. Noisy pictures raise the tolerance, up to `DENOISE.noisy` times.
         attention: increases the change, see `accumulation.Painting`.
     """
-    advected = np.asarray(fetch(past, back), np.float32)
+    advected = np.asarray(warp_back(past, back), np.float32)
     red, green, blue = cv2.split(cv2.absdiff(now, advected))
     most = cv2.max(cv2.max(red, green), blue)
     difference = np.asarray(cv2.boxFilter(most, -1, (5, 5)), np.float32)
@@ -197,7 +199,7 @@ def denoise_directions(
     Args:
         tolerance: length of the difference up to which a direction stays the same; 0.2 is 6 degrees.
     """
-    advected = np.ascontiguousarray(fetch(past.transpose(1, 2, 0), back), np.float32)
+    advected = np.ascontiguousarray(warp_back(past.transpose(1, 2, 0), back), np.float32)
     fresh = np.ascontiguousarray(now.transpose(1, 2, 0))
     u, v = cv2.split(fresh - advected)
     difference = np.asarray(cv2.boxFilter(np.sqrt(u * u + v * v), -1, (3, 3)), np.float32)

@@ -25,7 +25,7 @@ from pipeline.methods.multistyle.styles import (
     profile_fields,
 )
 from pipeline.perception.flow.reliability import inside
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.strokes.brush import Brush, shifted
 from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, spacing_px, threshold_of
 from pipeline.strokes.random import Purpose, draws
@@ -182,7 +182,7 @@ class StrokeLayers:
             _distance(
                 picture,
                 below,
-                fetch(self.errors[index - 1], motion.back),
+                warp_back(self.errors[index - 1], motion.back),
                 np.float32(LAYERS.error_memory),
                 changed,
                 now,

@@ -23,7 +23,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
-from pipeline.methods.multistyle.denoise import DENOISE, denoise, zero_resting_flow
+from pipeline.methods.multistyle.denoise import DENOISE, denoise, zero_still_flow_by_texture
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.painter import Painter, colour_order
@@ -380,7 +380,7 @@ def test_a_flat_sky_moves_with_the_camera(moved: int, sky: float | None) -> None
     before, after = rough[:, :240].copy(), rough[:, :240].copy()
     after[:, :moved] = rough[:, 3 : moved + 3]
     before[:60], after[:60] = 200, 200
-    flow = zero_resting_flow(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
+    flow = zero_still_flow_by_texture(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
     if sky is not None:
         assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
     assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
@@ -399,7 +399,7 @@ def test_a_flat_object_moves_past_still_objects_with_the_flow(flow_px: float, go
         before[top : top + 4], after[top : top + 4] = edge[:, :240], edge[:, 3:]
     flow = np.zeros((160, 240, 2), np.float32)
     flow[64:80, :, 0] = flow_px
-    found = zero_resting_flow(flow, before, after, 2)[..., 0]
+    found = zero_still_flow_by_texture(flow, before, after, 2)[..., 0]
     assert (found[71:73, 30:210] == (flow_px if goes else 0)).mean() > 0.9
     assert (found[:40] == 0).all() and (found[120:] == 0).all()
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.kernels.background import Background
-from pipeline.vector.borders import align_borders, find_borders, tuck_borders
+from pipeline.vector.borders import align_borders, find_borders, hide_borders_under_lines
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import diffusion_steps, smooth_borders
 
@@ -186,7 +186,7 @@ def test_a_border_is_tucked_under_a_line_nearby(columns: tuple[int, int], expect
     labels = np.repeat(np.array([[1, 2]], np.int32), 20, axis=0).repeat(10, axis=1)
     ink = np.zeros(labels.shape, np.uint8)
     ink[:, columns[0] : columns[1]] = 255
-    borders = tuck_borders(find_borders(labels), labels, ink, 3)
+    borders = hide_borders_under_lines(find_borders(labels), labels, ink, 3)
     inside = (borders.lattice[:, 0] == 10) & (borders.lattice[:, 1] > 0) & (borders.lattice[:, 1] < 20)
     np.testing.assert_allclose(borders.positions[inside, 0], expected, atol=1e-5)
 
@@ -205,7 +205,7 @@ def test_a_region_that_continues_beyond_a_line_has_no_sliver_beside_it(
         labels, ink, expected = labels[:, ::-1].copy(), ink[:, ::-1].copy(), 25 - expected
     if transposed:
         labels, ink = labels.T.copy(), ink.T.copy()
-    borders = tuck_borders(find_borders(labels), labels, ink, 3)
+    borders = hide_borders_under_lines(find_borders(labels), labels, ink, 3)
     axis, at = int(transposed), 15 if mirrored else 10
     along = borders.lattice[:, 1 - axis]
     inside = (borders.lattice[:, axis] == at) & (along > 0) & (along < 20)
