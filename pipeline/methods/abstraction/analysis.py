@@ -18,7 +18,6 @@ from pipeline.kernels.background import Background, Pending, Ready
 from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.shading import smooth_shading
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
 from pipeline.perception.backward_maps import BackwardMaps, backward_maps
@@ -125,9 +124,7 @@ class FrameAnalyzer:
     def _smooth(self, frame: Frame) -> LabPlanes:
         with self.clock("lab"):
             smooth = cv2.GaussianBlur(frame, (self.smooth_side, self.smooth_side), self.smooth_px)
-            planes = rgb_to_lab8(np.asarray(smooth, np.uint8))
-            smooth_shading(planes)
-            return planes
+            return rgb_to_lab8(np.asarray(smooth, np.uint8))
 
     def _track_faces(
         self, frame: Frame, flow: Flow | None, fresh: bool
