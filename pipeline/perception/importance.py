@@ -1,13 +1,11 @@
 """The importance map I(p), which determines the amount of detail of each pixel (zhang2011online, section 4.1).
 
-It combines four cues, each in [0, 1] with a weight w: faces F (viola2001rapid), hands and arms H beside them, static
-saliency S (hou2007spectral) and motion relative to the camera M, by
-I = 1 - (1 - w_f F)(1 - w_h H)(1 - w_s S)(1 - w_m M), with w_h a fixed share of w_f. The cues are smoothed over past
-frames; H follows more quickly and moves with the flow, since hands move fast. A mask by the user overrides the map
-where it is given.
+It combines three cues, each in [0, 1] with a weight w: faces F (viola2001rapid), static saliency S (hou2007spectral)
+and motion relative to the camera M, by I = 1 - (1 - w_f F)(1 - w_s S)(1 - w_m M). The cues are smoothed over past
+frames. A mask by the user overrides the map where it is given.
 
-Departure: the paper uses faces only; it mentions the other cues as an alternative and as future work, but not hands.
-It does not smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden change of it
+Departure: the paper uses faces only; it mentions the other cues as an alternative and as future work. It does not
+smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden change of it
 would show as a sudden change of detail.
 """
 
@@ -23,12 +21,11 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.perception.face_masks import FaceCrop, face_crops, head_mask, largeness, small_faces
-from pipeline.perception.faces import NO_FACES, Faces, FaceTracker
+from pipeline.perception.faces import Faces, FaceTracker
 from pipeline.perception.flow.warp import warp_back
 from pipeline.perception.motion import median_motion
 from pipeline.perception.saliency import spectral_residual
 from pipeline.perception.shrink import shrink, size_within
-from pipeline.perception.skin import skin_beside_faces
 
 
 @dataclass(frozen=True)
@@ -41,17 +38,10 @@ class CueParams:
     """Longer side of the picture of which saliency is computed, px."""
     cues_every_frames: int = 3
     """Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
-    hands: float = 0.8
-    """Importance of hands relative to that of faces."""
-    hands_every_frames: int = 2
-    """Hands are searched in every second frame and move with the flow in between."""
-    hands_rise: float = 0.84
-    hands_fall: float = 0.36
-    """Share a search by which the cue of hands rises where one is found, and falls where none is."""
     small_head: float = 0.1
     large_head: float = 0.25
     """Widths of a face, as fractions of the longer side of the frame, between which the weight of its head in
-    `hands_and_heads` falls from 1 to 0: strokes are fine enough for a large face."""
+    `small_heads` falls from 1 to 0: strokes are fine enough for a large face."""
 
 
 CUES = CueParams()
@@ -96,7 +86,6 @@ class ImportanceTracker:
         self._tracked = False  # whether the faces of the coming step are known
         self._age = 0
         self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
-        self._hands: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._mask: Plane | None = None
 
     def step(
@@ -121,7 +110,7 @@ class ImportanceTracker:
         Raises:
             BadFrame: a wrong shape, dtype or range.
         """
-        coarse = self.step_coarse(image, flow, cut, mask, colours=image if image.ndim == 3 else None)
+        coarse = self.step_coarse(image, flow, cut, mask)
         self.continue_search()
         stretched = np.asarray(cv2.resize(coarse, self._size, interpolation=cv2.INTER_LINEAR), np.float32)
         return np.clip(stretched, 0, 1, out=stretched)
@@ -132,12 +121,10 @@ class ImportanceTracker:
         flow: Flow | None = None,
         cut: bool = False,
         mask: Plane | Mask | None = None,
-        colours: Frame | None = None,
     ) -> Plane:
         """`step` without enlarging the map (`CUES.map_side_px` on its longer side) and without `continue_search`.
 
-        `colours`: the RGB frame in which hands are searched; None: they are not. After `track_faces`, `image` and
-        `colours` may be smaller than the frame.
+        After `track_faces`, `image` may be smaller than the frame.
         """
         if not self._tracked:
             self.track_faces(image, flow, cut)
@@ -145,7 +132,7 @@ class ImportanceTracker:
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
-        importance = self._combine(image, moving, colours)
+        importance = self._combine(image, moving)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
@@ -181,8 +168,8 @@ class ImportanceTracker:
             self._faces.search(self._gray, self._age - 1)
             self._gray = None
 
-    def hands_and_heads(self) -> Plane | None:
-        """Hands and small heads in the latest frame, times the weight of faces; None without a face.
+    def small_heads(self) -> Plane | None:
+        """Small heads in the latest frame, times the weight of faces; None without a face.
 
         Returns: float32 at the size of the map, 0..1.
         """
@@ -191,9 +178,8 @@ class ImportanceTracker:
         faces = self._faces.faces.copy()
         widths = faces["box"][:, 2] / max(self._size)
         faces["strength"] *= np.clip((CUES.large_head - widths) / (CUES.large_head - CUES.small_head), 0, 1)
-        heads = head_mask(faces, self._size, self._hands.shape)
-        found = np.maximum(heads, np.float32(CUES.hands) * self._hands)
-        return np.asarray(np.float32(self._params.face) * found, np.float32)
+        heads = head_mask(faces, self._size, self._cues.shape)
+        return np.asarray(np.float32(self._params.face) * heads, np.float32)
 
     def eyes_and_mouths(self) -> Plane | None:
         """Brows, eyes, noses and mouths in the latest frame, times the weight of faces; None without a face.
@@ -203,7 +189,7 @@ class ImportanceTracker:
         faces = self._faces.faces
         if not len(faces):
             return None
-        found = np.zeros(self._hands.shape, np.float32)
+        found = np.zeros(self._cues.shape, np.float32)
         for face in face_crops(faces, self._size, self.map_size, np.full(len(faces), self._params.face)):
             found[face.box] = np.maximum(found[face.box], face.features())
         return found
@@ -213,7 +199,6 @@ class ImportanceTracker:
         return {
             "age": np.array(self._age, np.int64),
             "cues": self._cues.copy(),
-            "hands": self._hands.copy(),
             "mask": np.empty(0, np.float32) if self._mask is None else self._mask.copy(),
             **self._faces.state(),
         }
@@ -223,52 +208,23 @@ class ImportanceTracker:
         self._age = int(state["age"])
         self._faces.restore(state)
         self._cues = np.array(state["cues"], np.float32)
-        self._hands = np.array(state.get("hands", np.zeros_like(self._cues)), np.float32)
         mask = np.array(state["mask"], np.float32)
         self._mask = mask if mask.size else None
 
-    def _combine(
-        self,
-        image: NDArray[np.uint8],
-        flow: Flow | None,
-        colours: Frame | None,
-    ) -> Plane:
+    def _combine(self, image: NDArray[np.uint8], flow: Flow | None) -> Plane:
         if self._age % CUES.cues_every_frames == 0:
             gain = np.float32(1) if self._age == 0 else self._gain
             small = _shrink_gray(image, self._small)
             self._cues = self._cues + gain * (self._saliency_and_motion(small, flow) - self._cues)
-        if self._params.face <= 0:
+        if self._params.face <= 0 or not len(self._faces.faces):
             return self._cues
-        self._find_hands(colours, flow)
-        if not len(self._faces.faces):
-            return self._cues
-        face = np.float32(self._params.face)
-        plain: Plane = (1 - self._cues) * (1 - np.float32(CUES.hands) * face * self._hands)
-        return np.asarray(1 - plain * (1 - face * self._heads()), np.float32)
+        return np.asarray(1 - (1 - self._cues) * (1 - np.float32(self._params.face) * self._heads()), np.float32)
 
     def _heads(self) -> Plane:
         """The cue F: heads, large ones with their own weight, float32 at the size of the map."""
         faces = self._faces.faces.copy()
         faces["strength"] *= 1 - (1 - self._params.large_faces) * largeness(faces, self._size)
         return head_mask(faces, self._size, self._cues.shape)
-
-    def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
-        """Move the cue of hands with the flow, then towards the hands that are found in this frame."""
-        if colours is None:
-            return
-        faces = self._faces.faces if self._age else NO_FACES
-        if not len(faces):
-            self._hands = np.zeros_like(self._hands)
-        elif flow is not None and self._hands.any():
-            self._hands = warp_forward(self._hands, flow, self._size)
-        if self._age % CUES.hands_every_frames:
-            return
-        found = skin_beside_faces(colours, faces, self._size)
-        if found is None:
-            self._hands *= np.float32(1 - CUES.hands_fall)
-            return
-        change = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32) - self._hands
-        self._hands += np.where(change > 0, np.float32(CUES.hands_rise), np.float32(CUES.hands_fall)) * change
 
     def _saliency_and_motion(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
         """Combined saliency and motion cue of one frame: float32 at the size of the map, 0..1."""

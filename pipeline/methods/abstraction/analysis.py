@@ -158,7 +158,7 @@ class FrameAnalyzer:
         self, small: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
     ) -> Plane:  # fmt: skip
         with self.clock("importance"):
-            return self.importance.step_coarse(gray, flow, fresh, mask, colours=small)
+            return self.importance.step_coarse(gray, flow, fresh, mask)
 
     def finish_frame(self) -> None:
         """Work that only later frames need (a part of the face search): runs when the frame has been delivered."""
@@ -259,7 +259,6 @@ class FrameAnalyzer:
         """(width, height) of the stored planes that are smaller than the frame, by name in the session's state."""
         sizes = {
             "analyzer.importance.cues": self.importance.map_size,
-            "analyzer.importance.hands": self.importance.map_size,
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})

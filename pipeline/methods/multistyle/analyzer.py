@@ -234,7 +234,7 @@ class StrokeAnalyzer:
         if max(params.face_detail, params.saliency_detail, params.motion_detail) <= 0:
             return None
         with self.clock("detail"):
-            coarse = self.importance.step_coarse(gray, flow, fresh, colours=frame)
+            coarse = self.importance.step_coarse(gray, flow, fresh)
             self.importance.continue_search()
             if not fresh and self.detail is not None:
                 before = self.detail if flow is None else warp_forward(self.detail, flow, self.size)
@@ -249,14 +249,14 @@ class StrokeAnalyzer:
     def _attention(self, wanted: bool) -> tuple[Plane | None, Plane | None]:
         """Weights of places where strokes, and where the mean of paintings, follow changes fast; None = no such place.
 
-        Hands are in the first one alone: a mean of paintings that follows them as fast flickers.
+        Small heads are in the first one alone: a mean of paintings that follows them as fast flickers.
 
         Returns: two grids over the frame, float32, 0..1.
         """
-        hands, features = self.importance.hands_and_heads(), self.importance.eyes_and_mouths()
-        if not wanted or hands is None or features is None:
+        heads, features = self.importance.small_heads(), self.importance.eyes_and_mouths()
+        if not wanted or heads is None or features is None:
             return None, None
-        return np.maximum(hands, features), features
+        return np.maximum(heads, features), features
 
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""

@@ -89,12 +89,12 @@ def test_large_faces_can_count_less_than_small_ones() -> None:
 
 def test_small_heads_are_people_and_large_ones_are_not() -> None:
     small, large = ImportanceTracker(ONLY_FACES, (640, 360)), ImportanceTracker(ONLY_FACES, FACE_SIZE)
-    assert small.hands_and_heads() is None
+    assert small.small_heads() is None
     frame = np.full((360, 640, 3), 110, np.uint8)
     frame[120:204, 200:312] = cv2.resize(portrait(), (112, 84), interpolation=cv2.INTER_AREA)
     small.step(frame)
     large.step(portrait())
-    found, other = small.hands_and_heads(), large.hands_and_heads()
+    found, other = small.small_heads(), large.small_heads()
     assert found is not None and found.shape == (54, 96) and found.max() > 0.9 and found.mean() < 0.03
     assert other is not None and other.max() < 0.4
 
