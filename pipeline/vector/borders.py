@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Flow, Labels
+from pipeline.frames import Labels
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 
@@ -28,8 +28,6 @@ EDGE = np.dtype([("start", np.int32), ("end", np.int32), ("left", np.int32), ("r
 class BorderParams(NamedTuple):
     """Constants of the placing of borders."""
 
-    contrast: np.float32 = np.float32(400)
-    """Squared contrast, in 8-bit CIELAB levels, at which colours and label map have equal weight for a border."""
     line: int = 64
     """Least ink of a pixel that belongs to a line, 0..255."""
     under_line_px: np.float32 = np.float32(0.9)
@@ -68,25 +66,6 @@ def find_borders(labels: Labels) -> Borders:
     nodes = _find(labels, edges, lattice, rows)
     lattice = lattice[:nodes]
     return Borders(lattice.astype(np.float32), lattice, edges, rows, (width, height))
-
-
-def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow: Flow) -> Borders:
-    """Borders in motion, moved to where the colours change, with sub-pixel precision.
-
-    Across each edge, four pixels are interpreted as mixtures of the two colours beyond them, and the border is placed
-    where the mixtures change from one colour to the other. A border then moves by fractions of a pixel, before a pixel
-    changes its label. Low contrast reduces the displacement (`BORDERS.contrast`). Still borders stay on the lattice,
-    since noise would move them.
-
-    Args:
-        borders: of `labels`, not smoothed yet.
-        labels: int32 (height, width).
-        lab: uint8 (height, width, 3), 8-bit CIELAB of the frame.
-        flow: float32 (height, width, 2), from the previous frame, px.
-    """
-    positions = borders.positions.copy()
-    _align(positions, borders.lattice, borders.edges, labels, lab, flow)
-    return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
 def hide_borders_under_lines(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
@@ -166,30 +145,6 @@ def _find(labels: Labels, edges: NDArray[np.void], lattice: NDArray[np.int32], r
 
 
 @kernel
-def _align(
-    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], labels: Labels, lab: NDArray[np.uint8],
-    flow: Flow,
-) -> None:  # fmt: skip
-    count = positions.shape[0]
-    height, width = labels.shape
-    moves = np.zeros((count, 2), np.float32)
-    counts = np.zeros((count, 2), np.float32)
-    for k in range(edges.shape[0]):
-        if edges[k]["right"] == 0:
-            continue
-        a, b = edges[k]["start"], edges[k]["end"]
-        x, y = lattice[a, 0], lattice[a, 1]
-        if flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
-            continue
-        axis = 0 if lattice[b, 0] == x else 1
-        move = _offset(labels, lab, x, y, axis, height, width)
-        for n in (a, b):
-            moves[n, axis] += move
-            counts[n, axis] += np.float32(1)
-    _displace(positions, lattice, moves, counts, width, height)
-
-
-@kernel
 def _displace(
     positions: Positions, lattice: NDArray[np.int32], moves: Positions, counts: Positions, width: int, height: int
 ) -> None:
@@ -204,35 +159,6 @@ def _displace(
             last = width if axis == 0 else height
             if counts[n, axis] > 0 and 0 < lattice[n, axis] < last:
                 positions[n, axis] = np.float32(lattice[n, axis]) + both * moves[n, axis] / counts[n, axis]
-
-
-@kernel
-def _offset(
-    labels: Labels, lab: NDArray[np.uint8], x: int, y: int, axis: int, height: int, width: int
-) -> np.float32:  # fmt: skip
-    """Displacement of the border from the edge at lattice position (x, y), -1..1 px along `axis`."""
-    step_x, step_y = (1, 0) if axis == 0 else (0, 1)
-    before, after = labels[y - step_y, x - step_x], labels[y, x]
-    first, last = 1, 0  # pixels on either side that belong to the two regions: 1 - first, ..., last
-    while first < 3 and _is(labels, x - (first + 1) * step_x, y - (first + 1) * step_y, before, height, width):
-        first += 1
-    while last < 2 and _is(labels, x + (last + 1) * step_x, y + (last + 1) * step_y, after, height, width):
-        last += 1
-    near, far = lab[y - first * step_y, x - first * step_x], lab[y + last * step_y, x + last * step_x]
-    reach = min(first, last + 1) - 1  # whole pixels on either side between the two references
-    if reach < 1:
-        return np.float32(0)
-    l0, a0, b0 = np.float32(near[0]), np.float32(near[1]), np.float32(near[2])
-    dl, da, db = np.float32(far[0]) - l0, np.float32(far[1]) - a0, np.float32(far[2]) - b0
-    square = dl * dl + da * da + db * db
-    scale = np.float32(1) / (square + np.float32(1e-3))
-    mixed = np.float32(0)
-    for n in range(-reach, reach):
-        here = lab[y + n * step_y, x + n * step_x]
-        part = dl * (np.float32(here[0]) - l0) + da * (np.float32(here[1]) - a0) + db * (np.float32(here[2]) - b0)
-        mixed += min(max(part * scale, np.float32(0)), np.float32(1))
-    offset = min(max(np.float32(reach) - mixed, np.float32(-1)), np.float32(1))
-    return offset * square / (square + BORDERS.contrast)
 
 
 @kernel

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
 from pipeline.lines.coherent import Ink
-from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px
 from pipeline.regions.ramps import divide_ramps
 from pipeline.regions.segmenter import Segmentation
-from pipeline.vector.borders import Borders, align_borders, find_borders, hide_borders_under_lines
+from pipeline.vector.borders import Borders, find_borders, hide_borders_under_lines
 from pipeline.vector.simplify import simplify_borders
 from pipeline.vector.smoothing import smooth_borders
 
@@ -66,11 +66,9 @@ class BorderCurves:
         """The label map whose borders are drawn: blurred edges of the frame are divided."""
         return divide_ramps(regions.labels, regions.means, self.widest_ramp_px)
 
-    def borders(self, labels: Labels, analysis: FrameAnalysis, drawn: Ink | None) -> Borders:
+    def borders(self, labels: Labels, lab: Lab8, drawn: Ink | None) -> Borders:
         """The smooth borders of `labels`. Those near a line of `drawn`, ink at the size of the labels, lie under it."""
         borders = find_borders(labels)
-        if analysis.flow is not None:
-            borders = align_borders(borders, labels, analysis.lab, analysis.flow)
         if drawn is not None:
             borders = hide_borders_under_lines(
                 borders, labels, drawn, max(CURVES.least_reach_px, math.ceil(self.limit_px))
@@ -78,4 +76,4 @@ class BorderCurves:
         borders = smooth_borders(borders, self.sigma_px, self.limit_px)
         if not self.simple_sigma_px:
             return borders
-        return simplify_borders(borders, analysis.lab, self.reach_px, self.simple_sigma_px, self.simple_limit_px)
+        return simplify_borders(borders, lab, self.reach_px, self.simple_sigma_px, self.simple_limit_px)

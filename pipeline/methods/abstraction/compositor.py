@@ -104,7 +104,7 @@ class Compositor:
         analysis, regions, colours = coloured.analysis, coloured.regions, coloured.colours
         labels = curves.labels(regions)
         ink, drawn = self._ink(coloured)
-        borders = curves.borders(labels, analysis, drawn)
+        borders = curves.borders(labels, analysis.lab, drawn)
         self.picture = self._blend(fill_regions(borders, colours, self.sizes.output, self.background), labels, analysis)
         frame = self.picture.copy()
         if ink is not None:

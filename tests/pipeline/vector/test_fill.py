@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.kernels.background import Background
-from pipeline.vector.borders import align_borders, find_borders, hide_borders_under_lines
+from pipeline.vector.borders import find_borders, hide_borders_under_lines
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import diffusion_steps, smooth_borders
 
@@ -129,31 +129,6 @@ def test_borders_stay_within_the_frame_and_the_limit() -> None:
     for axis, last in enumerate(SIZE):
         for side in (0, last):
             assert (borders.positions[borders.lattice[:, axis] == side, axis] == side).all()
-
-
-def half_covered(share: float) -> tuple[Labels, NDArray[np.uint8]]:
-    """Two regions and their image in 8-bit CIELAB; column 10 mixes them, with `share` of the left one."""
-    labels = np.where(np.arange(20) < 10, 1, 2).astype(np.int32)[None].repeat(12, axis=0)
-    lightness = np.where(np.arange(20) < 10, 40.0, 240.0)
-    lightness[10] = 240 - 200 * share
-    lab = np.full((12, 20, 3), 128, np.uint8)
-    lab[..., 0] = np.rint(lightness)
-    return labels, lab
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
-def test_a_moving_border_lies_where_the_colours_change(share: float) -> None:
-    labels, lab = half_covered(share)
-    made = align_borders(find_borders(labels), labels, lab, np.full((12, 20, 2), 1, np.float32))
-    inner = made.lattice[:, 0] == 10
-    np.testing.assert_allclose(made.positions[inner, 0], 10 + share, atol=0.02)
-    np.testing.assert_array_equal(made.positions[:, 1], made.lattice[:, 1])
-
-
-def test_a_still_border_stays_on_the_lattice() -> None:
-    labels, lab = half_covered(0.5)
-    made = align_borders(find_borders(labels), labels, lab, np.zeros((12, 20, 2), np.float32))
-    np.testing.assert_array_equal(made.positions, made.lattice)
 
 
 def test_two_threads_give_the_same_bytes() -> None:
