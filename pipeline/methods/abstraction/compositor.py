@@ -22,7 +22,7 @@ from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, shrink_mask
 from pipeline.methods.tasks import Clock
 from pipeline.perception.backward_maps import BackwardMaps, warp_back_enlarged, warp_back_mapped
-from pipeline.perception.motion import blend_with_past, closed_residual, past_weights
+from pipeline.perception.motion import blend_with_past, past_weights
 from pipeline.regions.refinement import round_boundaries
 from pipeline.regions.segmenter import Segmentation
 from pipeline.vector.borders import Borders
@@ -134,7 +134,7 @@ class Compositor:
         weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
         moving = moving_borders(labels, analysis.flow)
-        blend_colours(picture, past, closed_residual(analysis.residual), weights, moving, self.background)
+        blend_colours(picture, past, analysis.residual, weights, moving, self.background)
         steepen_fast_borders(past, moving)
         return past
 

@@ -15,7 +15,6 @@ from pipeline.perception.motion import (
     FADE_TOLERANCE,
     FAR,
     blend_with_past,
-    closed_residual,
     denoise,
     past_weights,
     zero_still_flow,
@@ -170,15 +169,6 @@ def test_memory_zero_changes_nothing() -> None:
     now = noise(4)
     out = blend_with_past(now, noise(5), np.zeros(SHAPE, np.uint8), 0.0)
     np.testing.assert_array_equal(out, now)
-
-
-def test_single_pixels_that_look_like_their_past_by_chance_do_not_count() -> None:
-    residual = np.full((9, 12), 200, np.uint8)
-    residual[:, 8:] = 3
-    residual[4, 3] = 0
-    expected = residual.copy()
-    expected[4, 3] = 200
-    np.testing.assert_array_equal(closed_residual(residual), expected)
 
 
 def test_past_weights_fall_with_the_residual() -> None:
