@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +13,24 @@ from pipeline.kernels.background import INLINE, Background
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 
-MOVING_SHARE = 115
-"""Weight of the past at moving borders relative to that elsewhere, in 1/128."""
-SPEED_STEPS = 8
-"""Steps of a border's speed per px a frame."""
-REACH_PX = 2
-"""Radius of the neighbourhood whose colours count as nearby."""
-NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
-BAND_ROWS = 32
-"""Rows that are blended at a time: their neighbourhoods stay in the processor's cache."""
+
+class BlendParams(NamedTuple):
+    """Constants of the blending of colours."""
+
+    moving_share: int = 115
+    """Weight of the past at moving borders relative to that elsewhere, in 1/128."""
+    speed_steps: int = 8
+    """Steps of a border's speed per px a frame."""
+    reach_px: int = 2
+    """Radius of the neighbourhood whose colours count as nearby."""
+    band_rows: int = 32
+    """Rows that are blended at a time: their neighbourhoods stay in the processor's cache."""
+
+
+BLEND = BlendParams()
+
+
+NEIGHBOURS, NEARBY = np.ones((3, 3), np.uint8), np.ones((2 * BLEND.reach_px + 1, 2 * BLEND.reach_px + 1), np.uint8)
 
 
 def border_mask(labels: Labels) -> NDArray[np.uint8]:
@@ -49,12 +60,12 @@ def blend_colours(
     nearest = np.arange(len(now)) * len(moving) // len(now)
 
     def work(first: int, last: int) -> None:
-        for top in range(first, last, BAND_ROWS):
-            rows = slice(top, min(top + BAND_ROWS, last))
+        for top in range(first, last, BLEND.band_rows):
+            rows = slice(top, min(top + BLEND.band_rows, last))
             low = high = now[rows]
             beside = moving[nearest[top] : nearest[rows.stop - 1] + 1]
             if beside.any():  # the range of the colours nearby counts at moving borders only
-                around = slice(max(top - REACH_PX, 0), rows.stop + REACH_PX)
+                around = slice(max(top - BLEND.reach_px, 0), rows.stop + BLEND.reach_px)
                 inner = slice(top - around.start, rows.stop - around.start)
                 low = np.asarray(cv2.erode(now[around], NEARBY), np.uint8)[inner]
                 high = np.asarray(cv2.dilate(now[around], NEARBY), np.uint8)[inner]
@@ -64,8 +75,8 @@ def blend_colours(
 
 
 def moving_borders(labels: Labels, flow: Flow) -> NDArray[np.uint8]:
-    """Speed of region borders, uint8 (h, w), px a frame times `SPEED_STEPS`: 1..255 on and next to borders where the
-    flow, float32 (h, w, 2), px, is not 0; 0 elsewhere."""
+    """Speed of region borders, uint8 (h, w), px a frame times `BLEND.speed_steps`: 1..255 on and next to borders where
+    the flow, float32 (h, w, 2), px, is not 0; 0 elsewhere."""
     speeds = border_mask(labels)
     _measure_speeds(flow, speeds)
     return speeds
@@ -81,7 +92,7 @@ def _measure_speeds(flow: Flow, speeds: NDArray[np.uint8]) -> None:
             dx, dy = flow[y, x, 0], flow[y, x, 1]
             square = dx * dx + dy * dy
             if square > 0:
-                speed = np.float32(SPEED_STEPS) * np.sqrt(square)
+                speed = np.float32(BLEND.speed_steps) * np.sqrt(square)
                 speeds[y, x] = np.uint8(min(max(speed, np.float32(1)), np.float32(255)))
             else:
                 speeds[y, x] = 0
@@ -113,7 +124,9 @@ def _blend(
             for x in range(width):
                 at, x_there = 3 * x, columns[x]
                 weight[at] = weight[at + 1] = weight[at + 2] = np.int16(weights[residual[row, x_there]] >> 1)
-                share[at] = share[at + 1] = share[at + 2] = np.int16(MOVING_SHARE if moving[row, x_there] else 128)
+                share[at] = share[at + 1] = share[at + 2] = np.int16(
+                    BLEND.moving_share if moving[row, x_there] else 128
+                )
         now, then = picture[y].reshape(3 * width), past[y].reshape(3 * width)
         least, most = low[y].reshape(3 * width), high[y].reshape(3 * width)
         for k in range(3 * width):  # this vectorises, in 16 bits

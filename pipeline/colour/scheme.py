@@ -7,10 +7,11 @@ blending between frames, is in `pipeline.methods.abstraction.palette`.
 Departure:
     * The paper states both "k = 3" and "h_4 is the desired h'"; here the result is h_k.
     * "A 30 degree neighbourhood" is interpreted as the total width: 15 degrees to either side.
-    * The statistics of the incoming frame come from every n-th pixel (at most `SAMPLES` of them: about 0.2 ms at
+    * The statistics of the incoming frame come from every n-th pixel (at most `SCHEME.samples` of them: about 0.2 ms at
       1280x720) and are smoothed causally (`ToneTracker`). Without smoothing, exposure jitter would make all regions
       flicker.
-    * The quotients sigma_S / sigma_s and mu_V / mu_v are limited to `MAX_GAIN`, since the noise of a nearly gray or
+    * The quotients sigma_S / sigma_s and mu_V / mu_v are limited to `SCHEME.max_gain`, since the noise of a nearly gray
+    or
       nearly black frame would otherwise be amplified without bound.
     * As printed, eq. 2 gives a gray region (s = 0) the saturation mu_S - mu_s sigma_S / sigma_s: a white wall becomes
       vivid, with a random hue that changes each frame. The paper itself calls the hue of such pixels meaningless.
@@ -25,7 +26,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil, sqrt
 from numbers import Real
-from typing import TypeGuard
+from typing import NamedTuple, TypeGuard
 
 import cv2
 import numpy as np
@@ -37,14 +38,22 @@ from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.kernels.jit import kernel
 
-HUES = 360
-"""Bins of the hue histogram: bin i holds the hues that round to i degrees."""
-MEANINGLESS = 0.125
-"""S or V up to which hue is meaningless; V up to which saturation is meaningless (section 5)."""
-SAMPLES = 1 << 15
-"""Largest number of pixels of a frame that are read."""
-MAX_GAIN = 4.0
-"""Largest quotient of a reference statistic and a frame statistic."""
+
+class SchemeParams(NamedTuple):
+    """Constants of colour schemes."""
+
+    hues: int = 360
+    """Bins of the hue histogram: bin i holds the hues that round to i degrees."""
+    meaningless: float = 0.125
+    """S or V up to which hue is meaningless; V up to which saturation is meaningless (section 5)."""
+    samples: int = 1 << 15
+    """Largest number of pixels of a frame that are read."""
+    max_gain: float = 4.0
+    """Largest quotient of a reference statistic and a frame statistic."""
+
+
+SCHEME = SchemeParams()
+
 
 HueTable = NDArray[np.float32]
 
@@ -84,7 +93,7 @@ def learn(frames: Iterable[Frame], field: str = "reference") -> ColourStats:
     Raises:
         BadInput: there is no frame.
     """
-    tones, hue = _Tones(), np.zeros(HUES)
+    tones, hue = _Tones(), np.zeros(SCHEME.hues)
     for frame in frames:
         sample = _sample(frame)
         tones.add(sample)
@@ -96,7 +105,7 @@ def learn(frames: Iterable[Frame], field: str = "reference") -> ColourStats:
 
 
 def measure(frame: Frame) -> Tone:
-    """Compute mu_s, sigma_s and mu_v of one frame, from at most `SAMPLES` pixels on a fixed grid."""
+    """Compute mu_s, sigma_s and mu_v of one frame, from at most `SCHEME.samples` pixels on a fixed grid."""
     tones = _Tones()
     tones.add(_sample(frame))
     return tones.tone()
@@ -135,15 +144,15 @@ def hue_table(stats: ColourStats, k: int = 3, neighbourhood_deg: float = 30.0) -
 
     Returns: float32 (360,), degrees in [0, 360).
     """
-    degrees = np.arange(HUES, dtype=np.float64)
+    degrees = np.arange(SCHEME.hues, dtype=np.float64)
     hue = degrees.copy()
     for _ in range(k):
         apart = _wrapped(degrees[None, :] - hue[:, None])
         weight = np.where(np.abs(apart) <= neighbourhood_deg / 2, stats.hue[None, :], 0.0)
         mass = weight.sum(axis=1)
-        hue += np.divide((weight * apart).sum(axis=1), mass, out=np.zeros(HUES), where=mass > 0)
-    wrapped: HueTable = (hue % HUES).astype(np.float32)
-    return wrapped % np.float32(HUES)  # rounding to float32 may yield 360
+        hue += np.divide((weight * apart).sum(axis=1), mass, out=np.zeros(SCHEME.hues), where=mass > 0)
+    wrapped: HueTable = (hue % SCHEME.hues).astype(np.float32)
+    return wrapped % np.float32(SCHEME.hues)  # rounding to float32 may yield 360
 
 
 def apply(
@@ -153,7 +162,7 @@ def apply(
     lambda_: float = 2 / 3,
     *,
     table: HueTable | None = None,
-    achromatic: float = MEANINGLESS,
+    achromatic: float = SCHEME.meaningless,
 ) -> NDArray[np.float64]:
     """Target colour (h', s', v') of each region by eq. 1, 2 and 3.
 
@@ -228,7 +237,7 @@ def _add_tones(sample: Frame, sums: NDArray[np.float64]) -> None:
             high = max(r, g, b)
             pixels += 1
             value += high
-            if high > MEANINGLESS * 255:
+            if high > SCHEME.meaningless * 255:
                 s = (high - min(r, g, b)) / high
                 lit += 1
                 saturation += s
@@ -241,8 +250,8 @@ def _add_tones(sample: Frame, sums: NDArray[np.float64]) -> None:
 
 
 def _sample(frame: Frame) -> Frame:
-    """At most `SAMPLES` pixels of a frame on a regular grid."""
-    every = ceil(sqrt(max(frame.shape[0] * frame.shape[1] / SAMPLES, 1.0)))
+    """At most `SCHEME.samples` pixels of a frame on a regular grid."""
+    every = ceil(sqrt(max(frame.shape[0] * frame.shape[1] / SCHEME.samples, 1.0)))
     return frame[::every, ::every]
 
 
@@ -250,18 +259,18 @@ def _count_hues(sample: Frame) -> NDArray[np.int64]:
     """Number of pixels with a meaningful hue by rounded hue: int64 (360,)."""
     hsv = cv2.cvtColor(sample.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2HSV)
     hue, saturation, value = hsv.reshape(-1, 3).T
-    coloured = hue[(value > MEANINGLESS) & (saturation > MEANINGLESS)]
-    return np.bincount(np.rint(coloured).astype(np.intp) % HUES, minlength=HUES)
+    coloured = hue[(value > SCHEME.meaningless) & (saturation > SCHEME.meaningless)]
+    return np.bincount(np.rint(coloured).astype(np.intp) % SCHEME.hues, minlength=SCHEME.hues)
 
 
 def _interpolate(table: HueTable, hue: NDArray[np.float64]) -> NDArray[np.float64]:
     """Apply a hue table with linear interpolation of the shifts; the identity table leaves hues exactly unchanged."""
-    shift = _wrapped(table.astype(np.float64) - np.arange(HUES))
+    shift = _wrapped(table.astype(np.float64) - np.arange(SCHEME.hues))
     whole = np.floor(hue)
-    here = whole.astype(np.intp) % HUES
+    here = whole.astype(np.intp) % SCHEME.hues
     part = hue - whole
-    moved = hue + shift[here] * (1 - part) + shift[(here + 1) % HUES] * part
-    return np.asarray(moved % HUES)
+    moved = hue + shift[here] * (1 - part) + shift[(here + 1) % SCHEME.hues] * part
+    return np.asarray(moved % SCHEME.hues)
 
 
 def _wrapped(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -270,7 +279,7 @@ def _wrapped(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _quotient(reference: float, frame: float) -> float:
-    return min(reference / max(frame, 1e-6), MAX_GAIN)
+    return min(reference / max(frame, 1e-6), SCHEME.max_gain)
 
 
 def _smoothstep(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -305,7 +314,7 @@ def _fraction(data: Mapping[str, object], key: str, field: str) -> float:
 
 def _weights(values: object, field: str) -> NDArray[np.float64]:
     remedy = "Give 36 or 360 numbers of 0 or more, not all 0; weight 0 stands for red."
-    if not isinstance(values, list) or len(values) not in (36, HUES):
+    if not isinstance(values, list) or len(values) not in (36, SCHEME.hues):
         size = len(values) if isinstance(values, list) else type(values).__name__
         raise BadInput("The hue histogram is a list of 36 or 360 weights.", field=field, value=size, remedy=remedy)
     for index, value in enumerate(values):
@@ -317,7 +326,9 @@ def _weights(values: object, field: str) -> NDArray[np.float64]:
     if not weights.any():
         raise BadInput("The hue histogram is empty.", field=field, value="all 0", remedy=remedy)
     weights /= weights.max()
-    spread = np.interp(np.arange(HUES), np.arange(weights.size) * (HUES / weights.size), weights, period=HUES)
+    spread = np.interp(
+        np.arange(SCHEME.hues), np.arange(weights.size) * (SCHEME.hues / weights.size), weights, period=SCHEME.hues
+    )
     return np.asarray(spread / spread.sum())
 
 

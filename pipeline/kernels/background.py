@@ -32,7 +32,7 @@ class Ready(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Offered(Generic[T]):
+class Submitted(Generic[T]):
     """A value submitted to the helper. If the helper has not started on it, `result` computes it in the caller."""
 
     taken: Future[T]
@@ -84,26 +84,26 @@ class Background:
             return Ready(function(*args, **kwargs))
         return self.helper.submit(function, *args, **kwargs)
 
-    def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+    def submit(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
         """Run `function` as a call of this object does. Only a later stage needs its value, so a subclass may wait."""
         return self(function, *args, **kwargs)
 
-    def offer(self, make: Callable[[], T]) -> Pending[T]:
+    def submit_parallel(self, make: Callable[[], T]) -> Pending[T]:
         """Submit a stateless function. It runs on the helper if that is idle in time, otherwise in the caller."""
-        return Ready(make()) if self.helper is None else Offered(self.helper.submit(make), make)
+        return Ready(make()) if self.helper is None else Submitted(self.helper.submit(make), make)
 
     def rows(self, work: Callable[[int, int], None], height: int) -> None:
         """Call `work(first, last)` for all rows [0, height) of an image; the upper half is offered to the helper."""
         if self.helper is None:
             work(0, height)
             return
-        upper = self.offer(lambda: work(0, height // 2))
+        upper = self.submit_parallel(lambda: work(0, height // 2))
         work(height // 2, height)
         upper.result()
 
 
-class DeferringBackground(Background):
-    """Runs a function that is handed to `later` in the thread that first asks for its value, or calls `finish`.
+class LazyExecutor(Background):
+    """Runs a function that is handed to `submit` in the thread that first asks for its value, or calls `finish`.
 
     The functions run in the order in which they were handed over, whichever thread runs them.
     """
@@ -112,7 +112,7 @@ class DeferringBackground(Background):
         super().__init__()
         self._latest: Deferred[Any] | None = None
 
-    def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+    def submit(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
         latest = Deferred(lambda: function(*args, **kwargs), self._latest)
         self._latest = latest
         return latest
@@ -123,14 +123,14 @@ class DeferringBackground(Background):
             self._latest.result()
 
 
-class LaterBackground(Background):
-    """Runs a function that is handed to `later` on a helper thread, in order, and everything else in the caller."""
+class ThreadExecutor(Background):
+    """Runs a function that is handed to `submit` on a helper thread, in order, and everything else in the caller."""
 
     def __init__(self, thread: Executor) -> None:
         super().__init__()
         self._thread = thread
 
-    def later(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+    def submit(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
         return self._thread.submit(function, *args, **kwargs)
 
 

@@ -26,12 +26,22 @@ STROKE = np.dtype([
 ])  # fmt: skip
 """A stroke: bounding box, px, inclusive; strongest ink and largest importance, 0..255; area in px, and how many of
 these pixels lie on ink that was drawn in the previous frame."""
-DRAWN = 76
-"""Ink above this value counts as drawn in the previous frame."""
-MANY_SHORT_STROKES, LARGEST_FACTOR = 10.0, 3.0
-"""Number of short strokes in nine cells above which strokes there must be longer, in proportion to that number, and the
-largest factor. Without it, foliage and grass would be full of specks. The single short stroke of an eye stays."""
-_FAR = np.int32(1 << 30)
+
+
+class StrokeParams(NamedTuple):
+    """Constants of the choice of strokes."""
+
+    drawn: int = 76
+    """Ink above this value counts as drawn in the previous frame."""
+    many_short_strokes: float = 10.0
+    largest_factor: float = 3.0
+    """Number of short strokes in nine cells above which strokes there must be longer, in proportion to that number,
+    and the largest factor. Without it, foliage and grass would be full of specks. The single short stroke of an eye
+    stays."""
+    far: np.int32 = np.int32(1 << 30)
+
+
+STROKES = StrokeParams()
 
 
 class PreviousInk(NamedTuple):
@@ -53,7 +63,7 @@ class StrokeLimits(NamedTuple):
         weak, strong: hysteresis thresholds on ink, 0..255: of all pixels of a stroke, and of its strongest pixel.
         shortest_px: smallest extent of a stroke. The limit is a third of it for strokes that were drawn before, and
             falls to a quarter where importance is 1, since an eye is short. It rises where short strokes are many
-            (`MANY_SHORT_STROKES`).
+            (`STROKES.many_short_strokes`).
     """
 
     weak: int
@@ -87,7 +97,7 @@ def _draw_strokes(
 ) -> None:  # fmt: skip
     """`strokes`: one record per run, initially zero; only those of root runs are used."""
     for k in range(runs.size):
-        strokes[k]["left"] = strokes[k]["top"] = _FAR
+        strokes[k]["left"] = strokes[k]["top"] = STROKES.far
     for k in range(runs.size):
         runs[k]["parent"] = _root(runs, k)
         _add_run(runs[k], ink, past, importance, strokes[runs[k]["parent"]])
@@ -154,7 +164,7 @@ def _add_run(run: np.void, ink: Ink, past: PreviousInk, importance: Plane, strok
         weight = max(weight, importance[y, x])
         i = min(max(x - int(np.rint(past.flow[y, x, 0])), 0), width - 1)
         j = min(max(y - int(np.rint(past.flow[y, x, 1])), 0), height - 1)
-        known += past.ink[j, i] > DRAWN
+        known += past.ink[j, i] > STROKES.drawn
     stroke["peak"] = peak
     stroke["importance"] = max(stroke["importance"], int(weight * 255))
     stroke["drawn_before"] += known
@@ -177,13 +187,13 @@ def _count_short(
 
 @kernel
 def _length_factor(stroke: np.void, short: NDArray[np.int32], shortest_px: float) -> float:
-    """Factor on the smallest extent of a stroke: 1, and up to `LARGEST_FACTOR` among many short strokes."""
+    """Factor on the smallest extent of a stroke: 1, and up to `STROKES.largest_factor` among many short strokes."""
     row, column = _cell(stroke, max(2 * shortest_px, 1.0))
     total = 0
     for j in range(row - 1, row + 2):
         for i in range(column - 1, column + 2):
             total += short[j, i]
-    return min(max(total / MANY_SHORT_STROKES, 1.0), LARGEST_FACTOR)
+    return min(max(total / STROKES.many_short_strokes, 1.0), STROKES.largest_factor)
 
 
 @kernel
@@ -211,7 +221,7 @@ def _is_drawn(stroke: np.void, limits: StrokeLimits, length_factor: float) -> bo
     return strong_enough and _extent(stroke) >= shortest
 
 
-def advect(plane: Plane, flow: Flow) -> Plane:
+def warp_forward(plane: Plane, flow: Flow) -> Plane:
     """Move a plane of the previous frame to the current one, bilinear: float32 (h, w).
 
     Args:

@@ -8,6 +8,8 @@ Departure: this is not part of zhang2011online, whose lines are drawn over every
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,30 +19,43 @@ from pipeline.kernels.nonzero import nonzero_positions
 from pipeline.lines.coherent import Ink
 from pipeline.regions.regions import Means
 
-COVERED = (0.45, 0.6)
-"""Mean ink of a region, 0..1: up to the first value its ink is kept, from the second one on all of it is removed."""
-CHROMA = (22.0, 34.0)
-"""The same for the chroma of the region, CIELAB units."""
-LIGHTNESS = (80.0, 120.0)
-"""The same for its lightness, 0..255: dark stripes stay lines."""
-HUE_DISTANCE = (16.0, 28.0)
-"""The same for the distance, in a and b, of its colour from the mean colour of its neighbours, CIELAB units."""
-DARKER = (0.0, 20.0)
-"""The same for the difference by which its neighbours are lighter, 0..255. If they are darker, the line is theirs."""
-SIMILAR_BORDER = (0.2, 0.4)
-"""Share of a region's border with neighbours nearer than the first `HUE_DISTANCE`: up to the first value ink is
-removed, from the second one on it is kept, because the region is the outline of a coloured area."""
-LEAST_PX = 12
-"""Smallest region from which ink is removed, px of the label map."""
-OVERHANG_PX = 2
-"""Width, px of the label map, by which a line extends beyond the stripe that it covers."""
+
+class StripeParams(NamedTuple):
+    """Constants of the choice of stripes: ranges in which the share of removed ink rises from 0 to 1, or falls."""
+
+    covered: tuple[float, float] = (0.45, 0.6)
+    """Mean ink of a region, 0..1: up to the first value its ink is kept, from the second one on all of it is
+    removed."""
+    chroma: tuple[float, float] = (22.0, 34.0)
+    """The same for the chroma of the region, CIELAB units."""
+    lightness: tuple[float, float] = (80.0, 120.0)
+    """The same for its lightness, 0..255: dark stripes stay lines."""
+    hue_distance: tuple[float, float] = (16.0, 28.0)
+    """The same for the distance, in a and b, of its colour from the mean colour of its neighbours, CIELAB units."""
+    darker: tuple[float, float] = (0.0, 20.0)
+    """The same for the difference by which its neighbours are lighter, 0..255. If they are darker, the line is
+    theirs."""
+    similar_border: tuple[float, float] = (0.2, 0.4)
+    """Share of a region's border with neighbours nearer than the first `hue_distance`: up to the first value ink is
+    removed, from the second one on it is kept, because the region is the outline of a coloured area."""
+    least_px: int = 12
+    """Smallest region from which ink is removed, px of the label map."""
+    overhang_px: int = 2
+    """Width, px of the label map, by which a line extends beyond the stripe that it covers."""
+
+
+STRIPES = StripeParams()
+
+
 Boxes = NDArray[np.int32]
 """int32 (n, 4): top, left, bottom (exclusive), right (exclusive), px."""
 _NEUTRAL = np.float32(128)
 """a and b of gray in 8-bit CIELAB."""
 
 
-def uncover_stripes(ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32], means: Means) -> tuple[Ink, Ink]:
+def erase_ink_on_thin_regions(
+    ink: Ink, drawn: Ink, labels: Labels, areas: NDArray[np.int32], means: Means
+) -> tuple[Ink, Ink]:
     """`ink` and `drawn` without the ink on thin coloured regions: uint8, 0..255, the same objects if there are none.
 
     Args:
@@ -73,11 +88,11 @@ def _find_stripes(
     share, candidates = np.zeros(len(means), np.float64), np.zeros(len(means), np.bool_)
     inked = _inked(labels, drawn, len(means))
     for own in range(len(means)):
-        if areas[own] >= LEAST_PX:
+        if areas[own] >= STRIPES.least_px:
             share[own] = (
-                _between(inked[own] / (255.0 * areas[own]), COVERED)
-                * _between(_chroma(means[own], _NEUTRAL, _NEUTRAL), CHROMA)
-                * _between(means[own, 0], LIGHTNESS)
+                _between(inked[own] / (255.0 * areas[own]), STRIPES.covered)
+                * _between(_chroma(means[own], _NEUTRAL, _NEUTRAL), STRIPES.chroma)
+                * _between(means[own, 0], STRIPES.lightness)
             )
             candidates[own] = share[own] > 0
     stripes = np.nonzero(candidates)[0]
@@ -89,9 +104,9 @@ def _find_stripes(
     for stripe in stripes:
         own, beside = int(stripe), neighbours[stripe]
         share[own] *= (
-            _between(_chroma(means[own], beside[1], beside[2]), HUE_DISTANCE)
-            * _between(beside[0] - means[own, 0], DARKER)
-            * (1.0 - _between(similar[own], SIMILAR_BORDER))
+            _between(_chroma(means[own], beside[1], beside[2]), STRIPES.hue_distance)
+            * _between(beside[0] - means[own, 0], STRIPES.darker)
+            * (1.0 - _between(similar[own], STRIPES.similar_border))
         )
         removed[own] = np.uint8(np.rint(255 * share[own]))
         found |= removed[own] > 0
@@ -149,7 +164,7 @@ def _neighbours(
     """
     height, width = labels.shape
     colours, similar = np.zeros((len(means), 3), np.float32), np.zeros(len(means), np.float32)
-    least = np.float32(HUE_DISTANCE[0])
+    least = np.float32(STRIPES.hue_distance[0])
     for own in np.nonzero(candidates)[0]:
         top, left, bottom, right = boxes[own]
         length = np.float32(0)
@@ -177,7 +192,8 @@ def _neighbours(
 def _mark(
     labels: Labels, removed: NDArray[np.uint8], boxes: Boxes, mask: NDArray[np.uint8]
 ) -> tuple[int, int, int, int]:
-    """Raise the mask to `removed` at the pixels of the regions in their boxes, and up to `OVERHANG_PX` around them.
+    """Raise the mask to `removed` at the pixels of the regions in their boxes, and up to `STRIPES.overhang_px` around
+    them.
 
     Returns: the box around all of these pixels.
     """
@@ -189,11 +205,17 @@ def _mark(
             for x in range(left, right):
                 if labels[y, x] != own:
                     continue
-                for j in range(max(y - OVERHANG_PX, 0), min(y + OVERHANG_PX + 1, height)):
-                    for i in range(max(x - OVERHANG_PX, 0), min(x + OVERHANG_PX + 1, width)):
+                for j in range(max(y - STRIPES.overhang_px, 0), min(y + STRIPES.overhang_px + 1, height)):
+                    for i in range(max(x - STRIPES.overhang_px, 0), min(x + STRIPES.overhang_px + 1, width)):
                         mask[j, i] = max(mask[j, i], removed[own])
-        first_y, last_y = min(first_y, max(top - OVERHANG_PX, 0)), max(last_y, min(bottom + OVERHANG_PX, height))
-        first_x, last_x = min(first_x, max(left - OVERHANG_PX, 0)), max(last_x, min(right + OVERHANG_PX, width))
+        first_y, last_y = (
+            min(first_y, max(top - STRIPES.overhang_px, 0)),
+            max(last_y, min(bottom + STRIPES.overhang_px, height)),
+        )
+        first_x, last_x = (
+            min(first_x, max(left - STRIPES.overhang_px, 0)),
+            max(last_x, min(right + STRIPES.overhang_px, width)),
+        )
     return first_y, first_x, last_y, last_x
 
 

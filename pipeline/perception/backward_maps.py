@@ -13,9 +13,9 @@ from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 
 BLOCK_PX = 32
-"""Side of the blocks without any motion that `warp_enlarged` copies."""
+"""Side of the blocks without any motion that `warp_back_enlarged` copies."""
 WARPED_ROWS = 32
-"""Rows of the whole width whose positions `warp_enlarged` computes at a time; more rows of narrower parts."""
+"""Rows of the whole width whose positions `warp_back_enlarged` computes at a time; more rows of narrower parts."""
 MOST = 0.7
 """Share of moving pixels or blocks from which the whole frame is warped at once, which then costs less."""
 MAP_COLUMNS = 256
@@ -42,7 +42,7 @@ class BackwardMaps(NamedTuple):
 
 
 def backward_maps(flow: Flow) -> BackwardMaps:
-    """Position of each moving pixel in the previous frame, or of all if most of them move, for `warp_back`.
+    """Position of each moving pixel in the previous frame, or of all if most of them move, for `warp_back_mapped`.
 
     Args:
         flow: float32 (h, w, 2), px.
@@ -172,7 +172,7 @@ def _moving_blocks(flow: Flow) -> NDArray[np.int8]:
     return blocks
 
 
-def warp_back(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
+def warp_back_mapped(image: NDArray[np.uint8], back: BackwardMaps) -> NDArray[np.uint8]:
     """Warp an image of the previous frame, uint8 (h, w, 3), to this frame; bilinear, border pixels are replicated."""
     if not back.places.size:
         return image.copy()
@@ -193,8 +193,8 @@ def _scatter(moved: NDArray[np.uint8], places: NDArray[np.int32], out: NDArray[n
         there[at], there[at + 1], there[at + 2] = pixels[3 * k], pixels[3 * k + 1], pixels[3 * k + 2]
 
 
-def warp_enlarged(image: NDArray[np.uint8], flow: Flow) -> NDArray[np.uint8]:
-    """`warp_back` of an image that is larger than the flow; each pixel moves as the nearest pixel of the flow.
+def warp_back_enlarged(image: NDArray[np.uint8], flow: Flow) -> NDArray[np.uint8]:
+    """`warp_back_mapped` of an image that is larger than the flow; each pixel moves as the nearest pixel of the flow.
 
     The positions are computed for some rows at a time, which stay in the processor's cache.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -10,24 +12,34 @@ from pipeline.frames import Frame, Plane
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.selection import column_medians
 
-THUMBNAIL = (32, 18)
-"""(width, height) of thumbnails, px: small enough that motion within a shot changes them little."""
-ROWS_EACH = 4
-"""Rows of the frame that are averaged for one row of the thumbnail."""
-DIFFERENCE = 32.0
-"""Least mean difference of the thumbnails at a cut, 8-bit Lab levels summed over the channels."""
-CORRELATION = 0.4
-"""Correlation of lightness below which the thumbnails show different shots."""
+
+@dataclass(frozen=True)
+class CutParams:
+    """Constants of cut detection."""
+
+    thumbnail: tuple[int, int] = (32, 18)
+    """(width, height) of thumbnails, px: small enough that motion within a shot changes them little."""
+    rows_each: int = 4
+    """Rows of the frame that are averaged for one row of the thumbnail."""
+    difference: float = 32.0
+    """Least mean difference of the thumbnails at a cut, 8-bit Lab levels summed over the channels."""
+    correlation: float = 0.4
+    """Correlation of lightness below which the thumbnails show different shots."""
+    fading: float = 0.15
+    """`light_steadiness` below which the light changes so fast that past colours predict nothing."""
+
+
+CUTS = CutParams()
+
+
 LAB_UNITS = np.array([100 / 255, 1, 1], np.float32)
 """CIELAB units in a level of L, a and b of 8-bit Lab."""
-FADING = 0.15
-"""`light_steadiness` below which the light changes so fast that past colours predict nothing."""
 
 
 def thumbnail(frame: Frame) -> Plane:
     """Thumbnail of a frame: float32 (18, 32, 3), 8-bit Lab. Rows are skipped, since a few average out the noise."""
-    step = max(1, frame.shape[0] // (THUMBNAIL[1] * ROWS_EACH))
-    small = cv2.resize(frame[::step], THUMBNAIL, interpolation=cv2.INTER_AREA)
+    step = max(1, frame.shape[0] // (CUTS.thumbnail[1] * CUTS.rows_each))
+    small = cv2.resize(frame[::step], CUTS.thumbnail, interpolation=cv2.INTER_AREA)
     return cv2.cvtColor(small, cv2.COLOR_RGB2LAB).astype(np.float32)
 
 
@@ -37,14 +49,14 @@ def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
     On 17 test clips the weakest of 8 cuts has difference 55 and correlation 0.21; the strongest motion 24 and 0.58.
 
     Args:
-        sensitivity: divides the threshold `DIFFERENCE`; 0 = no cuts.
+        sensitivity: divides the threshold `CUTS.difference`; 0 = no cuts.
     """
     if sensitivity <= 0:
         return False
     difference = _total_difference(before.reshape(-1), now.reshape(-1)) / before[..., 0].size
-    if difference * sensitivity < DIFFERENCE:
+    if difference * sensitivity < CUTS.difference:
         return False
-    return _correlation(before[..., 0], now[..., 0]) < CORRELATION
+    return _correlation(before[..., 0], now[..., 0]) < CUTS.correlation
 
 
 @kernel

@@ -4,6 +4,7 @@ and strokes miss them. A face of low contrast gets the contrast of a well-lit on
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,22 +13,32 @@ from pipeline.kernels.jit import kernel
 from pipeline.perception.face_masks import largeness
 from pipeline.perception.faces import Faces
 
-LEAST_CONTRAST = 32.0
-"""Standard deviation of the lightness in a face, gray levels, from which on the face stays as it is."""
-MOST_GAIN = 2.5
-"""Largest factor on differences from the mean lightness."""
-HALF_WIDTH, HALF_HEIGHT = 0.5, 0.55
-"""Semi-axes of the ellipse of a face without its hair, in sides of the detected box."""
-CORE, RIM = 0.7, 1.05
-"""Distances from the middle, in semi-axes: the contrast is measured up to the first; the gain falls from there to 1 at
-the second, so that nothing around the face becomes lighter or darker."""
-LARGE_RIM, LARGE_JAW = 0.9, 0.25
-"""`RIM` of large faces, and by how much their ellipse is narrower at its lower end than in its middle. The wall beside
-the jaw of a large face would otherwise become a light crescent."""
-SAMPLES = 32
-"""About the number of rows and columns in which the contrast is measured."""
-LEAST_SAMPLES = 8
-"""Number of measured pixels below which a face stays as it is."""
+
+class FaceContrast(NamedTuple):
+    """Constants of the contrast of faces."""
+
+    least_contrast: float = 32.0
+    """Standard deviation of the lightness in a face, gray levels, from which on the face stays as it is."""
+    most_gain: float = 2.5
+    """Largest factor on differences from the mean lightness."""
+    half_width: float = 0.5
+    half_height: float = 0.55
+    """Semi-axes of the ellipse of a face without its hair, in sides of the detected box."""
+    core: float = 0.7
+    rim: float = 1.05
+    """Distances from the middle, in semi-axes: the contrast is measured up to the first; the gain falls from there
+    to 1 at the second, so that nothing around the face becomes lighter or darker."""
+    large_rim: float = 0.9
+    large_jaw: float = 0.25
+    """`rim` of large faces, and by how much their ellipse is narrower at its lower end than in its middle. The wall
+    beside the jaw of a large face would otherwise become a light crescent."""
+    samples: int = 32
+    """About the number of rows and columns in which the contrast is measured."""
+    least_samples: int = 8
+    """Number of measured pixels below which a face stays as it is."""
+
+
+FACE_CONTRAST = FaceContrast()
 
 
 def raise_contrast(picture: NDArray[np.uint8], faces: Faces, size: tuple[int, int]) -> None:
@@ -50,24 +61,24 @@ def _raise(
     height, width, channels = picture.shape
     one, most = np.float32(1), np.float32(255)
     for k in range(len(boxes)):
-        half = boxes[k, 2] * HALF_WIDTH, boxes[k, 3] * HALF_HEIGHT
+        half = boxes[k, 2] * FACE_CONTRAST.half_width, boxes[k, 3] * FACE_CONTRAST.half_height
         x0, y0 = boxes[k, 0] - 0.5, boxes[k, 1] - 0.5
-        rim = RIM - large[k] * (RIM - LARGE_RIM)
+        rim = FACE_CONTRAST.rim - large[k] * (FACE_CONTRAST.rim - FACE_CONTRAST.large_rim)
         columns = max(0, math.ceil(x0 - rim * half[0])), min(width, math.floor(x0 + rim * half[0]) + 1)
         rows = max(0, math.ceil(y0 - rim * half[1])), min(height, math.floor(y0 + rim * half[1]) + 1)
         mean, spread, count = _contrast(picture, rows, columns, (x0, y0), half)
-        gain = np.float32((min(LEAST_CONTRAST / spread, MOST_GAIN) - 1) * strengths[k])
-        if count < LEAST_SAMPLES or gain <= np.float32(0):
+        gain = np.float32((min(FACE_CONTRAST.least_contrast / spread, FACE_CONTRAST.most_gain) - 1) * strengths[k])
+        if count < FACE_CONTRAST.least_samples or gain <= np.float32(0):
             continue
         for y in range(rows[0], rows[1]):
             dy = (y - y0) / half[1]
-            across = half[0] * (1 - large[k] * LARGE_JAW * max(dy, 0.0))
+            across = half[0] * (1 - large[k] * FACE_CONTRAST.large_jaw * max(dy, 0.0))
             for x in range(columns[0], columns[1]):
                 dx = (x - x0) / across
                 far = dx * dx + dy * dy
                 if far >= rim * rim:
                     continue
-                ramp = np.float32(min((rim - np.sqrt(far)) / (rim - CORE), 1.0))
+                ramp = np.float32(min((rim - np.sqrt(far)) / (rim - FACE_CONTRAST.core), 1.0))
                 share = ramp * ramp * (np.float32(3) - np.float32(2) * ramp)
                 light = _lightness(picture, y, x)
                 factor = max(one + share * gain * (light - np.float32(mean)) / light, np.float32(0))
@@ -83,11 +94,11 @@ def _contrast(
 ) -> tuple[float, float, int]:  # fmt: skip
     """Mean and standard deviation (at least 1) of the lightness in the middle of a face, and the number of samples."""
     total, squares, count = 0.0, 0.0, 0
-    for y in range(rows[0], rows[1], max(1, (rows[1] - rows[0]) // SAMPLES)):
+    for y in range(rows[0], rows[1], max(1, (rows[1] - rows[0]) // FACE_CONTRAST.samples)):
         dy = (y - centre[1]) / half[1]
-        for x in range(columns[0], columns[1], max(1, (columns[1] - columns[0]) // SAMPLES)):
+        for x in range(columns[0], columns[1], max(1, (columns[1] - columns[0]) // FACE_CONTRAST.samples)):
             dx = (x - centre[0]) / half[0]
-            if dx * dx + dy * dy < CORE * CORE:
+            if dx * dx + dy * dy < FACE_CONTRAST.core * FACE_CONTRAST.core:
                 light = float(_lightness(picture, y, x))
                 total += light
                 squares += light * light

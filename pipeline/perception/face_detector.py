@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -28,24 +29,37 @@ Pose = Literal["frontal", "mirrored", "left", "right", "tilted left", "tilted ri
 side is searched in the mirrored picture."""
 
 POSES: tuple[Pose, ...] = ("frontal", "left", "right", "tilted left", "tilted right")
-WINDOW_PX = 24
-"""Side of the frontal cascade's smallest window."""
-COARSE_STEP, FINE_STEP = 1.2, 1.1
-"""Ratio of consecutive window sizes in a search of the whole frame and in `confirm`."""
+
+
+@dataclass(frozen=True)
+class DetectionParams:
+    """Constants of face detection."""
+
+    window_px: int = 24
+    """Side of the frontal cascade's smallest window."""
+    coarse_step: float = 1.2
+    fine_step: float = 1.1
+    """Ratio of consecutive window sizes in a search of the whole frame and in `confirm`."""
+    least_hits: int = 2
+    """Number of windows at one place that the cascade must accept before `confirm` calls it a face."""
+    group_eps: float = 0.2
+    """Tolerance of grouping, as in OpenCV."""
+    nearby: float = 0.85
+    """Half of the side of the square that `confirm` searches, in sides of the face."""
+    tilt_degrees: float = 25.0
+    least_other: float = 2.0
+    """Smallest turned or tilted face that is searched, relative to the smallest frontal one: a quarter of the cost."""
+    large: float = 4.0
+    large_repeats: int = 4
+    """Frontal faces of this size, relative to the smallest, are searched this often in a search: they cost little."""
+
+
+DETECTION = DetectionParams()
+
+
 _CASCADES = {"frontal": "haarcascade_frontalface_default.xml", "profile": "haarcascade_profileface.xml"}
-LEAST_HITS = 2
-"""Number of windows at one place that the cascade must accept before `confirm` calls it a face."""
-_GROUP_EPS = 0.2
-"""Tolerance of grouping, as in OpenCV."""
-_NEARBY = 0.85
-"""Half of the side of the square that `confirm` searches, in sides of the face."""
-_TILT_DEGREES = 25.0
-_LEAST_OTHER = 2.0
-"""Smallest turned or tilted face that is searched, relative to the smallest frontal one: a quarter of the cost."""
 _WINDOW_COST = {"frontal": 1.0, "left": 2.0, "right": 2.0, "tilted left": 1.3, "tilted right": 1.3}
 """Cost of testing a window, relative to the frontal cascade's."""
-_LARGE, _LARGE_REPEATS = 4.0, 4
-"""Frontal faces of this size, relative to the smallest, are searched this often in a search: they cost little."""
 _idle: dict[str, list[cv2.CascadeClassifier]] = {kind: [] for kind in _CASCADES}
 """Cascades that no search uses at present. Reading one takes 15 ms, and only one search at a time may use it."""
 
@@ -72,7 +86,7 @@ class FaceDetector:
         Args:
             gray: uint8 (h, w), the whole picture.
         """
-        boxes, counts = _group(self._hits(gray, piece, COARSE_STEP), 0)
+        boxes, counts = _group(self._hits(gray, piece, DETECTION.coarse_step), 0)
         return boxes[np.argsort(-counts, kind="stable")]
 
     def candidates_in(self, gray: Gray, where: tuple[int, int, int, int], least: int, most: int) -> Boxes:
@@ -90,22 +104,22 @@ class FaceDetector:
         return boxes
 
     def confirm(
-        self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal", least_hits: int = LEAST_HITS
+        self, gray: Gray, box: NDArray[np.float64], pose: Pose = "frontal", least_hits: int = DETECTION.least_hits
     ) -> NDArray[np.float64] | None:
         """The face at about the place and of about the size of `box`, (4,), in px; None = there is none.
 
         Args:
-            least_hits: see `LEAST_HITS`; more where a false face would do harm.
+            least_hits: see `DETECTION.least_hits`; more where a false face would do harm.
         """
         cx, cy, side = float(box[0]), float(box[1]), float(max(box[2:]))
-        reach = side * _NEARBY
+        reach = side * DETECTION.nearby
         left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
         window = gray[top : int(cy + reach) + 1, left : int(cx + reach) + 1]
-        least = round(max(WINDOW_PX, side * 0.8))
+        least = round(max(DETECTION.window_px, side * 0.8))
         if min(window.shape) < least:
             return None
         piece = Piece(pose, least, math.ceil(side * 1.3), 0, len(window))
-        boxes, _ = _group(self._hits(window, piece, FINE_STEP), least_hits - 1)
+        boxes, _ = _group(self._hits(window, piece, DETECTION.fine_step), least_hits - 1)
         boxes[:, :2] += left, top
         apart = np.linalg.norm(boxes[:, :2] - box[:2], axis=1)
         return boxes[apart.argmin()] if len(boxes) and apart.min() < side / 2 else None
@@ -137,12 +151,12 @@ def pieces(size: tuple[int, int], least_px: int, count: int) -> list[Piece]:
         size: (width, height) of the picture, px.
         least_px: smallest frontal face.
     """
-    other = round(least_px * _LEAST_OTHER)
+    other = round(least_px * DETECTION.least_other)
     cost = [_WINDOW_COST[pose] * _windows_from(size, least_px if pose == "frontal" else other) for pose in POSES]
     budget = sum(cost) / max(1, count)
     every = pose_pieces(size, "frontal", least_px, budget)
-    large, small = _parted(every, round(_LARGE * least_px))
-    step = max(1, math.ceil(len(small) / _LARGE_REPEATS))
+    large, small = _parted(every, round(DETECTION.large * least_px))
+    step = max(1, math.ceil(len(small) / DETECTION.large_repeats))
     frontal = [piece for k in range(0, max(1, len(small)), step) for piece in (*large, *small[k : k + step])]
     others = [piece for pose in POSES[1:] for piece in pose_pieces(size, pose, other, budget)]
     mixed = zip_longest(frontal, others)
@@ -181,13 +195,13 @@ def _windows_from(size: tuple[int, int], least_px: int) -> float:
 
 def _windows(size: tuple[int, int], side: int) -> float:
     """Number of windows of a size; OpenCV tests every second position of the picture scaled to the cascade."""
-    return size[0] * size[1] * (WINDOW_PX / side) ** 2 / 4
+    return size[0] * size[1] * (DETECTION.window_px / side) ** 2 / 4
 
 
 def _sizes(least_px: int, most_px: int) -> list[int]:
     """Window sizes that OpenCV tests, px, of at least `least_px` and at most `most_px`."""
-    count = int(math.log(max(most_px / WINDOW_PX, 1)) / math.log(COARSE_STEP)) + 2
-    sizes = [round(WINDOW_PX * COARSE_STEP**k) for k in range(count)]
+    count = int(math.log(max(most_px / DETECTION.window_px, 1)) / math.log(DETECTION.coarse_step)) + 2
+    sizes = [round(DETECTION.window_px * DETECTION.coarse_step**k) for k in range(count)]
     return [side for side in sizes if least_px <= side <= most_px]
 
 
@@ -197,7 +211,7 @@ def _posed(gray: Gray, pose: Pose) -> tuple[Gray, NDArray[np.float64]]:
     if pose in ("right", "mirrored"):
         return np.ascontiguousarray(gray[:, ::-1]), np.array([[-1.0, 0, width], [0, 1, 0]])
     if pose in ("tilted left", "tilted right"):
-        degrees = -_TILT_DEGREES if pose == "tilted left" else _TILT_DEGREES
+        degrees = -DETECTION.tilt_degrees if pose == "tilted left" else DETECTION.tilt_degrees
         matrix = cv2.getRotationMatrix2D((width / 2, height / 2), degrees, 1)
         turned = cv2.warpAffine(gray, matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(turned, np.uint8), np.asarray(cv2.invertAffineTransform(matrix))
@@ -211,7 +225,7 @@ def _group(hits: NDArray[np.int32], least: int) -> tuple[Boxes, NDArray[np.int64
     rows = [tuple(int(v) for v in hit) for hit in hits]
     if least == 0:  # OpenCV does not group then
         rows, least = 2 * rows, 1
-    found, counts = cv2.groupRectangles(rows, least, _GROUP_EPS)  # empty tuples if no group is large enough
+    found, counts = cv2.groupRectangles(rows, least, DETECTION.group_eps)  # empty tuples if no group is large enough
     boxes = np.array(found, np.float64).reshape(-1, 4)
     boxes[:, :2] += boxes[:, 2:] / 2
     order = np.lexsort(boxes.T)

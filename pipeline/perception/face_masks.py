@@ -12,19 +12,35 @@ from pipeline.frames import Plane
 from pipeline.kernels.jit import kernel
 from pipeline.perception.faces import Faces
 
-_HALF_WIDTH, _HALF_HEIGHT, _RAISE = 0.55, 0.75, 0.1
-"""Semi-axes of the head's ellipse and its upward shift, in sides of the detected box, which ends at brows and chin."""
-_LEAST_CELLS = 1.5
-"""Smallest semi-axis, in cells of the mask's grid: the mask of a small face would otherwise fall between them."""
-SMALL_FACE, LARGE_FACE = 0.2, 0.4
-"""Widths of a face, in shorter sides of the frame, between which the weight of `small_faces` falls from 1 to 0."""
-_FADE = 1.5
-"""The mask falls from 1 at the head's ellipse to 0 at an ellipse this many times larger."""
-_FEATURES_WIDTH, _FEATURES_HEIGHT, _FEATURES_FADE = 0.36, 0.405, 1.4
-"""Semi-axes of the ellipse around brows, eyes, nose and mouth, in sides of the detected box, and its fade."""
-_EYE_APART, _EYE_RAISE, _EYE_WIDTH, _EYE_HEIGHT = 0.2, 0.14, 0.15, 0.11
-"""Distance from the middle of the detected box to the middle of an eye and its brow, to the side and upwards, and
-semi-axes of the ellipse around both, in sides of the box."""
+
+class FaceShape(NamedTuple):
+    """Constants of the masks of faces. Lengths are sides of the detected box unless stated otherwise."""
+
+    half_width: float = 0.55
+    half_height: float = 0.75
+    raised: float = 0.1
+    """Semi-axes of the head's ellipse and its upward shift, in sides of the detected box, which ends at brows and
+    chin."""
+    least_cells: float = 1.5
+    """Smallest semi-axis, in cells of the mask's grid: the mask of a small face would otherwise fall between them."""
+    small_face: float = 0.2
+    large_face: float = 0.4
+    """Widths of a face, in shorter sides of the frame, between which the weight of `small_faces` falls from 1 to 0."""
+    fade: float = 1.5
+    """The mask falls from 1 at the head's ellipse to 0 at an ellipse this many times larger."""
+    features_width: float = 0.36
+    features_height: float = 0.405
+    features_fade: float = 1.4
+    """Semi-axes of the ellipse around brows, eyes, nose and mouth, in sides of the detected box, and its fade."""
+    eye_apart: float = 0.2
+    eye_raise: float = 0.14
+    eye_width: float = 0.15
+    eye_height: float = 0.11
+    """Distance from the middle of the detected box to the middle of an eye and its brow, to the side and upwards, and
+    semi-axes of the ellipse around both, in sides of the box."""
+
+
+FACE_SHAPE = FaceShape()
 
 
 class FaceCrop(NamedTuple):
@@ -49,15 +65,23 @@ class FaceCrop(NamedTuple):
         """`weight` where brows, eyes, nose and mouth are, and 0 on the outline of the head: float32, of its shape."""
         cx, cy, w, h = self.face
         return self.weight * _soft_ellipse(
-            self.box, (cx, cy), (w * _FEATURES_WIDTH, h * _FEATURES_HEIGHT), _FEATURES_FADE
+            self.box,
+            (cx, cy),
+            (w * FACE_SHAPE.features_width, h * FACE_SHAPE.features_height),
+            FACE_SHAPE.features_fade,
         )
 
     def eyes(self) -> Plane:
         """`weight` where the eyes and brows of a frontal face are: float32, of its shape."""
         cx, cy, w, h = self.face
-        semi_axes = w * _EYE_WIDTH, h * _EYE_HEIGHT
+        semi_axes = w * FACE_SHAPE.eye_width, h * FACE_SHAPE.eye_height
         left, right = (
-            _soft_ellipse(self.box, (cx + side * w * _EYE_APART, cy - h * _EYE_RAISE), semi_axes, _FADE)
+            _soft_ellipse(
+                self.box,
+                (cx + side * w * FACE_SHAPE.eye_apart, cy - h * FACE_SHAPE.eye_raise),
+                semi_axes,
+                FACE_SHAPE.fade,
+            )
             for side in (-1, 1)
         )
         return self.weight * np.maximum(left, right)
@@ -76,17 +100,19 @@ def _blend(own: NDArray[np.uint8], other: NDArray[np.uint8], weight: Plane) -> N
 
 
 def largeness(faces: Faces, size: tuple[int, int]) -> NDArray[np.float64]:
-    """0 up to a width of `SMALL_FACE`, rising to 1 at `LARGE_FACE`: float64 (n,).
+    """0 up to a width of `FACE_SHAPE.small_face`, rising to 1 at `FACE_SHAPE.large_face`: float64 (n,).
 
     Args:
         size: (width, height) of the frame, in whose px the faces are.
     """
     shares = faces["box"][:, 2] / min(size)
-    return np.asarray(np.clip((shares - SMALL_FACE) / (LARGE_FACE - SMALL_FACE), 0, 1), np.float64)
+    return np.asarray(
+        np.clip((shares - FACE_SHAPE.small_face) / (FACE_SHAPE.large_face - FACE_SHAPE.small_face), 0, 1), np.float64
+    )
 
 
 def small_faces(faces: Faces, size: tuple[int, int], picture: tuple[int, int]) -> list[FaceCrop]:
-    """The small faces: weight 1 up to a width of `SMALL_FACE`, falling to 0 at `LARGE_FACE`.
+    """The small faces: weight 1 up to a width of `FACE_SHAPE.small_face`, falling to 0 at `FACE_SHAPE.large_face`.
 
     Args:
         size, picture: (width, height) of the frame, in whose px the faces are, and of the picture.
@@ -108,13 +134,19 @@ def face_crops(
     boxes = faces["box"] * (across, down, across, down)
     weights = (faces["strength"] * factors).astype(np.float32)
     for (cx, cy, w, h), weight in zip(boxes.tolist(), weights, strict=True):
-        half_x, half_y, top = w * _HALF_WIDTH, h * _HALF_HEIGHT, cy - h * _RAISE
-        x0, x1 = max(0, math.floor(cx - _FADE * half_x)), min(picture[0], math.ceil(cx + _FADE * half_x))
-        y0, y1 = max(0, math.floor(top - _FADE * half_y)), min(picture[1], math.ceil(top + _FADE * half_y))
+        half_x, half_y, top = w * FACE_SHAPE.half_width, h * FACE_SHAPE.half_height, cy - h * FACE_SHAPE.raised
+        x0, x1 = (
+            max(0, math.floor(cx - FACE_SHAPE.fade * half_x)),
+            min(picture[0], math.ceil(cx + FACE_SHAPE.fade * half_x)),
+        )
+        y0, y1 = (
+            max(0, math.floor(top - FACE_SHAPE.fade * half_y)),
+            min(picture[1], math.ceil(top + FACE_SHAPE.fade * half_y)),
+        )
         if weight < 0.02 or x0 >= x1 or y0 >= y1:
             continue
         box = slice(y0, y1), slice(x0, x1)
-        head = _soft_ellipse(box, (cx, top), (half_x, half_y), _FADE)
+        head = _soft_ellipse(box, (cx, top), (half_x, half_y), FACE_SHAPE.fade)
         out.append(FaceCrop(box, weight * head, (cx, cy, w, h)))
     return out
 
@@ -187,14 +219,14 @@ def _add_heads(
     height, width = plane.shape
     squares = np.empty(width, np.float32)
     for k in range(len(boxes)):
-        half_x = max(boxes[k, 2] * np.float32(_HALF_WIDTH), np.float32(_LEAST_CELLS) * cell[0])
-        half_y = max(boxes[k, 3] * np.float32(_HALF_HEIGHT), np.float32(_LEAST_CELLS) * cell[1])
-        raised = boxes[k, 3] * np.float32(_RAISE)
+        half_x = max(boxes[k, 2] * np.float32(FACE_SHAPE.half_width), np.float32(FACE_SHAPE.least_cells) * cell[0])
+        half_y = max(boxes[k, 3] * np.float32(FACE_SHAPE.half_height), np.float32(FACE_SHAPE.least_cells) * cell[1])
+        raised = boxes[k, 3] * np.float32(FACE_SHAPE.raised)
         for x in range(width):
             across = ((np.float32(x) + np.float32(0.5)) * cell[0] - boxes[k, 0]) / half_x
             squares[x] = across * across
         for y in range(height):
             down = ((np.float32(y) + np.float32(0.5)) * cell[1] - boxes[k, 1] + raised) / half_y
             for x in range(width):  # this vectorises
-                own = strengths[k] * _soft_edge(np.sqrt(squares[x] + down * down), np.float32(_FADE))
+                own = strengths[k] * _soft_edge(np.sqrt(squares[x] + down * down), np.float32(FACE_SHAPE.fade))
                 plane[y, x] = max(plane[y, x], own)

@@ -20,23 +20,35 @@ from pipeline.kernels.jit import kernel
 from pipeline.perception.flow.warp import positions, scale_flow
 from pipeline.perception.motion import median_motion
 
-MAP_SIDE = 64
-"""Cells of the map on its longer side."""
-SHORT, LONG = 4.0, 10.0
-"""Sides of a searched rectangle, in widths of the smallest face."""
-LARGEST = 2.5
-"""Width of the largest face that is searched there, relative to the smallest: larger ones are soon found without."""
-MARGIN = 1.5
-"""Faces of which a part may be outside the rectangle are this near its border, in widths of the smallest face."""
-LEAST_SHARE = 0.5
-"""Mean of a map from which on a rectangle is searched: a strip of new cells that is wider than the smallest face."""
-SLOWEST = 0.015
-"""Speed relative to the camera from which on a cell moves, in widths of the smallest face a frame."""
-MOTION_GAIN, MOST_MOTION = 0.2, 3.0
-"""Value that `moving` gains per frame in a moving cell, and its largest value. It exceeds 1 because a person who walks
-covers only a part of a rectangle, whose mean must reach `LEAST_SHARE`."""
-MOTION_EVERY_FRAMES = 4
-"""Least number of frames from one search of a moving place to the next: in a crowd, something moves all the time."""
+
+class PlaceParams(NamedTuple):
+    """Constants of the choice of places. Lengths are widths of the smallest face unless stated otherwise."""
+
+    map_side: int = 64
+    """Cells of the map on its longer side."""
+    short: float = 4.0
+    long: float = 10.0
+    """Sides of a searched rectangle, in widths of the smallest face."""
+    largest: float = 2.5
+    """Width of the largest face that is searched there, relative to the smallest: larger ones are soon found
+    without."""
+    margin: float = 1.5
+    """Faces of which a part may be outside the rectangle are this near its border, in widths of the smallest face."""
+    least_share: float = 0.5
+    """Mean of a map from which on a rectangle is searched: a strip of new cells that is wider than the smallest
+    face."""
+    slowest: float = 0.015
+    """Speed relative to the camera from which on a cell moves, in widths of the smallest face a frame."""
+    motion_gain: float = 0.2
+    most_motion: float = 3.0
+    """Value that `moving` gains per frame in a moving cell, and its largest value. It exceeds 1 because a person
+    who walks covers only a part of a rectangle, whose mean must reach `least_share`."""
+    motion_every_frames: int = 4
+    """Least number of frames from one search of a moving place to the next: in a crowd, something moves all the
+    time."""
+
+
+PLACES = PlaceParams()
 
 
 class Rectangle(NamedTuple):
@@ -57,12 +69,12 @@ class NewPlaces:
 
     Attributes:
         unsearched: float32 (h, w), a grid over the frame: 1 = never searched, 0 = searched.
-        moving: float32 (h, w), the same grid: amount of motion since the latest search, 0..`MOST_MOTION`.
+        moving: float32 (h, w), the same grid: amount of motion since the latest search, 0..`PLACES.most_motion`.
     """
 
     def __init__(self, size: tuple[int, int], least_px: int) -> None:
         self._size, self._least_px = size, least_px
-        scale = min(1.0, MAP_SIDE / max(size))
+        scale = min(1.0, PLACES.map_side / max(size))
         self._cells = max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
         self._shapes = self._rectangles()
         self.unsearched: Plane = np.zeros(self._cells[::-1], np.float32)
@@ -96,18 +108,18 @@ class NewPlaces:
         self.unsearched = np.asarray(new, np.float32)
         moved = cv2.remap(self.moving, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         self.moving = np.asarray(moved, np.float32)
-        _add_motion(coarse, median_motion(coarse), np.float32((SLOWEST * self._least_px) ** 2), self.moving)
+        _add_motion(coarse, median_motion(coarse), np.float32((PLACES.slowest * self._least_px) ** 2), self.moving)
 
     def next_rectangle(self, age: int) -> Rectangle | None:
-        """The rectangle with the largest mean of a map; None if it is less than `LEAST_SHARE` in both.
+        """The rectangle with the largest mean of a map; None if it is less than `PLACES.least_share` in both.
 
         `age`: number of the search; moving places are searched in some of them.
         """
         new = self._largest(self.unsearched)
-        return self._largest(self.moving) if new is None and age % MOTION_EVERY_FRAMES == 0 else new
+        return self._largest(self.moving) if new is None and age % PLACES.motion_every_frames == 0 else new
 
     def _largest(self, plane: Plane) -> Rectangle | None:
-        best, found = LEAST_SHARE, None
+        best, found = PLACES.least_share, None
         for w, h in self._shapes:
             share, row, column = _fullest(plane, w, h)
             if share > best:
@@ -119,7 +131,7 @@ class NewPlaces:
         (across, down), (width, height) = np.divide(self._cells, self._size), self._cells
         left, right = round(where.left * across), round(where.right * across)
         top, bottom = round(where.top * down), round(where.bottom * down)
-        near_x, near_y = (round(side) for side in self._in_cells((MARGIN, MARGIN)))
+        near_x, near_y = (round(side) for side in self._in_cells((PLACES.margin, PLACES.margin)))
         inner_x = slice(left + near_x if left else 0, right - near_x if right < width else width)
         inner_y = slice(top + near_y if top else 0, bottom - near_y if bottom < height else height)
         for plane in (self.unsearched, self.moving):
@@ -136,8 +148,12 @@ class NewPlaces:
     def _rectangles(self) -> list[tuple[int, int]]:
         """(width, height) in cells of an upright rectangle and of a lying one. Equal parts of the frame's side, with
         the margin, so that no remainder of a strip is too small to be searched."""
-        (wide, high), (thin, low), near = self._cells, self._in_cells((SHORT, SHORT)), self._in_cells((MARGIN, MARGIN))
-        most = self._in_cells((LONG, LONG))
+        (wide, high), (thin, low), near = (
+            self._cells,
+            self._in_cells((PLACES.short, PLACES.short)),
+            self._in_cells((PLACES.margin, PLACES.margin)),
+        )
+        most = self._in_cells((PLACES.long, PLACES.long))
         across, down = (
             min(side, math.ceil(side / max(1, math.ceil((side - edge) / (part - edge))) + edge))
             for side, edge, part in zip(self._cells, near, most, strict=True)
@@ -160,7 +176,7 @@ class NewPlaces:
 
 @kernel
 def _add_motion(flow: Flow, camera: NDArray[np.float32], slowest: np.float32, moving: Plane) -> None:
-    """Add `MOTION_GAIN` to the cells that move, up to `MOST_MOTION`.
+    """Add `PLACES.motion_gain` to the cells that move, up to `PLACES.most_motion`.
 
     Args:
         camera: motion of the camera; slowest: square of the least speed relative to it.
@@ -168,8 +184,8 @@ def _add_motion(flow: Flow, camera: NDArray[np.float32], slowest: np.float32, mo
     for row in range(moving.shape[0]):
         for column in range(moving.shape[1]):
             across, down = flow[row, column, 0] - camera[0], flow[row, column, 1] - camera[1]
-            gain = np.float32(MOTION_GAIN) if across * across + down * down > slowest else np.float32(0)
-            moving[row, column] = min(moving[row, column] + gain, np.float32(MOST_MOTION))
+            gain = np.float32(PLACES.motion_gain) if across * across + down * down > slowest else np.float32(0)
+            moving[row, column] = min(moving[row, column] + gain, np.float32(PLACES.most_motion))
 
 
 @kernel

@@ -12,13 +12,15 @@ longer the face is kept without a detection. A pattern that looks like a face in
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow
-from pipeline.perception.face_detector import LEAST_HITS, POSES, WINDOW_PX, FaceDetector, Pose, pieces, pose_pieces
-from pipeline.perception.face_search_order import LARGEST, NewPlaces
+from pipeline.perception.face_detector import DETECTION, POSES, FaceDetector, Pose, pieces, pose_pieces
+from pipeline.perception.face_search_order import PLACES, NewPlaces
 from pipeline.perception.flow.gray import Gray
 from pipeline.perception.motion import median_motion
 
@@ -34,30 +36,43 @@ Faces = NDArray[np.void]
 NO_FACES: Faces = np.empty(0, FACE)
 _COLUMNS = FACE.itemsize // np.dtype(np.float64).itemsize
 """Columns of faces as stored: float64 (n, _COLUMNS), the fields of `FACE` in order."""
-_CYCLE_FRAMES, _PIECE_WINDOWS = 160, 4000.0
-"""Frames of a complete search of all poses, and windows of a piece above which it takes longer instead."""
-_MOST_APART = 4
-"""Most frames from one searched piece to the next. Below `_PIECE_WINDOWS`, a piece of fewer windows costs hardly less,
-so small frames are searched in fewer and larger pieces."""
-_SMALLEST_SHARE = 1 / 48
-"""Smallest face, as a fraction of the frame's longer side; at least the detector's window."""
-_RECHECK_FRAMES = 8
-"""Frames between two searches around a known face, if no other face has waited for longer."""
-_FIRST_RECHECK_FRAMES = 4
-"""The same after the first detection, which may be false."""
-_RECHECK_WIDTHS = 72.0
-"""Sum of the widths, px, of the faces whose surroundings are searched in a frame."""
-_MIRRORED_PX = 36.0
-"""Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
-clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
-_LARGE_PX, _LARGE_HITS = 72.0, 5
-"""Width of a new frontal face, px, from which the cascade must accept more windows at its place, and how many. A large
-false face is seen, since fine strokes on it look like a photograph. Most real ones have over 20 windows."""
-_MOST_CANDIDATES = 3
-"""Candidates of a frame that are looked at closely."""
-_LEAST_MISSES, _MOST_MISSES = 2, 6
-"""Limits of the number of searches without detection after which a face is dropped; in between, it equals the number of
-its detections."""
+
+
+@dataclass(frozen=True)
+class TrackingParams:
+    """Constants of face tracking. Lengths are px of the frame unless stated otherwise."""
+
+    cycle_frames: int = 160
+    piece_windows: float = 4000.0
+    """Frames of a complete search of all poses, and windows of a piece above which it takes longer instead."""
+    most_apart: int = 4
+    """Most frames from one searched piece to the next. Below `piece_windows`, a piece of fewer windows costs hardly
+    less, so small frames are searched in fewer and larger pieces."""
+    smallest_share: float = 1 / 48
+    """Smallest face, as a fraction of the frame's longer side; at least the detector's window."""
+    recheck_frames: int = 8
+    """Frames between two searches around a known face, if no other face has waited for longer."""
+    first_recheck_frames: int = 4
+    """The same after the first detection, which may be false."""
+    recheck_widths: float = 72.0
+    """Sum of the widths, px, of the faces whose surroundings are searched in a frame."""
+    mirrored_px: float = 36.0
+    """Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
+    clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
+    large_px: float = 72.0
+    large_hits: int = 5
+    """Width of a new frontal face, px, from which the cascade must accept more windows at its place, and how many.
+    A large false face is seen, since fine strokes on it look like a photograph. Most real ones have over 20
+    windows."""
+    most_candidates: int = 3
+    """Candidates of a frame that are looked at closely."""
+    least_misses: int = 2
+    most_misses: int = 6
+    """Limits of the number of searches without detection after which a face is dropped; in between, it equals the
+    number of its detections."""
+
+
+TRACKING = TrackingParams()
 
 
 class FaceTracker:
@@ -75,12 +90,12 @@ class FaceTracker:
         self._size = size
         self._gain = 1.0 - 0.5 ** (1.0 / half_life_frames) if half_life_frames > 0 else 1.0
         self._finder = FaceDetector()
-        least = max(WINDOW_PX, round(max(size) * _SMALLEST_SHARE))
-        windows = size[0] * size[1] * (WINDOW_PX / least) ** 2
+        least = max(DETECTION.window_px, round(max(size) * TRACKING.smallest_share))
+        windows = size[0] * size[1] * (DETECTION.window_px / least) ** 2
         # All window sizes and poses together test about 1.6 times as many windows as the unscaled picture has pixels.
-        least_pieces = 1.6 * windows / _PIECE_WINDOWS
-        self._apart = min(max(1, round(_CYCLE_FRAMES / least_pieces)), _MOST_APART)
-        self._pieces = pieces(size, least, max(_CYCLE_FRAMES // self._apart, round(least_pieces)))
+        least_pieces = 1.6 * windows / TRACKING.piece_windows
+        self._apart = min(max(1, round(TRACKING.cycle_frames / least_pieces)), TRACKING.most_apart)
+        self._pieces = pieces(size, least, max(TRACKING.cycle_frames // self._apart, round(least_pieces)))
         self._first = pose_pieces(size, "frontal", least)
         self._least, self._new = least, NewPlaces(size, least)
         self.faces: Faces = NO_FACES
@@ -123,19 +138,19 @@ class FaceTracker:
         """
         if self._pieces and age % self._apart == 0:
             piece = self._pieces[age // self._apart % len(self._pieces)]
-            self._add_new(gray, self._finder.candidates(gray, piece)[:_MOST_CANDIDATES], piece.pose)
+            self._add_new(gray, self._finder.candidates(gray, piece)[: TRACKING.most_candidates], piece.pose)
         self._search_new(gray, age)
         self._recheck_due(gray, age)
 
     def _recheck_due(self, gray: Gray, age: int) -> None:
         """Search around the known faces that have waited for longest: several small ones, or in every second frame one
         large one."""
-        budget = _RECHECK_WIDTHS
+        budget = TRACKING.recheck_widths
         for index in np.argsort(-self.faces["unchecked"], kind="stable"):
             face = self.faces[index]
-            wait = _RECHECK_FRAMES if face["detections"] > 1 else _FIRST_RECHECK_FRAMES
+            wait = TRACKING.recheck_frames if face["detections"] > 1 else TRACKING.first_recheck_frames
             width = float(face["detected"][2])
-            if face["unchecked"] < wait or (width > budget and (not age % 2 or budget < _RECHECK_WIDTHS)):
+            if face["unchecked"] < wait or (width > budget and (not age % 2 or budget < TRACKING.recheck_widths)):
                 continue
             self._recheck(gray, int(index))
             budget -= width
@@ -146,7 +161,7 @@ class FaceTracker:
         if where is None:
             return
         self._add_new(
-            gray, self._finder.candidates_in(gray, where, self._least, round(LARGEST * self._least)), "frontal"
+            gray, self._finder.candidates_in(gray, where, self._least, round(PLACES.largest * self._least)), "frontal"
         )
         self._new.searched(where)
 
@@ -191,7 +206,7 @@ class FaceTracker:
 
     def _is_symmetric(self, gray: Gray, box: NDArray[np.float64], pose: Pose) -> bool:
         """Whether a large frontal face is found in the mirrored picture, too; True for all others."""
-        asked = pose == "frontal" and box[2] >= _MIRRORED_PX
+        asked = pose == "frontal" and box[2] >= TRACKING.mirrored_px
         return not asked or self._finder.confirm(gray, box, "mirrored", _hits_of_new(box, pose)) is not None
 
     def _known(self, box: NDArray[np.float64]) -> int | None:
@@ -221,7 +236,7 @@ class FaceTracker:
         if not len(self.faces):
             return
         faces, centres = self.faces, self.faces["detected"][:, :2]
-        current = faces["misses"] < np.clip(faces["detections"], _LEAST_MISSES, _MOST_MISSES)
+        current = faces["misses"] < np.clip(faces["detections"], TRACKING.least_misses, TRACKING.most_misses)
         faces["box"] += self._gain * (faces["detected"] - faces["box"])
         faces["strength"] += self._gain * (current - faces["strength"])
         inside = ((centres >= 0) & (centres < self._size)).all(axis=1)
@@ -230,7 +245,7 @@ class FaceTracker:
 
 def _hits_of_new(box: NDArray[np.float64], pose: Pose) -> int:
     """Number of windows at the place of a new face of that size and pose that the cascade must accept."""
-    return _LARGE_HITS if pose == "frontal" and box[2] >= _LARGE_PX else LEAST_HITS
+    return TRACKING.large_hits if pose == "frontal" and box[2] >= TRACKING.large_px else DETECTION.least_hits
 
 
 def faces_of_state(state: Arrays) -> Faces:

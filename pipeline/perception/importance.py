@@ -1,13 +1,11 @@
 """The importance map I(p), which determines the amount of detail of each pixel (zhang2011online, section 4.1).
 
-It combines four cues, each in [0, 1] with a weight w: faces F (viola2001rapid), hands and arms H beside them, static
-saliency S (hou2007spectral) and motion relative to the camera M, by
-I = 1 - (1 - w_f F)(1 - w_h H)(1 - w_s S)(1 - w_m M), with w_h a fixed share of w_f. The cues are smoothed over past
-frames; H follows more quickly and moves with the flow, since hands move fast. A mask by the user overrides the map
-where it is given.
+It combines three cues, each in [0, 1] with a weight w: faces F (viola2001rapid), static saliency S (hou2007spectral)
+and motion relative to the camera M, by I = 1 - (1 - w_f F)(1 - w_s S)(1 - w_m M). The cues are smoothed over past
+frames. A mask by the user overrides the map where it is given.
 
-Departure: the paper uses faces only; it mentions the other cues as an alternative and as future work, but not hands.
-It does not smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden change of it
+Departure: the paper uses faces only; it mentions the other cues as an alternative and as future work. It does not
+smooth over time. Here I(p) sets the thresholds of edges and of region growing, and a sudden change of it
 would show as a sudden change of detail.
 """
 
@@ -23,25 +21,30 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.perception.face_masks import FaceCrop, face_crops, head_mask, largeness, small_faces
-from pipeline.perception.faces import NO_FACES, Faces, FaceTracker
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.faces import Faces, FaceTracker
+from pipeline.perception.flow.warp import warp_back
 from pipeline.perception.motion import median_motion
 from pipeline.perception.saliency import spectral_residual
 from pipeline.perception.shrink import shrink, size_within
-from pipeline.perception.skin import skin_beside_faces
 
-MAP_SIDE_PX = 96
-"""Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
-SALIENCY_SIDE_PX = 256
-"""Longer side of the picture of which saliency is computed, px."""
-CUES_EVERY_FRAMES = 3
-"""Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
-HANDS = 0.8
-"""Importance of hands relative to that of faces."""
-HANDS_EVERY_FRAMES = 2
-"""Hands are searched in every second frame and move with the flow in between."""
-HANDS_RISE, HANDS_FALL = 0.84, 0.36
-"""Share a search by which the cue of hands rises where one is found, and falls where none is."""
+
+@dataclass(frozen=True)
+class CueParams:
+    """Constants of the cues of importance."""
+
+    map_side_px: int = 96
+    """Longer side of the map before it is enlarged to the frame, px; I(p) is smooth enough for this resolution."""
+    saliency_side_px: int = 256
+    """Longer side of the picture of which saliency is computed, px."""
+    cues_every_frames: int = 3
+    """Saliency and motion are computed in every third frame, since they are smoothed over a longer time."""
+    small_head: float = 0.1
+    large_head: float = 0.25
+    """Widths of a face, as fractions of the longer side of the frame, between which the weight of its head in
+    `small_heads` falls from 1 to 0: strokes are fine enough for a large face."""
+
+
+CUES = CueParams()
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,6 @@ class ImportanceParams:
     large_faces: float = 1.0
 
 
-SMALL_HEAD, LARGE_HEAD = 0.1, 0.25
-"""Widths of a face, as fractions of the longer side of the frame, between which the weight of its head in
-`hands_and_heads` falls from 1 to 0: strokes are fine enough for a large face."""
-
-
 class ImportanceTracker:
     """Computes I(p) for consecutive frames of a video. Causal; not thread-safe. The same frames give the same bytes.
 
@@ -78,17 +76,16 @@ class ImportanceTracker:
     def __init__(self, params: ImportanceParams, size: tuple[int, int]) -> None:
         self._params = params
         self._size = size
-        self._small = size_within(size, SALIENCY_SIDE_PX)
-        self.map_size = size_within(size, MAP_SIDE_PX)
+        self._small = size_within(size, CUES.saliency_side_px)
+        self.map_size = size_within(size, CUES.map_side_px)
         self._gain = np.float32(
-            1.0 - 0.5 ** (CUES_EVERY_FRAMES / params.half_life_frames) if params.half_life_frames > 0 else 1.0
+            1.0 - 0.5 ** (CUES.cues_every_frames / params.half_life_frames) if params.half_life_frames > 0 else 1.0
         )
         self._faces = FaceTracker(size, params.half_life_frames)
         self._gray: NDArray[np.uint8] | None = None  # of the frame whose faces are still to be searched
         self._tracked = False  # whether the faces of the coming step are known
         self._age = 0
         self._cues: Plane = np.zeros(self.map_size[::-1], np.float32)
-        self._hands: Plane = np.zeros(self.map_size[::-1], np.float32)
         self._mask: Plane | None = None
 
     def step(
@@ -113,7 +110,7 @@ class ImportanceTracker:
         Raises:
             BadFrame: a wrong shape, dtype or range.
         """
-        coarse = self.step_coarse(image, flow, cut, mask, colours=image if image.ndim == 3 else None)
+        coarse = self.step_coarse(image, flow, cut, mask)
         self.continue_search()
         stretched = np.asarray(cv2.resize(coarse, self._size, interpolation=cv2.INTER_LINEAR), np.float32)
         return np.clip(stretched, 0, 1, out=stretched)
@@ -124,12 +121,10 @@ class ImportanceTracker:
         flow: Flow | None = None,
         cut: bool = False,
         mask: Plane | Mask | None = None,
-        colours: Frame | None = None,
     ) -> Plane:
-        """`step` without enlarging the map (`MAP_SIDE_PX` on its longer side) and without `continue_search`.
+        """`step` without enlarging the map (`CUES.map_side_px` on its longer side) and without `continue_search`.
 
-        `colours`: the RGB frame in which hands are searched; None: they are not. After `track_faces`, `image` and
-        `colours` may be smaller than the frame.
+        After `track_faces`, `image` may be smaller than the frame.
         """
         if not self._tracked:
             self.track_faces(image, flow, cut)
@@ -137,7 +132,7 @@ class ImportanceTracker:
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
-        importance = self._combine(image, moving, colours)
+        importance = self._combine(image, moving)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
@@ -173,8 +168,8 @@ class ImportanceTracker:
             self._faces.search(self._gray, self._age - 1)
             self._gray = None
 
-    def hands_and_heads(self) -> Plane | None:
-        """Hands and small heads in the latest frame, times the weight of faces; None without a face.
+    def small_heads(self) -> Plane | None:
+        """Small heads in the latest frame, times the weight of faces; None without a face.
 
         Returns: float32 at the size of the map, 0..1.
         """
@@ -182,10 +177,9 @@ class ImportanceTracker:
             return None
         faces = self._faces.faces.copy()
         widths = faces["box"][:, 2] / max(self._size)
-        faces["strength"] *= np.clip((LARGE_HEAD - widths) / (LARGE_HEAD - SMALL_HEAD), 0, 1)
-        heads = head_mask(faces, self._size, self._hands.shape)
-        found = np.maximum(heads, np.float32(HANDS) * self._hands)
-        return np.asarray(np.float32(self._params.face) * found, np.float32)
+        faces["strength"] *= np.clip((CUES.large_head - widths) / (CUES.large_head - CUES.small_head), 0, 1)
+        heads = head_mask(faces, self._size, self._cues.shape)
+        return np.asarray(np.float32(self._params.face) * heads, np.float32)
 
     def eyes_and_mouths(self) -> Plane | None:
         """Brows, eyes, noses and mouths in the latest frame, times the weight of faces; None without a face.
@@ -195,7 +189,7 @@ class ImportanceTracker:
         faces = self._faces.faces
         if not len(faces):
             return None
-        found = np.zeros(self._hands.shape, np.float32)
+        found = np.zeros(self._cues.shape, np.float32)
         for face in face_crops(faces, self._size, self.map_size, np.full(len(faces), self._params.face)):
             found[face.box] = np.maximum(found[face.box], face.features())
         return found
@@ -205,7 +199,6 @@ class ImportanceTracker:
         return {
             "age": np.array(self._age, np.int64),
             "cues": self._cues.copy(),
-            "hands": self._hands.copy(),
             "mask": np.empty(0, np.float32) if self._mask is None else self._mask.copy(),
             **self._faces.state(),
         }
@@ -215,52 +208,23 @@ class ImportanceTracker:
         self._age = int(state["age"])
         self._faces.restore(state)
         self._cues = np.array(state["cues"], np.float32)
-        self._hands = np.array(state.get("hands", np.zeros_like(self._cues)), np.float32)
         mask = np.array(state["mask"], np.float32)
         self._mask = mask if mask.size else None
 
-    def _combine(
-        self,
-        image: NDArray[np.uint8],
-        flow: Flow | None,
-        colours: Frame | None,
-    ) -> Plane:
-        if self._age % CUES_EVERY_FRAMES == 0:
+    def _combine(self, image: NDArray[np.uint8], flow: Flow | None) -> Plane:
+        if self._age % CUES.cues_every_frames == 0:
             gain = np.float32(1) if self._age == 0 else self._gain
             small = _shrink_gray(image, self._small)
             self._cues = self._cues + gain * (self._saliency_and_motion(small, flow) - self._cues)
-        if self._params.face <= 0:
+        if self._params.face <= 0 or not len(self._faces.faces):
             return self._cues
-        self._find_hands(colours, flow)
-        if not len(self._faces.faces):
-            return self._cues
-        face = np.float32(self._params.face)
-        plain: Plane = (1 - self._cues) * (1 - np.float32(HANDS) * face * self._hands)
-        return np.asarray(1 - plain * (1 - face * self._heads()), np.float32)
+        return np.asarray(1 - (1 - self._cues) * (1 - np.float32(self._params.face) * self._heads()), np.float32)
 
     def _heads(self) -> Plane:
         """The cue F: heads, large ones with their own weight, float32 at the size of the map."""
         faces = self._faces.faces.copy()
         faces["strength"] *= 1 - (1 - self._params.large_faces) * largeness(faces, self._size)
         return head_mask(faces, self._size, self._cues.shape)
-
-    def _find_hands(self, colours: Frame | None, flow: Flow | None) -> None:
-        """Move the cue of hands with the flow, then towards the hands that are found in this frame."""
-        if colours is None:
-            return
-        faces = self._faces.faces if self._age else NO_FACES
-        if not len(faces):
-            self._hands = np.zeros_like(self._hands)
-        elif flow is not None and self._hands.any():
-            self._hands = moved(self._hands, flow, self._size)
-        if self._age % HANDS_EVERY_FRAMES:
-            return
-        found = skin_beside_faces(colours, faces, self._size)
-        if found is None:
-            self._hands *= np.float32(1 - HANDS_FALL)
-            return
-        change = np.asarray(cv2.resize(found, self.map_size, interpolation=cv2.INTER_AREA), np.float32) - self._hands
-        self._hands += np.where(change > 0, np.float32(HANDS_RISE), np.float32(HANDS_FALL)) * change
 
     def _saliency_and_motion(self, gray: NDArray[np.uint8], flow: Flow | None) -> Plane:
         """Combined saliency and motion cue of one frame: float32 at the size of the map, 0..1."""
@@ -285,7 +249,7 @@ def _motion(flow: Flow, full_px: float) -> Plane:
     return squeezed
 
 
-def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
+def warp_forward(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
     """A plane of the previous frame, moved along the flow: float32 (h, w), as `plane`.
 
     Args:
@@ -296,7 +260,7 @@ def moved(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
     height, width = plane.shape
     coarse = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
     cells = np.array([width / size[0], height / size[1]], np.float32)
-    return np.asarray(fetch(plane, -coarse * cells), np.float32)
+    return np.asarray(warp_back(plane, -coarse * cells), np.float32)
 
 
 def _shrink_gray(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -17,14 +17,12 @@ from pipeline.frames import Flow, Frame
 from pipeline.kernels.background import INLINE, Background
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.selection import column_medians
-from pipeline.perception.backward_maps import BackwardMaps, warp_back
+from pipeline.perception.backward_maps import BackwardMaps, warp_back_mapped
 
 RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
 FAR = 255
 """Residual of a pixel without counterpart in the previous frame."""
-SPECK = np.ones((3, 3), np.uint8)
-"""Largest speck that `closed_residual` removes."""
 FADE_TOLERANCE = 10.0
 """Residual, CIELAB units, at which the weight of the previous output has fallen to 1/e."""
 
@@ -73,8 +71,7 @@ def denoise(
     """Average the still pixels of a frame with the denoised previous frame, where the two agree.
 
     Moving pixels stay as they are: repeated bilinear sampling along an inexact flow would blur them, and hardly makes
-    regions steadier (without it, flicker of 15 clips falls by up to 3.5 % in 11 and rises by 0.2 to 2.2 % in 4; detail
-    rises by up to 3 %).
+    regions steadier.
 
     Args:
         lab: current frame, uint8 (3, h, w).
@@ -90,7 +87,7 @@ def denoise(
     """
     size = lab[0].size
     mixed = np.empty_like(lab)
-    cv2.split(warp_back(denoised, back), list(mixed))
+    cv2.split(warp_back_mapped(denoised, back), list(mixed))
     here, past = lab.reshape(3, size), mixed.reshape(3, size)  # by plane, these loops vectorise
     residual = np.empty(lab.shape[1:], np.uint8)
     weights = np.empty(lab.shape[1:], np.int16)
@@ -109,7 +106,7 @@ def blend_with_past(
 
     Args:
         picture: uint8 (h, w, 3), this output.
-        past: the previous output, warped to this frame (`warp_back`); overwritten with the result.
+        past: the previous output, warped to this frame (`warp_back_mapped`); overwritten with the result.
         residual: residual of the source, see `denoise`.
         memory: weight of the previous output where the residual is 0, 0..0.95; it falls to 1/e at `FADE_TOLERANCE`.
 
@@ -120,15 +117,6 @@ def blend_with_past(
         lambda first, last: _fade(picture[first:last], past[first:last], residual[first:last], weights), len(picture)
     )
     return past
-
-
-def closed_residual(residual: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The residual without the specks of small values among large ones (a morphological closing): uint8 (h, w).
-
-    Where something moves away, single pixels of what was hidden look by chance like their past. With the previous
-    output there, an orange hand would leave orange specks on the window behind it for several frames.
-    """
-    return np.asarray(cv2.morphologyEx(residual, cv2.MORPH_CLOSE, SPECK), np.uint8)
 
 
 def past_weights(memory: float) -> NDArray[np.int32]:

@@ -13,7 +13,7 @@ from pipeline.frames import Frame, Mask, Plane, same_size
 from pipeline.perception.flow.dis import dis
 from pipeline.perception.flow.gray import to_gray
 from pipeline.perception.flow.reliability import motion_boundary, visible
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 
 STRUCTURE_WIDTH_PX = 160
 _LEAST_ERROR = 1e-12
@@ -89,7 +89,9 @@ def _warped_differences(
     before, now = (to_gray(frame) for frame in source)
     back = dis(now, before, "medium")
     compared = visible(back, dis(before, now, "medium")) & ~motion_boundary(back)
-    painted_difference, source_difference = (cv2.absdiff(fetch(pair[0], back), pair[1]) for pair in (painted, source))
+    painted_difference, source_difference = (
+        cv2.absdiff(warp_back(pair[0], back), pair[1]) for pair in (painted, source)
+    )
     return (painted_difference, source_difference), compared
 
 

@@ -7,6 +7,8 @@ remaining free pixels to the groups.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +18,26 @@ from pipeline.kernels.jit import kernel
 from pipeline.regions.components import components
 from pipeline.regions.random_walk import Edges, probabilities
 
-MAX_CORNERS = 300
-MAX_GROUPS = 12
-"""Largest number of groups in a connected area; each needs the solution of a linear system."""
-BORDER_PX = 4
-"""Width of the band on either side of a border in which motions are compared, px."""
-MAX_CORNER_DISTANCE_PX = 28.0
-"""Largest distance of two directly joined corners, px."""
-MIN_HALF_WIDTH_PX = 4.0
-"""Smallest half-width of a group, px: thinner areas are rims of moving objects."""
-VELOCITY_TOLERANCE_PX = 0.4
-VELOCITY_GRADIENT = 0.06
-"""Joined corners differ in velocity by at most VELOCITY_TOLERANCE_PX + VELOCITY_GRADIENT * distance, which admits a
-rotation of 3 degrees per frame."""
+
+class GroupParams(NamedTuple):
+    """Constants of the grouping of regions by motion."""
+
+    max_corners: int = 300
+    max_groups: int = 12
+    """Largest number of groups in a connected area; each needs the solution of a linear system."""
+    border_px: int = 4
+    """Width of the band on either side of a border in which motions are compared, px."""
+    max_corner_distance_px: float = 28.0
+    """Largest distance of two directly joined corners, px."""
+    min_half_width_px: float = 4.0
+    """Smallest half-width of a group, px: thinner areas are rims of moving objects."""
+    velocity_tolerance_px: float = 0.4
+    velocity_gradient: float = 0.06
+    """Joined corners differ in velocity by at most VELOCITY_TOLERANCE_PX + VELOCITY_GRADIENT * distance, which admits a
+    rotation of 3 degrees per frame."""
+
+
+GROUPS = GroupParams()
 
 
 def motion_groups(
@@ -76,7 +85,7 @@ def _groups(free: Mask, corners: NDArray[np.intp], velocity: NDArray[np.float32]
     for area in range(1, count):
         inside = area_of_corner == area
         names, sizes = np.unique(roots[inside], return_counts=True)
-        names = names[np.lexsort((names, -sizes))][:MAX_GROUPS]
+        names = names[np.lexsort((names, -sizes))][: GROUPS.max_groups]
         mask = areas == area
         if len(names) <= 1:
             out[mask] = used + 1
@@ -120,10 +129,10 @@ def _labelled(groups: Labels, labels: Labels, velocity: NDArray[np.float32], sma
 
 def _neighbour_with_same_motion(mask: Mask, labels: Labels, velocity: NDArray[np.float32]) -> int:
     """Label with the longest common border among those that move alike at the border; 0 = none."""
-    band = np.ones((2 * BORDER_PX + 1, 2 * BORDER_PX + 1), np.uint8)
+    band = np.ones((2 * GROUPS.border_px + 1, 2 * GROUPS.border_px + 1), np.uint8)
     around = cv2.dilate(mask.astype(np.uint8), band) > 0
     touched, sizes = np.unique(labels[around & ~mask & (labels > 0)], return_counts=True)
-    best, most = 0, int(BORDER_PX * BORDER_PX)
+    best, most = 0, int(GROUPS.border_px * GROUPS.border_px)
     for label, size in zip(touched.tolist(), sizes.tolist(), strict=True):
         if size <= most:
             continue
@@ -131,7 +140,7 @@ def _neighbour_with_same_motion(mask: Mask, labels: Labels, velocity: NDArray[np
         border = cv2.dilate(theirs.astype(np.uint8), band) > 0
         mine = border & mask
         difference = np.abs(np.median(velocity[mine], axis=0) - np.median(velocity[theirs], axis=0)).max()
-        if difference <= VELOCITY_TOLERANCE_PX:
+        if difference <= GROUPS.velocity_tolerance_px:
             best, most = label, size
     return best
 
@@ -143,13 +152,13 @@ def _without_specks(mask: Mask, smallest_px: int) -> Mask:
     depth = cv2.distanceTransform(opened, cv2.DIST_L2, 3)
     half_width = np.zeros(len(areas), np.float32)
     np.maximum.at(half_width, parts.ravel(), depth.ravel())
-    return np.asarray((opened > 0) & (areas[parts] >= smallest_px) & (half_width[parts] >= MIN_HALF_WIDTH_PX))
+    return np.asarray((opened > 0) & (areas[parts] >= smallest_px) & (half_width[parts] >= GROUPS.min_half_width_px))
 
 
 def _corners(small: Frame, free: Mask) -> NDArray[np.intp]:
     """Corners in the free area, (n, 2) as (x, y), px; a connected area without corners gets its innermost pixel."""
     gray = cv2.cvtColor(small, cv2.COLOR_RGB2GRAY)
-    found = cv2.goodFeaturesToTrack(gray, MAX_CORNERS, 0.01, 5, mask=free.astype(np.uint8))
+    found = cv2.goodFeaturesToTrack(gray, GROUPS.max_corners, 0.01, 5, mask=free.astype(np.uint8))
     corners = np.zeros((0, 2), np.intp) if found is None else found.reshape(-1, 2).astype(np.intp)
     depth = cv2.distanceTransform(free.astype(np.uint8), cv2.DIST_L2, 3)
     count, areas = cv2.connectedComponents(free.astype(np.uint8), connectivity=4)
@@ -168,12 +177,12 @@ def _joined_corners(corners: NDArray[np.float32], velocity: NDArray[np.float32],
         for j in range(i):
             dx, dy = corners[i, 0] - corners[j, 0], corners[i, 1] - corners[j, 1]
             distance = np.sqrt(dx * dx + dy * dy)
-            if distance > MAX_CORNER_DISTANCE_PX:
+            if distance > GROUPS.max_corner_distance_px:
                 continue
             difference = np.float32(0.0)
             for c in range(velocity.shape[1]):
                 difference = max(difference, abs(velocity[i, c] - velocity[j, c]))
-            if difference > VELOCITY_TOLERANCE_PX + VELOCITY_GRADIENT * distance:
+            if difference > GROUPS.velocity_tolerance_px + GROUPS.velocity_gradient * distance:
                 continue
             steps = int(distance) + 1
             clear = True

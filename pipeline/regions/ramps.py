@@ -15,6 +15,8 @@ Departure: this is not part of zhang2011online, whose frames have 352 x 288 px.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +26,32 @@ from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 from pipeline.regions.regions import Means
 
-_USUAL_CHAIN = 3
-"""Largest total extent of adjacent thin regions that are divided together, relative to that of one region."""
-_WIDE_REGION, _WIDE_CHAIN = 5 / 3, 4.5
-"""Largest extent of one region, and of adjacent ones, relative to the same, where the majority of the rows is within
-the usual limits."""
-_LEAST_SHARE = np.float32(0.06)
-"""A mixture has at least this share of either colour; otherwise the region is one of the two itself."""
-_LARGEST_DEVIATION = np.float32(0.3)
-"""Largest distance of a mixture from the straight line between the two colours, relative to their distance."""
-_SHORTEST_PIECE = 4.5
-"""Smallest number of adjacent rows or columns that are divided, relative to the largest extent of a thin region."""
-_VOTE, _MEMORY = 256, 16
-"""Vote of a row for dividing; number of rows, in each direction, over which votes are averaged."""
-_UNDIVIDED = 255
-"""Length of a pixel that is not divided."""
+
+class RampParams(NamedTuple):
+    """Constants of the division of blurred edges."""
+
+    usual_chain: int = 3
+    """Largest total extent of adjacent thin regions that are divided together, relative to that of one region."""
+    wide_region: float = 5 / 3
+    wide_chain: float = 4.5
+    """Largest extent of one region, and of adjacent ones, relative to the same, where the majority of the rows is
+    within the usual limits."""
+    least_share: np.float32 = np.float32(0.06)
+    """A mixture has at least this share of either colour; otherwise the region is one of the two itself."""
+    largest_deviation: np.float32 = np.float32(0.3)
+    """Largest distance of a mixture from the straight line between the two colours, relative to their distance."""
+    shortest_piece: float = 4.5
+    """Smallest number of adjacent rows or columns that are divided, relative to the largest extent of a thin region."""
+    vote: int = 256
+    memory: int = 16
+    """Vote of a row for dividing; number of rows, in each direction, over which votes are averaged."""
+    undivided: int = 255
+    """Length of a pixel that is not divided."""
+
+
+RAMPS = RampParams()
+
+
 _SPLIT, _USUAL, _WIDE = 0, 1, 2
 """Kinds of spans: parts of a chain that is no mixture or too wide, which do not vote; a chain within the usual limits,
 which votes for dividing; a wider one, which votes against it."""
@@ -50,7 +63,7 @@ Spans = NDArray[np.void]
 Firsts = NDArray[np.int32]
 """int32 (rows + 1,), index of the first span of each row."""
 Lengths = NDArray[np.uint8]
-"""uint8 (h, w): extent of the adjacent thin regions that were divided at a pixel, px, or `_UNDIVIDED`."""
+"""uint8 (h, w): extent of the adjacent thin regions that were divided at a pixel, px, or `RAMPS.undivided`."""
 Limits = tuple[int, int, int, int]
 """Largest extents, px: of a region and of a chain; of a region and of a chain where the majority is within these."""
 
@@ -66,8 +79,8 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
     """
     if widest_px <= 0:
         return labels
-    widest_px = min(widest_px, int((_UNDIVIDED - 1) / _WIDE_CHAIN))
-    out, lengths = labels.copy(), np.full(labels.shape, _UNDIVIDED, np.uint8)
+    widest_px = min(widest_px, int((RAMPS.undivided - 1) / RAMPS.wide_chain))
+    out, lengths = labels.copy(), np.full(labels.shape, RAMPS.undivided, np.uint8)
     _divide(labels, means, widest_px, out, lengths)
     turned = np.asarray(cv2.transpose(labels), np.int32)
     _divide(turned, means, widest_px, out.T, lengths.T)
@@ -77,10 +90,15 @@ def divide_ramps(labels: Labels, means: Means, widest_px: int) -> Labels:
 
 def _divide(labels: Labels, means: Means, widest_px: int, out: Labels, lengths: Lengths) -> None:
     """Divide the thin regions of each row, in `out`, where `lengths` has no shorter extent yet."""
-    limits = widest_px, _USUAL_CHAIN * widest_px, round(_WIDE_REGION * widest_px), int(_WIDE_CHAIN * widest_px)
+    limits = (
+        widest_px,
+        RAMPS.usual_chain * widest_px,
+        round(RAMPS.wide_region * widest_px),
+        int(RAMPS.wide_chain * widest_px),
+    )
     spans, firsts = _find_spans(labels, means, limits)
     spans, firsts = _follow_majority(labels, means, limits, spans, firsts)
-    _write(labels, spans, firsts, round(_SHORTEST_PIECE * widest_px), out, lengths)
+    _write(labels, spans, firsts, round(RAMPS.shortest_piece * widest_px), out, lengths)
 
 
 @kernel
@@ -182,8 +200,8 @@ def _share(means: Means, one: int, between: int, two: int) -> np.float32:
         along += span * part
         off += part * part
     share = along / max(square, np.float32(1))
-    mixed = _LEAST_SHARE <= share <= np.float32(1) - _LEAST_SHARE
-    if not mixed or off - along * share > _LARGEST_DEVIATION * _LARGEST_DEVIATION * square:
+    mixed = RAMPS.least_share <= share <= np.float32(1) - RAMPS.least_share
+    if not mixed or off - along * share > RAMPS.largest_deviation * RAMPS.largest_deviation * square:
         return np.float32(-1)
     return share
 
@@ -208,7 +226,7 @@ def _follow_majority(
         starts[y] = used
         for k in range(firsts[y], firsts[y + 1]):
             span = spans[k]
-            if span["kind"] == _SPLIT or above[k] + below[k] >= _VOTE:
+            if span["kind"] == _SPLIT or above[k] + below[k] >= RAMPS.vote:
                 out[used] = span
                 used += 1
             elif span["kind"] == _WIDE:
@@ -225,9 +243,9 @@ def _average_votes(spans: Spans, firsts: Firsts, y: int, step: int, means: NDArr
         if kind == _SPLIT:
             means[k] = -1
             continue
-        vote = _VOTE if kind == _USUAL else 0
+        vote = RAMPS.vote if kind == _USUAL else 0
         before = _largest_adjacent(spans, firsts, k, y, step, means)
-        means[k] = vote if before < 0 else ((_MEMORY - 1) * before + vote + _MEMORY // 2) // _MEMORY
+        means[k] = vote if before < 0 else ((RAMPS.memory - 1) * before + vote + RAMPS.memory // 2) // RAMPS.memory
 
 
 @kernel
@@ -285,11 +303,11 @@ def _remove_ticks(out: Labels, lengths: Lengths) -> None:
         row, above, below = out[y], out[y - 1], out[y + 1]
         here, over, under = lengths[y], lengths[y - 1], lengths[y + 1]
         for x in range(1, width - 1):  # this vectorises
-            inside = (max(here[x - 1], here[x + 1]) < _UNDIVIDED) | (max(over[x], under[x]) < _UNDIVIDED)
-            between[x] = np.uint8((here[x] == _UNDIVIDED) & inside)
+            inside = (max(here[x - 1], here[x + 1]) < RAMPS.undivided) | (max(over[x], under[x]) < RAMPS.undivided)
+            between[x] = np.uint8((here[x] == RAMPS.undivided) & inside)
         for x in places[: nonzero_positions(between, places)]:
-            across = max(lengths[y, x - 1], lengths[y, x + 1]) < _UNDIVIDED and row[x - 1] == row[x + 1]
-            along = max(lengths[y - 1, x], lengths[y + 1, x]) < _UNDIVIDED and above[x] == below[x]
+            across = max(lengths[y, x - 1], lengths[y, x + 1]) < RAMPS.undivided and row[x - 1] == row[x + 1]
+            along = max(lengths[y - 1, x], lengths[y + 1, x]) < RAMPS.undivided and above[x] == below[x]
             if across:
                 row[x] = row[x - 1]
             elif along:

@@ -5,6 +5,8 @@ With about thirty separate calls, two threads lose a fifth of a small frame's ti
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,17 +25,26 @@ from pipeline.regions.refinement import add_regions, correct, merge_table
 from pipeline.regions.regions import AREA, LIMIT, Sums, means_of, measure, merge, relabel
 from pipeline.regions.trapped_ball import fill_small
 
-MAX_ROLLS = 4
-"""Largest number of fills with the same ball radius."""
-MIN_RELEASED_SHARE = 0.001
-"""Share of the frame that must have been released before the same ball radius is tried again."""
-LEAST_DETAIL_PX, SIDE_PER_DETAIL_PX = 2, 240
-"""Radius of the smallest ball that finds details before their neighbours grow over them: 1 px per `SIDE_PER_DETAIL_PX`
-px of the frame's shorter side, at least `LEAST_DETAIL_PX`. Smaller balls fit into blurred edges."""
-FIRST_GROWTH = 0.5
-"""Fraction of the growing limit that applies until all details have been found."""
-SPECK_PX = 4
-"""Regions with fewer pixels are merged at any frame size."""
+
+class FillParams(NamedTuple):
+    """Constants of the filling of a frame."""
+
+    max_rolls: int = 4
+    """Largest number of fills with the same ball radius."""
+    min_released_share: float = 0.001
+    """Share of the frame that must have been released before the same ball radius is tried again."""
+    least_detail_px: int = 2
+    side_per_detail_px: int = 240
+    """Radius of the smallest ball that finds details before their neighbours grow over them: 1 px per
+    `side_per_detail_px` px of the frame's shorter side, at least `least_detail_px`. Smaller balls fit into blurred
+    edges."""
+    first_growth: float = 0.5
+    """Fraction of the growing limit that applies until all details have been found."""
+    speck_px: int = 4
+    """Regions with fewer pixels are merged at any frame size."""
+
+
+FILLING = FillParams()
 
 
 @kernel
@@ -61,14 +72,15 @@ def fill_remaining(
     """Second pass: fill with balls of decreasing radius from `radius_px`, and grow regions after each; `labels` in
     place.
 
-    Departure: regions grow up to `FIRST_GROWTH` of the limit until the smallest ball for details has rolled. With the
+    Departure: regions grow up to `FILLING.first_growth` of the limit until the smallest ball for details has rolled.
+        With the
     whole limit, a wall grows over its windows before a ball that fits into a window finds them.
 
     Returns: sums with the new regions, and the pixels that are still unlabelled.
     """
-    smallest_px = max(LEAST_DETAIL_PX, min(labels.shape[0], labels.shape[1]) // SIDE_PER_DETAIL_PX)
+    smallest_px = max(FILLING.least_detail_px, min(labels.shape[0], labels.shape[1]) // FILLING.side_per_detail_px)
     while radius_px >= 1:
-        share = FIRST_GROWTH if radius_px >= smallest_px else 1.0
+        share = FILLING.first_growth if radius_px >= smallest_px else 1.0
         if share == 1.0:
             pixels = grow(labels, lab, edges, limit, sums, pixels, share)
         known = sums.shape[0]
@@ -84,13 +96,13 @@ def _roll(
     labels: Labels, lab: Lab8, edges: NDArray[np.uint8], limit: NDArray[np.uint8], sums: Sums,
     pixels: NDArray[np.int32], radius_px: int, slack: float,
 ) -> Sums:  # fmt: skip
-    for _ in range(MAX_ROLLS):
+    for _ in range(FILLING.max_rolls):
         first_new = sums.shape[0]
         made = fill_small(labels, edges, pixels, radius_px, first_new)
         if made == 0:
             break
         sums = append_rows(sums, made)
-        if add_regions(labels, lab, limit, sums, pixels, first_new, slack) < MIN_RELEASED_SHARE * labels.size:
+        if add_regions(labels, lab, limit, sums, pixels, first_new, slack) < FILLING.min_released_share * labels.size:
             break
     return sums
 
@@ -124,7 +136,7 @@ def finalize_regions(
     specks = np.empty(count, np.int32)
     for label in range(count):
         strict = sums[label, LIMIT] / max(sums[label, AREA], 1) / growing_limit  # 1.2 - importance
-        specks[label] = max(float(SPECK_PX), smallest * min(max(strict - 0.2, 0.2), 1.0))
+        specks[label] = max(float(FILLING.speck_px), smallest * min(max(strict - 0.2, 0.2), 1.0))
     similar, distinct = np.float32(differences[0]), np.float32(differences[1])
     table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, first_new, similar, distinct)
     sums, names, old = merge(sums, table)

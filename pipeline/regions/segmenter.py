@@ -17,15 +17,7 @@ from pipeline.regions.growing import count_open, grow, unlabelled
 from pipeline.regions.propagation import PreviousRegions, PropagationLimits
 from pipeline.regions.refinement import add_regions
 from pipeline.regions.regions import AREA, NOT_PROPAGATED, Means, Sums, means_of, measure
-from pipeline.regions.segment_frame import (
-    FIRST_GROWTH,
-    MAX_ROLLS,
-    MIN_RELEASED_SHARE,
-    append_rows,
-    fill_remaining,
-    finalize_regions,
-    propagate_regions,
-)
+from pipeline.regions.segment_frame import FILLING, append_rows, fill_remaining, finalize_regions, propagate_regions
 from pipeline.regions.trapped_ball import SMALL_RADIUS_PX, fill, radii
 
 NO_AREAS = np.zeros(1, np.int32)
@@ -157,13 +149,13 @@ class Segmenter:
         neighbour."""
         pixels = unlabelled(labels)
         if len(sums) > 1 and grow_first:
-            pixels = grow(labels, lab, edges, limit, sums, pixels, FIRST_GROWTH)
+            pixels = grow(labels, lab, edges, limit, sums, pixels, FILLING.first_growth)
         rolling = radii(count_open(pixels, edges))
         for radius in (r for r in rolling if r > SMALL_RADIUS_PX):
             known = len(sums)
             sums = self._roll_large(labels, lab, edges, limit, sums, pixels, radius)
             if len(sums) > known:
-                pixels = grow(labels, lab, edges, limit, sums, pixels, FIRST_GROWTH)
+                pixels = grow(labels, lab, edges, limit, sums, pixels, FILLING.first_growth)
         small = next(r for r in rolling if r <= SMALL_RADIUS_PX)
         sums, pixels = fill_remaining(labels, lab, edges, limit, sums, pixels, small, self.params.core_slack)
         if not sums[1:, AREA].any():  # the frame consists of edges: one new region
@@ -184,7 +176,7 @@ class Segmenter:
         `core_slack` times the growing limit are released before growing and filled again: a gradient becomes bands,
         and an arm is separated from a wall.
         """
-        for _ in range(MAX_ROLLS):
+        for _ in range(FILLING.max_rolls):
             made = fill(labels, edges, pixels, radius, len(sums))
             if not made:
                 break
@@ -192,7 +184,7 @@ class Segmenter:
             sums = append_rows(sums, made)
             if (
                 add_regions(labels, lab, limit, sums, pixels, first_new, self.params.core_slack)
-                < MIN_RELEASED_SHARE * labels.size
+                < FILLING.min_released_share * labels.size
             ):
                 break
         return sums

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -22,18 +23,32 @@ from numpy.typing import NDArray
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.kernels.jit import kernel
 
-SAME, OTHER = 39.0, 65.0
-"""Change of the mean colour, gray levels, see `changes`. Up to `SAME`, two pictures show the same surface; from `OTHER`
-on, they show different ones."""
-SMALL, LARGE, WEIGHT = 0.02, 0.045, 2.2
-"""Sides of two windows for mean colours, as fractions of the frame's shorter side: about a fine stroke and a hand. Then
-the factor on the change in the larger window, which small misalignments of texture do not affect."""
-TORN = np.float32(0.75)
-"""Difference of the flow between neighbouring pixels, px, from which on it does not follow one surface. It shrinks a
-leg that has moved far to a thin line on the wall behind it, which windows would take for a misaligned texture."""
+
+class AccumulationParams(NamedTuple):
+    """Constants of temporal accumulation."""
+
+    same: float = 39.0
+    other: float = 65.0
+    """Change of the mean colour, gray levels, see `changes`. Up to `same`, two pictures show the same surface; from
+    `other` on, they show different ones."""
+    small: float = 0.02
+    large: float = 0.045
+    weight: float = 2.2
+    """Sides of two windows for mean colours, as fractions of the frame's shorter side: about a fine stroke and a
+    hand. Then the factor on the change in the larger window, which small misalignments of texture do not affect."""
+    torn: np.float32 = np.float32(0.75)
+    """Difference of the flow between neighbouring pixels, px, from which on it does not follow one surface. It
+    shrinks a leg that has moved far to a thin line on the wall behind it, which windows would take for a misaligned
+    texture."""
+    attention: np.float32 = np.float32(4)
+    """Relative increase of a change at full attention. A hand, a small face or a mouth that follows late leaves a
+    smear."""
+
+
+ACCUMULATION = AccumulationParams()
+
+
 _CELLS_AROUND = np.ones((3, 3), np.uint8)
-ATTENTION = np.float32(4)
-"""Relative increase of a change at full attention. A hand, a small face or a mouth that follows late leaves a smear."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +59,8 @@ class Painting:
         paint: uint8 (h, w, 3), such as `emboss` returns.
         picture: uint8 (h', w', 3), the picture that was painted, possibly smaller.
         back: float32 (h', w', 2), flow from this frame to the one before, px of `picture`; None = a shot begins.
-        attention: float32, a grid of any size over the frame, 0..1: where a change counts up to 1 + ATTENTION times;
-            None = 0.
+        attention: float32, a grid of any size over the frame, 0..1: where a change counts up to 1 +
+            ACCUMULATION.attention times; None = 0.
     """
 
     paint: Frame
@@ -149,7 +164,14 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
         for x in range(width):
             first, second = changed[change_columns[0, x]], changed[change_columns[1, x]]
             change_here = first + change_across[x] * (second - first)
-            shares[x] = min(max((np.float32(OTHER) - change_here) * np.float32(1 / (OTHER - SAME)), zero), one)
+            shares[x] = min(
+                max(
+                    (np.float32(ACCUMULATION.other) - change_here)
+                    * np.float32(1 / (ACCUMULATION.other - ACCUMULATION.same)),
+                    zero,
+                ),
+                one,
+            )
         # Colours of the earlier painting: those of this row, replaced where the flow is not 0.
         row, own = paint[y].reshape(-1), mean[y].reshape(-1)
         for i in range(3 * width):
@@ -208,15 +230,19 @@ def _with_attention(change: Plane, attention: Plane | None) -> Plane:
     """The change of colour, float32 (h, w), increased where attention is paid, see `Painting`; modified in place."""
     if attention is not None:
         size = (change.shape[1], change.shape[0])
-        change *= 1 + ATTENTION * np.asarray(cv2.resize(attention, size, interpolation=cv2.INTER_LINEAR), np.float32)
+        change *= 1 + ACCUMULATION.attention * np.asarray(
+            cv2.resize(attention, size, interpolation=cv2.INTER_LINEAR), np.float32
+        )
     return change
 
 
 def _largest_change(difference: NDArray[np.float32]) -> Plane:
     """Largest change in either window, for a difference float32 (h, w, 3): float32 (h, w), gray levels."""
     side = min(difference.shape[:2])
-    small, large = (_mean_change(difference, max(3, round(part * side)) | 1) for part in (SMALL, LARGE))
-    return np.asarray(cv2.max(small, large * np.float32(WEIGHT)), np.float32)
+    small, large = (
+        _mean_change(difference, max(3, round(part * side)) | 1) for part in (ACCUMULATION.small, ACCUMULATION.large)
+    )
+    return np.asarray(cv2.max(small, large * np.float32(ACCUMULATION.weight)), np.float32)
 
 
 def _mean_change(difference: NDArray[np.float32], side: int) -> Plane:
@@ -270,7 +296,7 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
             share = np.float32(1) / np.float32((last_y - first_y) * (last_x - first_x))
             red, green, blue = red * share, green * share, blue * share
             out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
-            torn[row, column] = max(abs(red), abs(green), abs(blue)) if far > TORN else np.float32(0)
+            torn[row, column] = max(abs(red), abs(green), abs(blue)) if far > ACCUMULATION.torn else np.float32(0)
 
 
 @kernel

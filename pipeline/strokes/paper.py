@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.kernels.jit import kernel
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.strokes.emboss import pixel_terms
 from pipeline.strokes.random import KEPT_TEXTURES, Purpose, draws
 from pipeline.strokes.seeds import StyleField
@@ -95,7 +95,7 @@ class EdgeDarkening:
         """
         now = _rims(picture)
         if back is not None and self.rims is not None and changed is not None:
-            past = fetch(self.rims, back)
+            past = warp_back(self.rims, back)
             now = np.asarray(past + np.where(changed, np.float32(1), np.float32(FOLLOW)) * (now - past), np.float32)
         self.rims = now
         return np.asarray(np.rint(now * 255), np.uint8)

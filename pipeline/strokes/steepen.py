@@ -9,6 +9,8 @@ follows from the blurred picture.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +21,23 @@ from pipeline.kernels.nonzero import nonzero_positions
 
 Light = NDArray[np.uint8]
 
-LEAST_STEP = 24
-"""Range of lightness in 3x3 px below which a pixel keeps its colour, gray levels: noise and shading stay."""
-WIDE_SHARE = 0.9
-"""Largest share of the steepened colours at the wide edges of a painting."""
-WIDE_RANGES = 0.6, 0.7
-"""Range of lightness in 3x3 px over that in 7x7 px up to which an edge is wide, and from which on it is not."""
-WIDE_CONTRAST = 64, 112
-"""Ranges of lightness in 7x7 px up to which no edge is steepened as a wide one, and from which on it is in full."""
+
+class SteepenParams(NamedTuple):
+    """Constants of steepening."""
+
+    least_step: int = 24
+    """Range of lightness in 3x3 px below which a pixel keeps its colour, gray levels: noise and shading stay."""
+    wide_share: float = 0.9
+    """Largest share of the steepened colours at the wide edges of a painting."""
+    wide_ranges: tuple[float, float] = 0.6, 0.7
+    """Range of lightness in 3x3 px over that in 7x7 px up to which an edge is wide, and from which on it is not."""
+    wide_contrast: tuple[int, int] = 64, 112
+    """Ranges of lightness in 7x7 px up to which no edge is steepened as a wide one, and from which on it is in full."""
+
+
+STEEPEN = SteepenParams()
+
+
 _SQUARE, _WIDE_SQUARE = np.ones((3, 3), np.uint8), np.ones((7, 7), np.uint8)
 
 
@@ -123,11 +134,11 @@ def _mix_wide_bytes(picture: Frame, steep: Frame, near: Light, wide: Light, fact
 @kernel
 def _wide_share(near: int, wide: int) -> np.float32:
     """Share of the steepened colours, 0..1. `near`, `wide`: range of lightness in 3x3 and in 7x7 px."""
-    (narrowest, limit), (low, high) = WIDE_RANGES, WIDE_CONTRAST
+    (narrowest, limit), (low, high) = STEEPEN.wide_ranges, STEEPEN.wide_contrast
     ratio, contrast = np.float32(near) / max(wide, 1), np.float32(wide)
     if ratio >= limit or contrast <= low:
         return np.float32(0)
-    share = np.float32(WIDE_SHARE) * min((limit - ratio) / (limit - narrowest), np.float32(1))
+    share = np.float32(STEEPEN.wide_share) * min((limit - ratio) / (limit - narrowest), np.float32(1))
     share *= min((contrast - low) / (high - low), np.float32(1))
     return np.float32(share)
 
@@ -142,7 +153,7 @@ def _toggle(picture: Frame, light: Light, most: Light, least: Light, out: Frame,
         for x in range(width):  # this vectorises
             up, down = np.uint8(high[x] - here[x]), np.uint8(here[x] - low[x])
             between = (up > 0) & (down > 0) & (up != down)
-            changes[x] = np.uint8(between & (np.uint8(high[x] - low[x]) >= LEAST_STEP))
+            changes[x] = np.uint8(between & (np.uint8(high[x] - low[x]) >= STEEPEN.least_step))
         for x in places[: nonzero_positions(changes, places)]:
             nearer = high[x] if high[x] - here[x] < here[x] - low[x] else low[x]
             row, column = _neighbour(light, y, x, nearer)
@@ -162,7 +173,7 @@ def _anti_alias(sharp: Frame, light: Light, most: Light, least: Light, smooth: L
     for y in range(height):
         high_row, low_row = most[y], least[y]
         for x in range(width):  # this vectorises
-            steps[x] = np.uint8(np.uint8(high_row[x] - low_row[x]) >= LEAST_STEP)
+            steps[x] = np.uint8(np.uint8(high_row[x] - low_row[x]) >= STEEPEN.least_step)
         for x in places[: nonzero_positions(steps, places)]:
             low, span = np.float32(least[y, x]), np.float32(most[y, x]) - np.float32(least[y, x])
             right, left = np.float32(smooth[y, min(x + 1, width - 1)]), np.float32(smooth[y, max(x - 1, 0)])

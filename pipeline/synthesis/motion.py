@@ -63,7 +63,7 @@ MAX_STILL_DIFFERENCE = 2.0
 """Mean difference over 5x5 px up to which the images do not differ, gray levels."""
 
 
-def suppress_small_motion(velocity: Flow, first: Bytes, second: Bytes) -> Flow:
+def zero_still_velocity(velocity: Flow, first: Bytes, second: Bytes) -> Flow:
     """Set estimated velocities to exactly 0 in static regions.
 
     Args:

@@ -14,7 +14,7 @@ from typing import Generic, Protocol
 import numpy as np
 
 from pipeline.frames import Plane
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
 from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, T
@@ -215,7 +215,7 @@ class Sweep(Generic[T]):
         """
         assert self.last is not None
         motion = self.animation.motion(index, self.last.index)
-        guides = fetch(self.animation.target(self.last.index).guides, motion.displacement)
+        guides = warp_back(self.animation.target(self.last.index).guides, motion.displacement)
         warped = np.asarray(guides[..., None] if guides.ndim == 2 else guides, np.uint8)
         self.ops.add_change(self.style, state, advected, warped, self.ops.upload(motion.visible))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,33 +20,42 @@ from pipeline.frames import Frame, Mask, Plane
 from pipeline.kernels.jit import kernel
 from pipeline.synthesis.images import Bytes
 
-_STEP = 2
-_LEAST_SPREAD = 4.0
-_SLOPE_WINDOW = 17
-"""Number of lightness levels over which the slope of a curve is measured; odd."""
-_CONTRAST_SIZE_PX = 160
-"""Longer side of the reduced image on which contrasts are measured, px: objects, not details, differ at this size."""
-_CONTRAST_DISTANCE_PX = 2
-"""Distance between two pixels whose contrast is measured, px of the reduced image."""
-_CONTRAST_BINS = 64
-_LEAST_LIKENESS = 0.88
-"""Minimum likeness of contrasts; below it, matching raises contrast less. Of 18 pairs of a clip and a painting, 17 have
-0.90 to 0.99 at a limit of 2; a white bird in front of a wall with bright windows, in The Great Wave, has 0.82."""
-_TRIALS = 17
-"""Number of limits that are tried."""
-_EXTREME_SHARE = 0.001
-"""Share of a painting's pixels, at either end of its lightness, that do not count for its range."""
-_BASE_SIZE_PX = 240
-"""Longer side of the reduced image on which details are separated from the lightness around them, px."""
-_DETAIL_RADIUS_PX = 4
-"""Radius of details, px of that image: the eyes of a face that is a sixth of the frame high are details."""
-_LEAST_EDGE = 20.0
-"""Standard deviation of lightness, levels, above which a neighbourhood has an edge, not only details."""
-_FRACTIONS = 16
-"""Entries of the table of lightness per level."""
+
+class ToneParams(NamedTuple):
+    """Constants of tone matching."""
+
+    step: int = 2
+    least_spread: float = 4.0
+    slope_window: int = 17
+    """Number of lightness levels over which the slope of a curve is measured; odd."""
+    contrast_size_px: int = 160
+    """Longer side of the reduced image on which contrasts are measured, px: objects, not details, differ at this
+    size."""
+    contrast_distance_px: int = 2
+    """Distance between two pixels whose contrast is measured, px of the reduced image."""
+    contrast_bins: int = 64
+    least_likeness: float = 0.88
+    """Minimum likeness of contrasts; below it, matching raises contrast less. Of 18 pairs of a clip and a painting,
+    17 have 0.90 to 0.99 at a limit of 2; a white bird in front of a wall with bright windows, in The Great Wave,
+    has 0.82."""
+    trials: int = 17
+    """Number of limits that are tried."""
+    extreme_share: float = 0.001
+    """Share of a painting's pixels, at either end of its lightness, that do not count for its range."""
+    base_size_px: int = 240
+    """Longer side of the reduced image on which details are separated from the lightness around them, px."""
+    detail_radius_px: int = 4
+    """Radius of details, px of that image: the eyes of a face that is a sixth of the frame high are details."""
+    least_edge: float = 20.0
+    """Standard deviation of lightness, levels, above which a neighbourhood has an edge, not only details."""
+    fractions: int = 16
+    """Entries of the table of lightness per level."""
 
 
-NO_CONTRASTS = np.zeros((_CONTRAST_BINS, _CONTRAST_BINS), np.int64)
+TONE = ToneParams()
+
+
+NO_CONTRASTS = np.zeros((TONE.contrast_bins, TONE.contrast_bins), np.int64)
 """Unknown contrasts, or those of images without contrast. `ToneMatch` then applies its limit unchanged."""
 
 
@@ -68,7 +78,7 @@ class ToneAccumulator:
     def __init__(self) -> None:
         self._counts = np.zeros(256, np.int64)
         self._sums = np.zeros((2, 2), np.int64)
-        self._contrasts = np.zeros(_CONTRAST_BINS**2, np.int64)
+        self._contrasts = np.zeros(TONE.contrast_bins**2, np.int64)
 
     def add(self, guide: Bytes, inside: Mask | None = None) -> None:
         """Add an image, CIELAB uint8 (h, w, 3); counts every second pixel of every second row.
@@ -76,8 +86,8 @@ class ToneAccumulator:
         Args:
             inside: the pixels that count, (h, w); None = all.
         """
-        part = guide[::_STEP, ::_STEP]
-        part = part.reshape(-1, 3) if inside is None else part[inside[::_STEP, ::_STEP]]
+        part = guide[:: TONE.step, :: TONE.step]
+        part = part.reshape(-1, 3) if inside is None else part[inside[:: TONE.step, :: TONE.step]]
         lightness, *hue = (np.bincount(part[:, channel], minlength=256) for channel in range(3))
         self._counts += lightness
         for order in (1, 2):
@@ -85,16 +95,16 @@ class ToneAccumulator:
         self._add_contrasts(guide[..., 0], inside)
 
     def _add_contrasts(self, lightness: Bytes, inside: Mask | None) -> None:
-        scale = min(1.0, _CONTRAST_SIZE_PX / max(lightness.shape))
+        scale = min(1.0, TONE.contrast_size_px / max(lightness.shape))
         size = [max(1, round(side * scale)) for side in lightness.shape[::-1]]
-        small = cv2.resize(lightness, size, interpolation=cv2.INTER_AREA) // (256 // _CONTRAST_BINS)
+        small = cv2.resize(lightness, size, interpolation=cv2.INTER_AREA) // (256 // TONE.contrast_bins)
         bins = np.asarray(small, np.int64)
         if inside is not None:
             bins[cv2.resize(inside.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) == 0] = -1
-        near = _CONTRAST_DISTANCE_PX
+        near = TONE.contrast_distance_px
         for one, other in ((bins[:, :-near], bins[:, near:]), (bins[:-near], bins[near:])):
             counted = (one >= 0) & (other >= 0)
-            pairs = one[counted] * _CONTRAST_BINS + other[counted]
+            pairs = one[counted] * TONE.contrast_bins + other[counted]
             self._contrasts += np.bincount(pairs, minlength=len(self._contrasts))
 
     def statistics(self) -> ToneStatistics:
@@ -102,7 +112,7 @@ class ToneAccumulator:
         count = max(1, int(self._counts.sum()))
         mean = self._sums[0] / count
         spread = np.sqrt(np.maximum(self._sums[1] / count - mean**2, 0))
-        contrasts = self._contrasts.reshape(_CONTRAST_BINS, _CONTRAST_BINS).copy()
+        contrasts = self._contrasts.reshape(TONE.contrast_bins, TONE.contrast_bins).copy()
         return ToneStatistics(np.cumsum(self._counts) / count, mean, spread, contrasts)
 
 
@@ -149,10 +159,10 @@ class ToneMatch:
     """
 
     def __init__(self, own: ToneStatistics, wanted: ToneStatistics, limit: float) -> None:
-        spread = np.maximum(own.hue_spread, _LEAST_SPREAD)
+        spread = np.maximum(own.hue_spread, TONE.least_spread)
         hues = (np.arange(256.0)[:, None] - own.hue_mean) * (wanted.hue_spread / spread) + wanted.hue_mean
         self._hues = np.rint(hues).clip(0, 255).astype(np.uint8)
-        levels = np.arange(255 * _FRACTIONS + 1) / _FRACTIONS
+        levels = np.arange(255 * TONE.fractions + 1) / TONE.fractions
         self._lightness = np.interp(levels, np.arange(256), _lightness_curve(own, wanted, limit)).astype(np.float32)
         raised = math.hypot(*wanted.hue_spread) / math.hypot(*spread)
         self.hue_weight = min(1.0, (limit / max(raised, 1.0)) ** 2)
@@ -171,12 +181,12 @@ def _base_model(lightness: Bytes) -> tuple[Plane, Plane]:
     are computed at a smaller size).
     """
     size = lightness.shape[1::-1]
-    scale = min(1.0, _BASE_SIZE_PX / max(size))
+    scale = min(1.0, TONE.base_size_px / max(size))
     small_size = [max(1, round(side * scale)) for side in size]
     small = np.asarray(cv2.resize(lightness, small_size, interpolation=cv2.INTER_AREA), np.float32)
     mean = _box_mean(small)
     variance = _box_mean(small * small) - mean * mean
-    slope = np.asarray(variance / (variance + _LEAST_EDGE**2), np.float32)
+    slope = np.asarray(variance / (variance + TONE.least_edge**2), np.float32)
     factor, offset = (
         np.asarray(cv2.resize(_box_mean(plane), size, interpolation=cv2.INTER_LINEAR), np.float32)
         for plane in (slope, mean - slope * mean)
@@ -185,7 +195,7 @@ def _base_model(lightness: Bytes) -> tuple[Plane, Plane]:
 
 
 def _box_mean(plane: Plane) -> Plane:
-    return np.asarray(cv2.boxFilter(plane, -1, (2 * _DETAIL_RADIUS_PX + 1,) * 2), np.float32)
+    return np.asarray(cv2.boxFilter(plane, -1, (2 * TONE.detail_radius_px + 1,) * 2), np.float32)
 
 
 @kernel
@@ -197,7 +207,7 @@ def _apply(
         for x in range(out.shape[1]):
             own = np.float32(guide[y, x, 0])
             base = min(max(factor[y, x] * own + offset[y, x], np.float32(0.0)), np.float32(255.0))
-            entry = lightness[np.int32(base * np.float32(_FRACTIONS) + np.float32(0.5))]
+            entry = lightness[np.int32(base * np.float32(TONE.fractions) + np.float32(0.5))]
             matched = entry + (own - base) + np.float32(0.5)
             out[y, x, 0] = np.uint8(min(max(matched, np.float32(0.0)), np.float32(255.0)))
             out[y, x, 1] = hues[guide[y, x, 1], 0]
@@ -208,12 +218,12 @@ def _lightness_curve(own: ToneStatistics, wanted: ToneStatistics, limit: float) 
     """Lightness for each lightness 0..255: matches the distributions within the limit of contrast.
 
     Slopes are at least 1 / `limit`. Their maximum is the largest value from `limit` down to 1 that keeps the likeness
-    of contrasts (`_LEAST_LIKENESS`).
+    of contrasts (`TONE.least_likeness`).
     """
     curve = np.arange(256.0)
-    for raised in np.geomspace(limit, 1, _TRIALS):
+    for raised in np.geomspace(limit, 1, TONE.trials):
         curve = _limited_curve(own, wanted, 1 / limit, float(raised))
-        if _likeness(own, wanted, curve) >= _LEAST_LIKENESS:
+        if _likeness(own, wanted, curve) >= TONE.least_likeness:
             break
     return curve
 
@@ -227,8 +237,8 @@ def _limited_curve(own: ToneStatistics, wanted: ToneStatistics, least: float, mo
     darkest = int(np.argmax(own.lightness > 0))
     matched[:darkest] = matched[darkest]
     shares = np.diff(own.lightness, prepend=0.0)
-    around = np.pad(matched, _SLOPE_WINDOW // 2, "edge")
-    slopes = (around[_SLOPE_WINDOW - 1 :] - around[: 1 - _SLOPE_WINDOW]) / (_SLOPE_WINDOW - 1)
+    around = np.pad(matched, TONE.slope_window // 2, "edge")
+    slopes = (around[TONE.slope_window - 1 :] - around[: 1 - TONE.slope_window]) / (TONE.slope_window - 1)
     curve = np.cumsum(slopes.clip(least, most))
     return np.asarray(curve + (shares * (matched - curve)).sum(), np.float64)
 
@@ -240,8 +250,8 @@ def _likeness(own: ToneStatistics, wanted: ToneStatistics, curve: NDArray[np.flo
     """
     if not own.contrasts.any():
         return 1.0
-    darkest, brightest = np.searchsorted(wanted.lightness, (_EXTREME_SHARE, 1 - _EXTREME_SHARE))
-    step = 256 // _CONTRAST_BINS
+    darkest, brightest = np.searchsorted(wanted.lightness, (TONE.extreme_share, 1 - TONE.extreme_share))
+    step = 256 // TONE.contrast_bins
     bins = np.arange(step / 2, 256, step)
     shown = np.interp(bins, np.arange(256), curve).clip(darkest, brightest)
     contrasts = [np.abs(np.subtract.outer(tones, tones)) for tones in (bins, shown)]

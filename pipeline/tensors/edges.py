@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Flow, Plane
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.tensors.field import OrientationField
 from pipeline.tensors.structure import Tensors
 
@@ -49,7 +49,7 @@ def smooth_over_time(now: Tensors, before: Tensors, flow: Flow | None, trust: Pl
         raise BadParameter(
             "The memory must be at least 0 and less than 1.", field="memory", value=memory, remedy="Use 0.8."
         )
-    advected = before if flow is None else np.stack([fetch(plane, flow) for plane in before])
+    advected = before if flow is None else np.stack([warp_back(plane, flow) for plane in before])
     share = np.float32(memory) if trust is None else np.float32(memory) * trust
     return np.asarray(now + share * (advected - now), np.float32)
 

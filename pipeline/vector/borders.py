@@ -9,12 +9,13 @@ that a scanline starts at 0 (`pipeline.vector.fill`).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Flow, Labels
+from pipeline.frames import Labels
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 
@@ -24,18 +25,20 @@ EDGE = np.dtype([("start", np.int32), ("end", np.int32), ("left", np.int32), ("r
 """A directed edge: its two nodes, and the labels to its left and right on the screen (y points down)."""
 
 
-_CONTRAST = np.float32(400)
-"""Squared contrast, in 8-bit CIELAB levels, at which colours and label map have equal weight for a border."""
+class BorderParams(NamedTuple):
+    """Constants of the placing of borders."""
+
+    line: int = 64
+    """Least ink of a pixel that belongs to a line, 0..255."""
+    under_line_px: np.float32 = np.float32(0.9)
+    """Distance of a border from the edge of the line that covers it, px: the rim of a line is not opaque."""
+    sliver_reach: int = 2
+    """Factor on the reach of a line, for the border of a region that continues on the other side of the line."""
+    thick_line_px: int = 12
+    """Least thickness, px, of a line that does not attract such a border."""
 
 
-_LINE = 64
-"""Least ink of a pixel that belongs to a line, 0..255."""
-_UNDER_LINE_PX = np.float32(0.9)
-"""Distance of a border from the edge of the line that covers it, px: the rim of a line is not opaque."""
-_SLIVER_REACH = 2
-"""Factor on the reach of a line, for the border of a region that continues on the other side of the line."""
-_THICK_LINE_PX = 12
-"""Least thickness, px, of a line that does not attract such a border."""
+BORDERS = BorderParams()
 
 
 @dataclass(frozen=True)
@@ -65,26 +68,7 @@ def find_borders(labels: Labels) -> Borders:
     return Borders(lattice.astype(np.float32), lattice, edges, rows, (width, height))
 
 
-def align_borders(borders: Borders, labels: Labels, lab: NDArray[np.uint8], flow: Flow) -> Borders:
-    """Borders in motion, moved to where the colours change, with sub-pixel precision.
-
-    Across each edge, four pixels are interpreted as mixtures of the two colours beyond them, and the border is placed
-    where the mixtures change from one colour to the other. A border then moves by fractions of a pixel, before a pixel
-    changes its label. Low contrast reduces the displacement (`_CONTRAST`). Still borders stay on the lattice, since
-    noise would move them.
-
-    Args:
-        borders: of `labels`, not smoothed yet.
-        labels: int32 (height, width).
-        lab: uint8 (height, width, 3), 8-bit CIELAB of the frame.
-        flow: float32 (height, width, 2), from the previous frame, px.
-    """
-    positions = borders.positions.copy()
-    _align(positions, borders.lattice, borders.edges, labels, lab, flow)
-    return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
-
-
-def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
+def hide_borders_under_lines(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach_px: int) -> Borders:
     """Borders near a line, moved just under its outline.
 
     A line beside a border leaves a sliver of one region between the two, which widens the edge; and a border
@@ -98,7 +82,7 @@ def tuck_borders(borders: Borders, labels: Labels, ink: NDArray[np.uint8], reach
         reach_px: distance from a border in which lines are searched, px.
     """
     positions = borders.positions.copy()
-    margin = _SLIVER_REACH * reach_px
+    margin = BORDERS.sliver_reach * reach_px
     near = np.asarray(cv2.dilate(ink, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)), np.uint8)
     padded = np.pad(ink, margin)
     _tuck(positions, borders.lattice, borders.edges, padded, near, labels, reach_px)
@@ -161,30 +145,6 @@ def _find(labels: Labels, edges: NDArray[np.void], lattice: NDArray[np.int32], r
 
 
 @kernel
-def _align(
-    positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], labels: Labels, lab: NDArray[np.uint8],
-    flow: Flow,
-) -> None:  # fmt: skip
-    count = positions.shape[0]
-    height, width = labels.shape
-    moves = np.zeros((count, 2), np.float32)
-    counts = np.zeros((count, 2), np.float32)
-    for k in range(edges.shape[0]):
-        if edges[k]["right"] == 0:
-            continue
-        a, b = edges[k]["start"], edges[k]["end"]
-        x, y = lattice[a, 0], lattice[a, 1]
-        if flow[y, x, 0] == 0.0 and flow[y, x, 1] == 0.0:
-            continue
-        axis = 0 if lattice[b, 0] == x else 1
-        move = _offset(labels, lab, x, y, axis, height, width)
-        for n in (a, b):
-            moves[n, axis] += move
-            counts[n, axis] += np.float32(1)
-    _displace(positions, lattice, moves, counts, width, height)
-
-
-@kernel
 def _displace(
     positions: Positions, lattice: NDArray[np.int32], moves: Positions, counts: Positions, width: int, height: int
 ) -> None:
@@ -202,35 +162,6 @@ def _displace(
 
 
 @kernel
-def _offset(
-    labels: Labels, lab: NDArray[np.uint8], x: int, y: int, axis: int, height: int, width: int
-) -> np.float32:  # fmt: skip
-    """Displacement of the border from the edge at lattice position (x, y), -1..1 px along `axis`."""
-    step_x, step_y = (1, 0) if axis == 0 else (0, 1)
-    before, after = labels[y - step_y, x - step_x], labels[y, x]
-    first, last = 1, 0  # pixels on either side that belong to the two regions: 1 - first, ..., last
-    while first < 3 and _is(labels, x - (first + 1) * step_x, y - (first + 1) * step_y, before, height, width):
-        first += 1
-    while last < 2 and _is(labels, x + (last + 1) * step_x, y + (last + 1) * step_y, after, height, width):
-        last += 1
-    near, far = lab[y - first * step_y, x - first * step_x], lab[y + last * step_y, x + last * step_x]
-    reach = min(first, last + 1) - 1  # whole pixels on either side between the two references
-    if reach < 1:
-        return np.float32(0)
-    l0, a0, b0 = np.float32(near[0]), np.float32(near[1]), np.float32(near[2])
-    dl, da, db = np.float32(far[0]) - l0, np.float32(far[1]) - a0, np.float32(far[2]) - b0
-    square = dl * dl + da * da + db * db
-    scale = np.float32(1) / (square + np.float32(1e-3))
-    mixed = np.float32(0)
-    for n in range(-reach, reach):
-        here = lab[y + n * step_y, x + n * step_x]
-        part = dl * (np.float32(here[0]) - l0) + da * (np.float32(here[1]) - a0) + db * (np.float32(here[2]) - b0)
-        mixed += min(max(part * scale, np.float32(0)), np.float32(1))
-    offset = min(max(np.float32(reach) - mixed, np.float32(-1)), np.float32(1))
-    return offset * square / (square + _CONTRAST)
-
-
-@kernel
 def _tuck(
     positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], ink: NDArray[np.uint8],
     near: NDArray[np.uint8], labels: Labels, reach: int,
@@ -238,7 +169,7 @@ def _tuck(
     """Move the nodes of edges beside a line, in place.
 
     Args:
-        ink: with a margin of `_SLIVER_REACH` times the reach, without ink, on each side.
+        ink: with a margin of `BORDERS.sliver_reach` times the reach, without ink, on each side.
         near: uint8 (h, w), the most ink within that distance.
     """
     count = positions.shape[0]
@@ -249,7 +180,7 @@ def _tuck(
         if edges[k]["right"] == 0:
             continue
         a, b = edges[k]["start"], edges[k]["end"]
-        if near[lattice[a, 1], lattice[a, 0]] < _LINE:
+        if near[lattice[a, 1], lattice[a, 0]] < BORDERS.line:
             continue
         axis = 0 if lattice[b, 0] == lattice[a, 0] else 1
         move = _to_line(ink, labels, lattice[a, 0], lattice[a, 1], axis, reach)
@@ -264,18 +195,18 @@ def _tuck(
 def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, reach: int) -> np.float32:
     """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
     line within reach, or the edge is under a line. `ink`: with the margin that `_tuck` describes."""
-    margin, width = _SLIVER_REACH * reach, ink.shape[1]
+    margin, width = BORDERS.sliver_reach * reach, ink.shape[1]
     flat, at = ink.reshape(ink.size), (y + margin) * width + x + margin
     step = 1 if axis == 0 else width
     for k in range(margin):
         ahead, behind = flat[at + k * step], flat[at - (k + 1) * step]
-        if max(ahead, behind) < _LINE:
+        if max(ahead, behind) < BORDERS.line:
             continue
-        if k == 0 and min(ahead, behind) >= _LINE:
+        if k == 0 and min(ahead, behind) >= BORDERS.line:
             return np.float32(0)
         way = 1 if ahead >= behind else -1
         if k < reach or _crosses_line(ink, labels, x, y, axis, way, k):
-            return np.float32(way) * (np.float32(k) + _UNDER_LINE_PX)
+            return np.float32(way) * (np.float32(k) + BORDERS.under_line_px)
         return np.float32(0)
     return np.float32(0)
 
@@ -289,11 +220,11 @@ def _crosses_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: 
     step_x, step_y = (way, 0) if axis == 0 else (0, way)
     first_x, first_y = x + min(step_x, 0), y + min(step_y, 0)
     own = labels[first_y, first_x]
-    for n in range(distance + _THICK_LINE_PX):
+    for n in range(distance + BORDERS.thick_line_px):
         i, j = first_x + n * step_x, first_y + n * step_y
         if not _is(labels, i, j, own, height, width):
             return False
-        if n > distance and ink[j + margin, i + margin] < _LINE:
+        if n > distance and ink[j + margin, i + margin] < BORDERS.line:
             return True
     return False
 

@@ -16,13 +16,12 @@ from pipeline.colour.scheme import measure as measure_tone
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.background import Background, Pending, Ready
 from pipeline.lines.coherent import Ink
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
+from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
-from pipeline.methods.abstraction.shading import smooth_shading
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
 from pipeline.perception.backward_maps import BackwardMaps, backward_maps
-from pipeline.perception.cuts import FADING, is_cut, light_steadiness, thumbnail
+from pipeline.perception.cuts import CUTS, is_cut, light_steadiness, thumbnail
 from pipeline.perception.face_contrast import raise_contrast
 from pipeline.perception.face_masks import FaceCrop
 from pipeline.perception.faces import Faces
@@ -34,10 +33,20 @@ from pipeline.regions.edges import edges
 
 LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
 """Stored planes of the line layer, by name in the session's state."""
-FACE_BLUR, LEAST_FACE_BLUR_PX = 0.018, 0.4
-"""Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
-DENOISE_TOLERANCE = 6.0
-"""Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
+
+
+@dataclass(frozen=True)
+class AnalysisParams:
+    """Constants of the analysis."""
+
+    face_blur: float = 0.018
+    least_face_blur_px: float = 0.4
+    """Standard deviation of the blur of small faces before analysis, in widths of the face, and its least value, px."""
+    denoise_tolerance: float = 6.0
+    """Difference, CIELAB units, at which the weight of the past has fallen to 1/e."""
+
+
+ANALYSIS = AnalysisParams()
 
 
 @dataclass(frozen=True)
@@ -83,7 +92,7 @@ class FrameAnalyzer:
 
     def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
         """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper; edges
-        and lines on the thread that needs them in a `DeferringBackground`."""
+        and lines on the thread that needs them in a `LazyExecutor`."""
         fresh = self._begins_shot(same_size(frame, self.sizes.frame))
         with self.clock("lab"):
             small = shrink_frame(frame, self.sizes)
@@ -99,10 +108,10 @@ class FrameAnalyzer:
         raise_contrast(planes[0][..., None], tracked, self.sizes.frame)
         back, planes, residual = self._denoise(planes, flow)
         denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
-        edge_map = self.background.later(self._edges, planes, importance, faces, contrast)
-        past = None if flow is None or residual is None else Past(flow, residual)
-        later = self.background.later
-        ink = later(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
+        edge_map = self.background.submit(self._edges, planes, importance, faces, contrast)
+        past = None if flow is None or residual is None else PreviousFrame(flow, residual)
+        submit = self.background.submit
+        ink = submit(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
@@ -115,9 +124,7 @@ class FrameAnalyzer:
     def _smooth(self, frame: Frame) -> LabPlanes:
         with self.clock("lab"):
             smooth = cv2.GaussianBlur(frame, (self.smooth_side, self.smooth_side), self.smooth_px)
-            planes = rgb_to_lab8(np.asarray(smooth, np.uint8))
-            smooth_shading(planes)
-            return planes
+            return rgb_to_lab8(np.asarray(smooth, np.uint8))
 
     def _track_faces(
         self, frame: Frame, flow: Flow | None, fresh: bool
@@ -141,7 +148,7 @@ class FrameAnalyzer:
     def _sharpen(self, small: Frame, planes: LabPlanes, faces: Sequence[FaceCrop]) -> None:
         """Replace small faces by less blurred ones, in place."""
         for face in faces:
-            sigma = min(max(FACE_BLUR * face.width_px, LEAST_FACE_BLUR_PX), self.smooth_px)
+            sigma = min(max(ANALYSIS.face_blur * face.width_px, ANALYSIS.least_face_blur_px), self.smooth_px)
             part = np.ascontiguousarray(small[face.box])
             fine = rgb_to_lab8(np.asarray(cv2.GaussianBlur(part, (0, 0), sigma), np.uint8))
             for plane, own in zip(planes, fine, strict=True):
@@ -151,7 +158,7 @@ class FrameAnalyzer:
         self, small: Frame, gray: NDArray[np.uint8], flow: Flow | None, fresh: bool, mask: Plane | None
     ) -> Plane:  # fmt: skip
         with self.clock("importance"):
-            return self.importance.step_coarse(gray, flow, fresh, mask, colours=small)
+            return self.importance.step_coarse(gray, flow, fresh, mask)
 
     def finish_frame(self) -> None:
         """Work that only later frames need (a part of the face search): runs when the frame has been delivered."""
@@ -170,7 +177,7 @@ class FrameAnalyzer:
             return edges(planes, importance.result(), self.params.edge_threshold * contrast, faces)
 
     def _ink(
-        self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: Past | None,
+        self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: PreviousFrame | None,
         faces: Sequence[FaceCrop],
     ) -> Ink:  # fmt: skip
         with self.clock("lines"):
@@ -191,7 +198,7 @@ class FrameAnalyzer:
         In a fade it is the usual one, so that no small regions remain from the dim frames.
         """
         assert self.thumbnail is not None
-        if self.light_steadiness < FADING:
+        if self.light_steadiness < CUTS.fading:
             self.contrast = None
             return 1.0
         self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
@@ -212,7 +219,12 @@ class FrameAnalyzer:
         with self.clock("denoise"):
             back = backward_maps(flow)
             denoised, residual = denoise(
-                lab, self.denoised, flow, back, self.params.steadiness * self.light_steadiness, DENOISE_TOLERANCE
+                lab,
+                self.denoised,
+                flow,
+                back,
+                self.params.steadiness * self.light_steadiness,
+                ANALYSIS.denoise_tolerance,
             )
         return back, denoised, residual
 
@@ -246,7 +258,6 @@ class FrameAnalyzer:
         """(width, height) of the stored planes that are smaller than the frame, by name in the session's state."""
         sizes = {
             "analyzer.importance.cues": self.importance.map_size,
-            "analyzer.importance.hands": self.importance.map_size,
             "analyzer.importance.mask": self.importance.map_size,
         }
         return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})

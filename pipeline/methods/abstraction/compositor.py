@@ -13,7 +13,7 @@ from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Flow, Frame, Labels
 from pipeline.kernels.background import Background, Pending
 from pipeline.lines.coherent import Ink
-from pipeline.lines.colour_stripes import uncover_stripes
+from pipeline.lines.colour_stripes import erase_ink_on_thin_regions
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.border_curves import BorderCurves
 from pipeline.methods.abstraction.fast_borders import steepen_fast_borders
@@ -21,8 +21,8 @@ from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, shrink_mask
 from pipeline.methods.tasks import Clock
-from pipeline.perception.backward_maps import BackwardMaps, warp_back, warp_enlarged
-from pipeline.perception.motion import blend_with_past, closed_residual, past_weights
+from pipeline.perception.backward_maps import BackwardMaps, warp_back_enlarged, warp_back_mapped
+from pipeline.perception.motion import blend_with_past, past_weights
 from pipeline.regions.refinement import round_boundaries
 from pipeline.regions.segmenter import Segmentation
 from pipeline.vector.borders import Borders
@@ -70,17 +70,17 @@ class Compositor:
             return
         if self.sizes.work != self.sizes.output:
             if flow is not None:
-                self._past = self.background.offer(lambda: self._warp_enlarged(picture, flow))
+                self._past = self.background.submit_parallel(lambda: self._warp_enlarged(picture, flow))
         elif back is not None:
-            self._past = self.background.offer(lambda: self._warp_back(picture, back))
+            self._past = self.background.submit_parallel(lambda: self._warp_back(picture, back))
 
     def _warp_back(self, picture: Frame, back: BackwardMaps) -> Frame:
         with self.clock("paint"):
-            return warp_back(picture, back)
+            return warp_back_mapped(picture, back)
 
     def _warp_enlarged(self, picture: Frame, flow: Flow) -> Frame:
         with self.clock("paint"):
-            return warp_enlarged(picture, flow)
+            return warp_back_enlarged(picture, flow)
 
     def step(self, coloured: ColouredRegions) -> CompositedFrame:
         """Composite a frame, after `prepare` with the analysis of the same frame."""
@@ -104,7 +104,7 @@ class Compositor:
         analysis, regions, colours = coloured.analysis, coloured.regions, coloured.colours
         labels = curves.labels(regions)
         ink, drawn = self._ink(coloured)
-        borders = curves.borders(labels, analysis, drawn)
+        borders = curves.borders(labels, analysis.lab, drawn)
         self.picture = self._blend(fill_regions(borders, colours, self.sizes.output, self.background), labels, analysis)
         frame = self.picture.copy()
         if ink is not None:
@@ -116,7 +116,9 @@ class Compositor:
         if coloured.analysis.ink is None:
             return None, None
         ink, regions = coloured.analysis.ink.result(), coloured.regions
-        return uncover_stripes(ink, shrink_mask(ink, self.sizes), regions.labels, regions.areas, regions.means)
+        return erase_ink_on_thin_regions(
+            ink, shrink_mask(ink, self.sizes), regions.labels, regions.areas, regions.means
+        )
 
     def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
         """Cross-fade from the previous output where the source agrees with its past, so that regions do not pop."""
@@ -132,7 +134,7 @@ class Compositor:
         weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
         past = self._past.result()
         moving = moving_borders(labels, analysis.flow)
-        blend_colours(picture, past, closed_residual(analysis.residual), weights, moving, self.background)
+        blend_colours(picture, past, analysis.residual, weights, moving, self.background)
         steepen_fast_borders(past, moving)
         return past
 

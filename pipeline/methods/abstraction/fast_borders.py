@@ -10,27 +10,38 @@ Departure: this is not part of zhang2011online, which does not blend with the pa
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.colour.memory import SPEED_STEPS
+from pipeline.colour.memory import BLEND
 from pipeline.frames import Frame
 from pipeline.kernels.jit import kernel
 from pipeline.perception.backward_maps import BLOCK_PX, block_spans, scaled_span
 from pipeline.strokes.steepen import steepen
 
-SLOW_PX, FAST_PX = 5.0, 10.0
-"""Speeds, px of the picture a frame, up to which borders are not steepened, and from which they are steepened most."""
-MOST = 0.7
-"""Largest share of the steepened picture."""
-STEPS = 2
-"""Steps of steepening, see `steepen`."""
-REACH_PX = 4
-"""Distance from a border that is steepened, px of the picture."""
-_MARGIN_PX = STEPS + 2
-"""Distance, px, of the pixels that `steepen` reads."""
+
+@dataclass(frozen=True)
+class SteepParams:
+    """Constants of steep borders."""
+
+    slow_px: float = 5.0
+    fast_px: float = 10.0
+    """Speeds, px of the picture a frame, up to which borders are not steepened, and from which they are steepened
+    most."""
+    most: float = 0.7
+    """Largest share of the steepened picture."""
+    steps: int = 2
+    """Steps of steepening, see `steepen`."""
+    reach_px: int = 4
+    """Distance from a border that is steepened, px of the picture."""
+    margin_px: int = steps + 2
+    """Distance, px, of the pixels that `steepen` reads."""
+
+
+STEEP = SteepParams()
 
 
 def steepen_fast_borders(picture: Frame, speeds: NDArray[np.uint8]) -> None:
@@ -45,15 +56,15 @@ def steepen_fast_borders(picture: Frame, speeds: NDArray[np.uint8]) -> None:
     shares = _share_of_speed(down)
     if not shares[int(speeds.max())]:
         return
-    reach = math.ceil(REACH_PX / down)
+    reach = math.ceil(STEEP.reach_px / down)
     fastest_near = np.asarray(cv2.dilate(speeds, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)), np.uint8)
     share = np.asarray(cv2.LUT(fastest_near, shares), np.uint8)
     parts = []
     for rows, columns in block_spans(_used_blocks(share), (share.shape[1], share.shape[0])):
         near = share[rows, columns]
         rows, columns = scaled_span(rows, down), scaled_span(columns, across)
-        top, left = max(rows.start - _MARGIN_PX, 0), max(columns.start - _MARGIN_PX, 0)
-        steep = steepen(picture[top : rows.stop + _MARGIN_PX, left : columns.stop + _MARGIN_PX], STEPS)
+        top, left = max(rows.start - STEEP.margin_px, 0), max(columns.start - STEEP.margin_px, 0)
+        steep = steepen(picture[top : rows.stop + STEEP.margin_px, left : columns.stop + STEEP.margin_px], STEEP.steps)
         size = columns.stop - columns.start, rows.stop - rows.start
         enlarged = np.asarray(cv2.resize(near, size, interpolation=cv2.INTER_NEAREST), np.uint8)
         parts.append((steep, enlarged, (rows.start, columns.start), (rows.start - top, columns.start - left)))
@@ -63,8 +74,10 @@ def steepen_fast_borders(picture: Frame, speeds: NDArray[np.uint8]) -> None:
 
 def _share_of_speed(scale: float) -> NDArray[np.uint8]:
     """Share of the steepened picture in 1/256 by speed, uint8 (256,). `scale`: px of the picture per px of the flow."""
-    speeds_px = np.arange(256) / SPEED_STEPS * scale
-    return np.rint(256 * MOST * np.clip((speeds_px - SLOW_PX) / (FAST_PX - SLOW_PX), 0, 1)).astype(np.uint8)
+    speeds_px = np.arange(256) / BLEND.speed_steps * scale
+    return np.rint(
+        256 * STEEP.most * np.clip((speeds_px - STEEP.slow_px) / (STEEP.fast_px - STEEP.slow_px), 0, 1)
+    ).astype(np.uint8)
 
 
 @kernel

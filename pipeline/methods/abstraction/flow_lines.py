@@ -8,7 +8,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.compute import Device, device
 from pipeline.errors import DeviceError
 from pipeline.frames import Flow, Plane
-from pipeline.lines.coherent import advect
+from pipeline.lines.coherent import warp_forward
 from pipeline.lines.dog import dog_response
 from pipeline.lines.fdog import fdog_response
 from pipeline.tensors.structure import Tensors, structure_tensor, tangent_field
@@ -58,7 +58,7 @@ class FlowLines:
 
     def _smooth_over_time(self, tensors: Tensors, before: Tensors, flow: Flow) -> None:
         for now, past in zip(tensors, before, strict=True):
-            change = advect(past, flow)
+            change = warp_forward(past, flow)
             change -= now
             change *= np.float32(self.memory)
             now += change

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
@@ -23,29 +24,46 @@ from pipeline.perception.face_masks import FaceCrop
 from pipeline.perception.flow.warp import scale_flow
 from pipeline.perception.motion import past_weights
 
-TAU = 0.99
-"""Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
-WEAK, STRONG = 64, 153
-"""Hysteresis thresholds on ink, see `StrokeLimits`."""
-FACE_LINE, LEAST_FACE_LINE_PX, FACE_LINE_GAIN = 0.028, 0.6, 0.8
-"""Standard deviation of the narrower Gaussian in small faces, in widths of the face; its least value, px; factor on the
-response, which rises as the lines become narrower."""
-FEATURE_LINE = 0.007
-"""`FACE_LINE` of brows, eyes and mouths: wider lines would join an eye with its brow, which lies 5 px above it."""
-FEATURE_RESPONSE, FEATURE_SHARE, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN = 1.3, 0.05, 0.75, 2.2
-"""The response around brows, eyes and mouth is multiplied so that this share of the pixels exceeds that response, gray
-levels; the factor is kept within the two limits. Faint features are thus drawn as strongly as dark ones."""
-FACE_LENGTH = 0.2
-"""Importance that is added in small faces when strokes are selected by their length: an eye is 4 px long."""
+
+@dataclass(frozen=True)
+class LineParams:
+    """Constants of the line layer."""
+
+    tau: float = 0.99
+    """Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
+    weak: int = 64
+    strong: int = 153
+    """Hysteresis thresholds on ink, see `StrokeLimits`."""
+    face_line: float = 0.028
+    least_face_line_px: float = 0.6
+    face_line_gain: float = 0.8
+    """Standard deviation of the narrower Gaussian in small faces, in widths of the face; its least value, px;
+    factor on the response, which rises as the lines become narrower."""
+    feature_line: float = 0.007
+    """`face_line` of brows, eyes and mouths: wider lines would join an eye with its brow, which lies 5 px above it."""
+    feature_response: float = 1.3
+    feature_share: float = 0.05
+    least_feature_gain: float = 0.75
+    most_feature_gain: float = 2.2
+    """The response around brows, eyes and mouth is multiplied so that this share of the pixels exceeds that
+    response, gray levels; the factor is kept within the two limits. Faint features are thus drawn as strongly as
+    dark ones."""
+    face_length: float = 0.2
+    """Importance that is added in small faces when strokes are selected by their length: an eye is 4 px long."""
+    largest_margin: float = 1.0
+    """Gray levels: bounds how much thinner outlined lines become when `line_sharpness` is low."""
+
+
+LINES = LineParams()
+
+
 NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
 """The opacity of an outlined line is that of its strongest pixel within this neighbourhood, so that only its outline
 fades. In a frame larger than the analysed one, interpolation would otherwise let the opacity fall within the outline;
 lines are drawn wider there, for the same reason. Of a line of ink, the smaller neighbourhood keeps the soft rim."""
-LARGEST_MARGIN = 1.0
-"""Gray levels: bounds how much thinner outlined lines become when `line_sharpness` is low."""
 
 
-class Past(NamedTuple):
+class PreviousFrame(NamedTuple):
     """Relation of a frame to the previous one.
 
     Attributes:
@@ -73,18 +91,18 @@ class LineExtractor:
         shrink = max(math.ceil(sizes.frame[1] / sizes.work[1]), round(sigma_px))
         self.small = (max(1, sizes.frame[0] // shrink), max(1, sizes.frame[1] // shrink))
         self.sigma_px = sigma_px / shrink
-        self.limits = StrokeLimits(WEAK, STRONG, params.line_length / 1000 * min(self.small))
+        self.limits = StrokeLimits(LINES.weak, LINES.strong, params.line_length / 1000 * min(self.small))
         enlarged = sizes.frame != sizes.output
         self.neighbourhood = ENLARGED_NEIGHBOURHOOD if enlarged else NEIGHBOURHOOD
-        self.margin = 0.0 if enlarged else min(LARGEST_MARGIN, math.atanh(0.5) / params.line_sharpness)
+        self.margin = 0.0 if enlarged else min(LINES.largest_margin, math.atanh(0.5) / params.line_sharpness)
         self.last: Ink | None = None
         self.opacity: Ink | None = None
         self.response: Plane | None = None
         flows = params.lines == "flow"
-        self.flow_lines = FlowLines(self.sigma_px, TAU, params.steadiness) if flows else None
+        self.flow_lines = FlowLines(self.sigma_px, LINES.tau, params.steadiness) if flows else None
 
     def step(
-        self, gray: NDArray[np.uint8], importance: Plane, past: Past | None, faces: Sequence[FaceCrop] = ()
+        self, gray: NDArray[np.uint8], importance: Plane, past: PreviousFrame | None, faces: Sequence[FaceCrop] = ()
     ) -> Ink:  # fmt: skip
         """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
 
@@ -121,46 +139,48 @@ class LineExtractor:
         field = line_field(response, importance, self.params.line_threshold, self.margin, blur)
         return draw_lines(field, opacity, self.output_size)
 
-    def _motion(self, past: Past | None) -> PastMotion | None:
+    def _motion(self, past: PreviousFrame | None) -> PastMotion | None:
         """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
         if past is None or not self.params.paint_memory:
             return None
         weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
         return PastMotion(past.flow, past.residual, weights)
 
-    def _shrunk(self, past: Past | None) -> Past | None:
+    def _shrunk(self, past: PreviousFrame | None) -> PreviousFrame | None:
         """The relation to the previous frame at the size of the line planes, px of these."""
         if past is None or self.small == self.size:
             return past
         flow, residual = (cv2.resize(plane, self.small, interpolation=cv2.INTER_NEAREST) for plane in past)
         across, down = np.divide(self.small, self.size)
-        return Past(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
+        return PreviousFrame(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
 
-    def _previous_ink(self, past: Past | None) -> PreviousInk | None:
+    def _previous_ink(self, past: PreviousFrame | None) -> PreviousInk | None:
         return None if past is None or self.last is None else PreviousInk(self.last, past.flow)
 
-    def _respond(self, gray: Plane, importance: Plane, past: Past | None) -> Plane:
+    def _respond(self, gray: Plane, importance: Plane, past: PreviousFrame | None) -> Plane:
         if self.flow_lines:
             return self.flow_lines.step(gray, importance, None if past is None else past.flow)
-        return dog_response(gray, self.sigma_px, TAU)
+        return dog_response(gray, self.sigma_px, LINES.tau)
 
     def _finer(self, response: Plane, gray: Plane, faces: Sequence[FaceCrop]) -> Plane:
         """Replace the response in small faces, in place, by that of narrower Gaussians, narrowest at their features."""
         for face in faces:
             own = response[face.box]
-            own += face.weight * (np.float32(FACE_LINE_GAIN) * self._narrow_response(gray, face, FACE_LINE) - own)
-            weight, features = face.features(), self._narrow_response(gray, face, FEATURE_LINE)
+            own += face.weight * (
+                np.float32(LINES.face_line_gain) * self._narrow_response(gray, face, LINES.face_line) - own
+            )
+            weight, features = face.features(), self._narrow_response(gray, face, LINES.feature_line)
             own += weight * (_feature_gain(features, weight) * features - own)
         return response
 
     def _narrow_response(self, gray: Plane, face: FaceCrop, line: float) -> Plane:
         """The response in a face to Gaussians of that standard deviation, in widths of the face."""
-        sigma_px = min(max(line * face.width_px, LEAST_FACE_LINE_PX), self.sigma_px)
+        sigma_px = min(max(line * face.width_px, LINES.least_face_line_px), self.sigma_px)
         around = math.ceil(3 * GAUSSIAN_RATIO * sigma_px)
         (y0, y1), (x0, x1) = ((side.start, side.stop) for side in face.box)
         top, left = max(0, y0 - around), max(0, x0 - around)
         part = np.ascontiguousarray(gray[top : y1 + around, left : x1 + around])
-        return dog_response(part, sigma_px, TAU)[y0 - top : y1 - top, x0 - left : x1 - left]
+        return dog_response(part, sigma_px, LINES.tau)[y0 - top : y1 - top, x0 - left : x1 - left]
 
     @staticmethod
     def _for_strokes(importance: Plane, faces: Sequence[FaceCrop]) -> Plane:
@@ -169,7 +189,7 @@ class LineExtractor:
             return importance
         out = importance.copy()
         for face in faces:
-            out[face.box] += np.float32(FACE_LENGTH) * face.weight
+            out[face.box] += np.float32(LINES.face_length) * face.weight
         return out
 
     def state(self) -> State:
@@ -187,10 +207,12 @@ class LineExtractor:
 
 
 def _feature_gain(response: Plane, weight: Plane) -> np.float32:
-    """Factor on the response at the features of a face, see `FEATURE_RESPONSE`."""
+    """Factor on the response at the features of a face, see `LINES.feature_response`."""
     inside = response[weight > weight.max() / 2]
     if not inside.size:
         return np.float32(1)
-    place = int((1 - FEATURE_SHARE) * (inside.size - 1))
+    place = int((1 - LINES.feature_share) * (inside.size - 1))
     strong = max(nth_smallest(inside, place), np.float32(1e-3))
-    return np.float32(np.clip(np.float32(FEATURE_RESPONSE) / strong, LEAST_FEATURE_GAIN, MOST_FEATURE_GAIN))
+    return np.float32(
+        np.clip(np.float32(LINES.feature_response) / strong, LINES.least_feature_gain, LINES.most_feature_gain)
+    )

@@ -129,7 +129,7 @@ class AbstractionParams(Params):
 
     # -- importance
     face_importance: float = number(
-        1.0, 0, 1, "Faces", "Importance of faces and hands, which get finer regions and lines.", "ratio", "Importance"
+        1.0, 0, 1, "Faces", "Importance of faces, which get finer regions and lines.", "ratio", "Importance"
     )
     saliency_importance: float = number(
         0.4, 0, 1, "Salient things", "Importance of what stands out in a frame (spectral residual).", "ratio",

@@ -13,17 +13,25 @@ from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.tasks import Clock
-from pipeline.perception.cuts import FADING
+from pipeline.perception.cuts import CUTS
 from pipeline.regions.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
 """Region ids are shot * IDS_A_SHOT + n, which makes them unique although shots are processed independently."""
-MISFIT_SLACK = 1.1
-"""A pixel leaves its region beyond this multiple of the growing limit; slightly more than the limit for joining."""
 
-DISTINCT = 60.0
-"""Difference of colours above which a region may be smaller than `smallest_region`: CIELAB units for each per mille of
-the frame, 12 by default. Large values of `smallest_region` leave no such regions."""
+
+@dataclass(frozen=True)
+class RegionParams:
+    """Constants of regions."""
+
+    misfit_slack: float = 1.1
+    """A pixel leaves its region beyond this multiple of the growing limit; slightly more than the limit for joining."""
+    distinct: float = 60.0
+    """Difference of colours above which a region may be smaller than `smallest_region`: CIELAB units for each per
+    mille of the frame, 12 by default. Large values of `smallest_region` leave no such regions."""
+
+
+REGIONS = RegionParams()
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ class RegionStage:
         with self.clock("segment"):
             if analysis.flow is None:
                 self._begin(analysis.shot)
-            fading = analysis.light_steadiness < FADING
+            fading = analysis.light_steadiness < CUTS.fading
             regions = self.segmenter.step(
                 analysis.lab, analysis.edges, importance, analysis.flow, analysis.residual, fading, analysis.contrast
             )
@@ -80,10 +88,10 @@ def _segmenter(params: AbstractionParams) -> SegmenterParams:
     return SegmenterParams(
         flow_error_limit=params.flow_error_limit,
         growing_limit=params.growing_limit,
-        misfit_slack=MISFIT_SLACK,
+        misfit_slack=REGIONS.misfit_slack,
         core_slack=params.core_tolerance,
         boundary_margin=params.boundary_margin,
         merge_similar=params.merge_similar,
         smallest_region=params.smallest_region / 1000,
-        distinct=DISTINCT * params.smallest_region,
+        distinct=REGIONS.distinct * params.smallest_region,
     )

@@ -18,7 +18,7 @@ FACES, FRAME_SIZE = "analyzer.importance.faces", "analyzer.frame_size"
 FACE_COLUMNS = 8
 """Columns of a stored face in px: smoothed and detected box, (x, y, width, height) each."""
 COARSE = (
-    "analyzer.importance.cues", "analyzer.importance.hands", "analyzer.importance.mask", "analyzer.lines.response",
+    "analyzer.importance.cues", "analyzer.importance.mask", "analyzer.lines.response",
     "analyzer.lines.opacity", "analyzer.lines.ink",
 )  # fmt: skip
 TENSORS = "analyzer.lines.tensors"

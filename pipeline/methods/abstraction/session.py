@@ -20,7 +20,7 @@ from typing import NamedTuple
 from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
-from pipeline.kernels.background import Background, DeferringBackground, LaterBackground
+from pipeline.kernels.background import Background, LazyExecutor, ThreadExecutor
 from pipeline.kernels.processors import usable_processors
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
 from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
@@ -138,7 +138,7 @@ class PipelinedRunner:
         self._analyzer = ThreadPoolExecutor(1, thread_name_prefix="analyzer")
         large = min(session.sizes.output) >= THIRD_THREAD_FROM_PX
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
-        self._deferring = None if large else DeferringBackground()
+        self._deferring = None if large else LazyExecutor()
         many = large and usable_processors() >= MANY_PROCESSORS
         self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if many else None
         self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if many else None
@@ -146,7 +146,7 @@ class PipelinedRunner:
 
     def __enter__(self) -> PipelinedRunner:
         self.session.compositor.background = Background()
-        later = LaterBackground(self._lines) if self._lines else self._deferring
+        later = ThreadExecutor(self._lines) if self._lines else self._deferring
         self.session.analyzer.background = later or self.session.background
         return self
 

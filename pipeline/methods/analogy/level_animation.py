@@ -23,7 +23,7 @@ from pipeline.perception.flow.gray import Gray, to_gray
 from pipeline.synthesis.atlas import downscaled_offsets
 from pipeline.synthesis.distance import extrapolated, nearest
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, Target, halved, stacked
-from pipeline.synthesis.motion import Motion, downscaled_velocity, motions_between, suppress_small_motion
+from pipeline.synthesis.motion import Motion, downscaled_velocity, motions_between, zero_still_velocity
 from pipeline.synthesis.orientation import DirectionSources
 from pipeline.synthesis.tone_matching import ToneAccumulator, ToneMatch, ToneStatistics, lab_guide
 
@@ -198,8 +198,8 @@ class EstimatedVelocities:
 
 def _estimated(first: Gray, second: Gray, flow: FlowName) -> tuple[Flow, Flow]:
     """(V+ of the first frame, V- of the second), px."""
-    plus = suppress_small_motion(estimate(first, second, flow), first, second)
-    return plus, suppress_small_motion(-estimate(second, first, flow), second, first)
+    plus = zero_still_velocity(estimate(first, second, flow), first, second)
+    return plus, zero_still_velocity(-estimate(second, first, flow), second, first)
 
 
 class LevelAnimation:

@@ -24,7 +24,7 @@ from pipeline.methods.analogy.style_images import energy_of, patch_colours
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.gray import to_gray
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, StyleImage, Target, packed
-from pipeline.synthesis.motion import Motion, motions_between, suppress_small_motion
+from pipeline.synthesis.motion import Motion, motions_between, zero_still_velocity
 from pipeline.synthesis.opencl import OpenCLOperations
 from pipeline.synthesis.operations import FrameState
 from pipeline.synthesis.refine import colours
@@ -168,8 +168,8 @@ class Propagator:
         first = min(index, other)
         if first not in self._motions:
             a, b = (to_gray(self._frames[k]) for k in (first, first + 1))
-            plus = suppress_small_motion(estimate(a, b, self.params.flow), a, b)
-            minus = suppress_small_motion(-estimate(b, a, self.params.flow), b, a)
+            plus = zero_still_velocity(estimate(a, b, self.params.flow), a, b)
+            minus = zero_still_velocity(-estimate(b, a, self.params.flow), b, a)
             self._motions[first] = motions_between(plus, minus, self.params.occlusion_epsilon, (a, b))
         return _touch(self._motions, first)[0 if index < other else 1]
 

@@ -16,7 +16,7 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
-from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_resting_flow
+from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_still_flow_by_texture
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.face_layer import FaceLayer
@@ -37,32 +37,43 @@ from pipeline.perception.face_contrast import raise_contrast
 from pipeline.perception.faces import Faces
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.invert import invert_flow
-from pipeline.perception.importance import ImportanceParams, ImportanceTracker, moved
+from pipeline.perception.importance import ImportanceParams, ImportanceTracker, warp_forward
 from pipeline.strokes.paper import EdgeDarkening
 from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
 from pipeline.tensors.field import OrientationField, field_of
 
 HALVED_FROM_PX = 400
 """Shorter side, px, of the frames that are analysed at half resolution; strokes are wider than the lost detail."""
-DETAIL_DEAD_BAND, DETAIL_GAIN = 0.06, 0.25
-"""Dead band and per-frame gain with which the detail map, moved along the flow, follows its target."""
-DETAIL_CELL = 4
-"""Side, px, of the cells for which style parameters are computed from the detail map, which is smooth. With a design,
-whose regions have sharp borders, they are computed for every pixel."""
-DIRECTION_TOLERANCE = 0.2
-"""Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
-LARGE_FACES = 0.8
-"""Detail of faces from two fifths of the frame's shorter side on, relative to that of small ones: with the finest
-strokes, a large face would be a photograph."""
-ORIENTATION_CELLS = 160
-"""Approximate number of cells of the orientation field on the shorter side."""
-BACK_CELLS = 160
-"""Approximate number of cells of the stored backward flow on the shorter side."""
-BROAD_SIGMA, BROAD_WEIGHT = 6.0, 0.15
-"""Without clear edges, the orientation blurred with this multiple of the edge sigma is used, with this weight relative
-to a clear edge."""
-DEFAULT_WEIGHT = 0.012
-"""Weight of the default direction relative to a clear edge."""
+
+
+@dataclass(frozen=True)
+class AnalyzerParams:
+    """Constants of the analysis of frames."""
+
+    detail_dead_band: float = 0.06
+    detail_gain: float = 0.25
+    """Dead band and per-frame gain with which the detail map, moved along the flow, follows its target."""
+    detail_cell: int = 4
+    """Side, px, of the cells for which style parameters are computed from the detail map, which is smooth. With a
+    design, whose regions have sharp borders, they are computed for every pixel."""
+    direction_tolerance: float = 0.2
+    """Change of (cos 2a, sin 2a) up to which a direction stays the same; 0.2 is 6 degrees."""
+    large_faces: float = 0.8
+    """Detail of faces from two fifths of the frame's shorter side on, relative to that of small ones: with the finest
+    strokes, a large face would be a photograph."""
+    orientation_cells: int = 160
+    """Approximate number of cells of the orientation field on the shorter side."""
+    back_cells: int = 160
+    """Approximate number of cells of the stored backward flow on the shorter side."""
+    broad_sigma: float = 6.0
+    broad_weight: float = 0.15
+    """Without clear edges, the orientation blurred with this multiple of the edge sigma is used, with this weight
+    relative to a clear edge."""
+    default_weight: float = 0.012
+    """Weight of the default direction relative to a clear edge."""
+
+
+ANALYZER = AnalyzerParams()
 
 
 @dataclass(frozen=True)
@@ -109,7 +120,7 @@ class StrokeAnalyzer:
         params = params.effective
         self.params, self.size, self.clock = params, size, clock
         named = STYLES[params.style]
-        factor = max(1, round(min(size) / ORIENTATION_CELLS))
+        factor = max(1, round(min(size) / ANALYZER.orientation_cells))
         self.small = (max(1, size[0] // factor), max(1, size[1] // factor))
         halved = 2 if min(size) >= HALVED_FROM_PX else 1
         self.work = (size[0] // halved, size[1] // halved)
@@ -211,7 +222,9 @@ class StrokeAnalyzer:
             return None, None
         with self.clock("flow"):
             before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
-            back = zero_resting_flow(estimate(now, before, self.params.flow), now, before, self.params.stillness)
+            back = zero_still_flow_by_texture(
+                estimate(now, before, self.params.flow), now, before, self.params.stillness
+            )
             forward, _ = invert_flow(back, now, before)
             return forward * np.divide(self.size, self.work).astype(np.float32), back
 
@@ -221,27 +234,29 @@ class StrokeAnalyzer:
         if max(params.face_detail, params.saliency_detail, params.motion_detail) <= 0:
             return None
         with self.clock("detail"):
-            coarse = self.importance.step_coarse(gray, flow, fresh, colours=frame)
+            coarse = self.importance.step_coarse(gray, flow, fresh)
             self.importance.continue_search()
             if not fresh and self.detail is not None:
-                before = self.detail if flow is None else moved(self.detail, flow, self.size)
-                far = np.abs(coarse - before) > DETAIL_DEAD_BAND
-                coarse = before + np.where(far, np.float32(DETAIL_GAIN), 0) * (coarse - before)
+                before = self.detail if flow is None else warp_forward(self.detail, flow, self.size)
+                far = np.abs(coarse - before) > ANALYZER.detail_dead_band
+                coarse = before + np.where(far, np.float32(ANALYZER.detail_gain), 0) * (coarse - before)
             self.detail = np.asarray(coarse, np.float32)
-            grid = self.size if self.design is not None else tuple(-(-side // DETAIL_CELL) for side in self.size)
+            grid = (
+                self.size if self.design is not None else tuple(-(-side // ANALYZER.detail_cell) for side in self.size)
+            )
             return np.asarray(cv2.resize(self.detail, grid, interpolation=cv2.INTER_LINEAR), np.float32)
 
     def _attention(self, wanted: bool) -> tuple[Plane | None, Plane | None]:
         """Weights of places where strokes, and where the mean of paintings, follow changes fast; None = no such place.
 
-        Hands are in the first one alone: a mean of paintings that follows them as fast flickers.
+        Small heads are in the first one alone: a mean of paintings that follows them as fast flickers.
 
         Returns: two grids over the frame, float32, 0..1.
         """
-        hands, features = self.importance.hands_and_heads(), self.importance.eyes_and_mouths()
-        if not wanted or hands is None or features is None:
+        heads, features = self.importance.small_heads(), self.importance.eyes_and_mouths()
+        if not wanted or heads is None or features is None:
             return None, None
-        return np.maximum(hands, features), features
+        return np.maximum(heads, features), features
 
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
@@ -256,11 +271,11 @@ class StrokeAnalyzer:
                 now = smooth_over_time(now, self.tensors, flow, trust, self.params.edge_memory)
             self.tensors = now
             near = edge_field(now)
-            wide = np.stack([blurred(plane, sigma * BROAD_SIGMA) for plane in near])
-            default = field_of(math.radians(self.params.default_angle), DEFAULT_WEIGHT)[:, None, None]
-            field = _unit(np.asarray(near + np.float32(BROAD_WEIGHT) * wide + default, np.float32))
+            wide = np.stack([blurred(plane, sigma * ANALYZER.broad_sigma) for plane in near])
+            default = field_of(math.radians(self.params.default_angle), ANALYZER.default_weight)[:, None, None]
+            field = _unit(np.asarray(near + np.float32(ANALYZER.broad_weight) * wide + default, np.float32))
             if flow is not None and self.field is not None:
-                field = denoise_directions(field, self.field, flow, DIRECTION_TOLERANCE)
+                field = denoise_directions(field, self.field, flow, ANALYZER.direction_tolerance)
             self.field = field
             if placed is None or self.design is None:
                 return field
@@ -310,12 +325,13 @@ def _trust(changed: Mask, size: tuple[int, int]) -> Plane:
 
 def _coarse(back: Flow) -> Half:
     """Backward flow on a coarser grid; it is smooth, and is stored for every frame."""
-    by = max(1, min(back.shape[:2]) // BACK_CELLS)
+    by = max(1, min(back.shape[:2]) // ANALYZER.back_cells)
     size = (max(1, back.shape[1] // by), max(1, back.shape[0] // by))
     return to_half(cv2.resize(back, size, interpolation=cv2.INTER_AREA))
 
 
 def _importance(params: MultistyleParams) -> ImportanceParams:
     return ImportanceParams(
-        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail, large_faces=LARGE_FACES,
+        face=params.face_detail, saliency=params.saliency_detail, motion=params.motion_detail,
+        large_faces=ANALYZER.large_faces,
     )  # fmt: skip

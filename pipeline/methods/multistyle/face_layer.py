@@ -7,6 +7,8 @@ frame at its full size.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from pipeline.arrays import Arrays, State
@@ -14,37 +16,47 @@ from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import StrokeLayer
 from pipeline.methods.multistyle.stroke_layers import coloured_strokes
-from pipeline.methods.multistyle.styles import SMALLEST_PX, LayerStyle, profile_columns, profile_fields
+from pipeline.methods.multistyle.styles import STYLE_LIMITS, LayerStyle, profile_columns, profile_fields
 from pipeline.perception.face_masks import face_crops, largeness, small_faces
 from pipeline.perception.faces import Faces
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField, place, sample, sample_all
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
 
-LAYER = 15
-"""Number of the layer in the ids of its strokes; the other layers have lower ones."""
-WIDTH_SHARE = 1 / 36
-"""Width of strokes as a fraction of the width of the face."""
-EYE_WIDTH_SHARE = 1 / 110
-"""`WIDTH_SHARE` at eyes and brows of large faces; elsewhere, large faces have no strokes of this layer."""
-LENGTH = 1.0
-"""Length of strokes in their widths; longer ones would cross an eye."""
-OVERLAP = 2.0
-"""Mean number of strokes on a pixel."""
-WHOLE_HEAD_PX, FEATURES_ONLY_PX = 32.0, 56.0
-"""Widths of a face, px: up to the first, the whole head has such strokes; from the second on, brows, eyes, nose and
-mouth alone, since they would turn the outline and the hair of a larger head into a photograph."""
-LEAST_WEIGHT, KEPT_WEIGHT = 0.4, 0.2
-"""Weights of a face up to which no stroke is added, and up to which strokes are removed (hysteresis)."""
-CELL_PX = 4
-"""Side, px, of the cells of the maps of weight and stroke width, which are smooth."""
-WIDEST = 16.0
-"""Stroke width outside faces, in multiples of the smallest."""
-JITTER = 0.1
-"""Colour jitter relative to that of the style. These strokes have neither relief nor bristles: light and dark at their
-sides would be as large as an eye."""
-UNLIMITED = 442.0
-"""Colour tolerance: these strokes are too short to cross a silhouette."""
+
+@dataclass(frozen=True)
+class FaceStrokes:
+    """Constants of the fine strokes on faces."""
+
+    layer: int = 15
+    """Number of the layer in the ids of its strokes; the other layers have lower ones."""
+    width_share: float = 1 / 36
+    """Width of strokes as a fraction of the width of the face."""
+    eye_width_share: float = 1 / 110
+    """`width_share` at eyes and brows of large faces; elsewhere, large faces have no strokes of this layer."""
+    length: float = 1.0
+    """Length of strokes in their widths; longer ones would cross an eye."""
+    overlap: float = 2.0
+    """Mean number of strokes on a pixel."""
+    whole_head_px: float = 32.0
+    features_only_px: float = 56.0
+    """Widths of a face, px: up to the first, the whole head has such strokes; from the second on, brows, eyes, nose and
+    mouth alone, since they would turn the outline and the hair of a larger head into a photograph."""
+    least_weight: float = 0.4
+    kept_weight: float = 0.2
+    """Weights of a face up to which no stroke is added, and up to which strokes are removed (hysteresis)."""
+    cell_px: int = 4
+    """Side, px, of the cells of the maps of weight and stroke width, which are smooth."""
+    widest: float = 16.0
+    """Stroke width outside faces, in multiples of the smallest."""
+    jitter: float = 0.1
+    """Colour jitter relative to that of the style. These strokes have neither relief nor bristles: light and dark
+    at their sides would be as large as an eye."""
+    unlimited: float = 442.0
+    """Colour tolerance: these strokes are too short to cross a silhouette."""
+
+
+FACE_STROKES = FaceStrokes()
 
 
 class FaceLayer:
@@ -78,16 +90,16 @@ class FaceLayer:
             return None
         shape = frame.shape
         weight, width_px = _maps(faces, self.size)
-        if self.tracks is None and weight.max() <= LEAST_WEIGHT:
+        if self.tracks is None and weight.max() <= FACE_STROKES.least_weight:
             return None
-        spacing = width_px * np.float32(((LENGTH + 1) / OVERLAP) ** 0.5)
-        candidates = place(shape, spacing, seed=self.seed, layer=LAYER, birth=birth)
-        candidates = candidates[sample(weight, candidates.xy, shape) > LEAST_WEIGHT]
+        spacing = width_px * np.float32(((FACE_STROKES.length + 1) / FACE_STROKES.overlap) ** 0.5)
+        candidates = place(shape, spacing, seed=self.seed, layer=FACE_STROKES.layer, birth=birth)
+        candidates = candidates[sample(weight, candidates.xy, shape) > FACE_STROKES.least_weight]
         if self.tracks is None or forward is None:
             self.tracks = start_tracks(candidates, frame, spacing, self.lifecycle, shape)
         else:
             tracks = advect(self.tracks, forward, shape=shape)
-            keep = sample(weight, tracks.seeds.xy, shape) > KEPT_WEIGHT
+            keep = sample(weight, tracks.seeds.xy, shape) > FACE_STROKES.kept_weight
             self.tracks = update(
                 tracks, candidates, frame, spacing, params=self.lifecycle, wanted=keep, revealed=revealed, shape=shape
             )
@@ -102,17 +114,21 @@ class FaceLayer:
         given: dict[str, StyleField] = {
             name: getattr(brush, name) for name in ("opacity", "hue_deg", "saturation", "value")
         }
-        given |= {"jitter": np.multiply(brush.jitter, np.float32(JITTER)), "weight": weight, "width": width_px}
+        given |= {
+            "jitter": np.multiply(brush.jitter, np.float32(FACE_STROKES.jitter)),
+            "weight": weight,
+            "width": width_px,
+        }
         given |= {name: technique[name] for name in ("vivid", "contrast", "order_mix")}
         given |= profile_fields(technique)
         own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
         strokes = coloured_strokes(tracks, own, self.seed)
         strokes["radius_px"] = to_half(own["width"] / np.float32(2))
-        strokes["length_px"] = to_half(own["width"] * np.float32(LENGTH))
+        strokes["length_px"] = to_half(own["width"] * np.float32(FACE_STROKES.length))
         strokes["opacity"] = to_half(own["opacity"] * own["weight"])
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
         strokes["rank"] = to_half(own["order_mix"] * variation)  # dark strokes on top would widen eyes
-        strokes["tolerance"] = np.float16(UNLIMITED)
+        strokes["tolerance"] = np.float16(FACE_STROKES.unlimited)
         return StrokeLayer(seeds.xy, seeds.ids, strokes, 0.0, profile_columns(technique, own))
 
     def state(self) -> State:
@@ -127,17 +143,21 @@ def _maps(faces: Faces, size: tuple[int, int]) -> tuple[Plane, Plane]:
 
     Outside faces the width is the largest that `place` distinguishes from the smallest one, so that few seeds are made.
     """
-    grid = -(-size[0] // CELL_PX), -(-size[1] // CELL_PX)
-    weight, width_px = (np.full(grid[::-1], value, np.float32) for value in (0, WIDEST * SMALLEST_PX))
+    grid = -(-size[0] // FACE_STROKES.cell_px), -(-size[1] // FACE_STROKES.cell_px)
+    weight, width_px = (
+        np.full(grid[::-1], value, np.float32) for value in (0, FACE_STROKES.widest * STYLE_LIMITS.smallest_px)
+    )
     per_cell = size[0] / grid[0]
     for face in face_crops(faces, size, grid, largeness(faces, size)):
-        fine = np.float32(max(face.width_px * per_cell * EYE_WIDTH_SHARE, SMALLEST_PX))
+        fine = np.float32(max(face.width_px * per_cell * FACE_STROKES.eye_width_share, STYLE_LIMITS.smallest_px))
         own = face.eyes()
         width_px[face.box] = np.minimum(width_px[face.box], np.where(own > 0, fine, np.inf))
         weight[face.box] = np.maximum(weight[face.box], own)
     for face in small_faces(faces, size, grid):
-        fine = np.float32(max(face.width_px * per_cell * WIDTH_SHARE, SMALLEST_PX))
-        large = (face.width_px * per_cell - WHOLE_HEAD_PX) / (FEATURES_ONLY_PX - WHOLE_HEAD_PX)
+        fine = np.float32(max(face.width_px * per_cell * FACE_STROKES.width_share, STYLE_LIMITS.smallest_px))
+        large = (face.width_px * per_cell - FACE_STROKES.whole_head_px) / (
+            FACE_STROKES.features_only_px - FACE_STROKES.whole_head_px
+        )
         own = face.weight + np.float32(min(max(large, 0), 1)) * (face.features() - face.weight)
         width_px[face.box] = np.minimum(width_px[face.box], np.where(own > 0, fine, np.inf))
         weight[face.box] = np.maximum(weight[face.box], own)

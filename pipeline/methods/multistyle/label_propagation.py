@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +17,24 @@ from pipeline.perception.flow.warp import positions
 RegionMap = NDArray[np.uint8]
 """Region number of each pixel, `uint8` (height, width)."""
 
-SHARPEN = 1.4
-"""Contrast factor after each bilinear step, which keeps borders about two pixels wide at subpixel positions."""
-BAND_PX = 2
-"""Distance to a border, px, within which pixels are reassigned by colour."""
-AROUND = 0.045
-"""Side of the window for a region's local mean colour, as a fraction of the frame's diagonal."""
-MARGIN = 40.0
-"""Least difference of colour distances, 8-bit Lab units, for a pixel to change its region. Over 12 frames of a swan in
-front of foliage from one key, the overlap with masks drawn by a person ends at 0.89 (0.81 with a margin of 6, 0.84
-without reassignment)."""
+
+@dataclass(frozen=True)
+class LabelParams:
+    """Constants of the propagation of labels."""
+
+    sharpen: float = 1.4
+    """Contrast factor after each bilinear step, which keeps borders about two pixels wide at subpixel positions."""
+    band_px: int = 2
+    """Distance to a border, px, within which pixels are reassigned by colour."""
+    around: float = 0.045
+    """Side of the window for a region's local mean colour, as a fraction of the frame's diagonal."""
+    margin: float = 40.0
+    """Least difference of colour distances, 8-bit Lab units, for a pixel to change its region. Over 12 frames of a
+    swan in front of foliage from one key, the overlap with masks drawn by a person ends at 0.89 (0.81 with a margin
+    of 6, 0.84 without reassignment)."""
+
+
+LABELS = LabelParams()
 
 
 class LabelPropagator:
@@ -61,7 +71,7 @@ class LabelPropagator:
         moved = np.stack([
             cv2.remap(plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for plane in self.planes
         ])  # fmt: skip
-        sharp = (moved.astype(np.float32) - 127.5) * np.float32(SHARPEN) + 127.5
+        sharp = (moved.astype(np.float32) - 127.5) * np.float32(LABELS.sharpen) + 127.5
         self.planes = np.clip(np.rint(sharp), 0, 255).astype(np.uint8)
         self._correct(now, visible_before)
 
@@ -70,11 +80,11 @@ class LabelPropagator:
         labels = self.planes.argmax(axis=0).astype(np.uint8)
         doubtful = _borders(labels) | ~visible_before
         lab = cv2.cvtColor(frame, cv2.COLOR_RGB2LAB).astype(np.float32)
-        side = max(5, round(AROUND * float(np.hypot(*labels.shape)))) | 1
+        side = max(5, round(LABELS.around * float(np.hypot(*labels.shape)))) | 1
         apart = np.stack([_distance(lab, (labels == k) & ~doubtful, side) for k in range(len(self.names))])
         own = np.take_along_axis(apart, labels[None].astype(np.intp), axis=0)[0]
         best = apart.argmin(axis=0)
-        change = doubtful & (apart.min(axis=0) + np.float32(MARGIN) < own)
+        change = doubtful & (apart.min(axis=0) + np.float32(LABELS.margin) < own)
         fixed = np.where(change, best, labels).astype(np.uint8)
         smooth = np.asarray(cv2.medianBlur(fixed, 5), np.uint8)
         moved = smooth != labels
@@ -92,8 +102,8 @@ class LabelPropagator:
 
 
 def _borders(labels: RegionMap) -> Mask:
-    """Flags of pixels within BAND_PX of another label."""
-    kernel = np.ones((2 * BAND_PX + 1, 2 * BAND_PX + 1), np.uint8)
+    """Flags of pixels within LABELS.band_px of another label."""
+    kernel = np.ones((2 * LABELS.band_px + 1, 2 * LABELS.band_px + 1), np.uint8)
     return np.asarray(cv2.dilate(labels, kernel) != cv2.erode(labels, kernel), np.bool_)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +34,23 @@ from pipeline.strokes.streamlines_forward import (
 from pipeline.strokes.trace import TraceRules, trace_from, unit_tangents
 from pipeline.strokes.tracks import fade
 
-PAPER_GRAIN = 0.09
-"""Relative darkening of thick paint in hollows of the paper with a depth of one standard deviation, at `paper` 1."""
-ROUNDING, LEAST_ROUNDING_PX = 0.0018, 0.35
-"""Sigma of the blur of the paint height, as a fraction of the picture's shorter side, and the sigma below which it is
-skipped. With it the slopes, and so the lighting, are alike at every picture size."""
-COVER_LIMIT = 60.0
-"""Limit, gray levels, of the change that the ground colour makes, so that ground in dark places does not glare."""
+
+@dataclass(frozen=True)
+class PainterParams:
+    """Constants of painting."""
+
+    paper_grain: float = 0.09
+    """Relative darkening of thick paint in hollows of the paper with a depth of one standard deviation, at `paper`
+    1."""
+    rounding: float = 0.0018
+    least_rounding_px: float = 0.35
+    """Sigma of the blur of the paint height, as a fraction of the picture's shorter side, and the sigma below which
+    it is skipped. With it the slopes, and so the lighting, are alike at every picture size."""
+    cover_limit: float = 60.0
+    """Limit, gray levels, of the change that the ground colour makes, so that ground in dark places does not glare."""
+
+
+PAINTER = PainterParams()
 
 
 def accumulated_frames(params: MultistyleParams) -> int:
@@ -133,7 +145,7 @@ class Painter:
         if analysis.rims is None:
             return lit
         with self.clock("paper"):
-            grain = np.multiply(analysis.pixel_field("paper", self.size), PAPER_GRAIN)
+            grain = np.multiply(analysis.pixel_field("paper", self.size), PAINTER.paper_grain)
             return settle_pigment(lit, analysis.rim_darkness(self.size), grain)
 
     def _order(self, layer: StrokeLayer) -> NDArray[np.intp]:
@@ -200,7 +212,7 @@ class Painter:
             veil = np.empty_like(colours)
             for c, name in enumerate(("ground_red", "ground_green", "ground_blue")):
                 veil[..., c] = cover * (np.asarray(field(name), np.float32) - colours[..., c])
-            veil /= 1 + np.abs(veil) * np.float32(1 / COVER_LIMIT)
+            veil /= 1 + np.abs(veil) * np.float32(1 / PAINTER.cover_limit)
             colours += veil
         out = self.buffers.get("ground", (self.size[1], self.size[0], 3))
         return np.asarray(cv2.resize(colours, self.size, dst=out, interpolation=cv2.INTER_LINEAR), np.float32)
@@ -220,8 +232,8 @@ def colour_order(colours: NDArray[np.float32]) -> NDArray[np.intp]:
 
 def _round_off(canvas: Canvas) -> None:
     """Blur the paint height, in place."""
-    sigma = ROUNDING * min(canvas.shape[:2])
-    if sigma > LEAST_ROUNDING_PX:
+    sigma = PAINTER.rounding * min(canvas.shape[:2])
+    if sigma > PAINTER.least_rounding_px:
         canvas[..., HEIGHT] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., HEIGHT]), (0, 0), sigma)
 
 

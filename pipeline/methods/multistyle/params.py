@@ -98,7 +98,7 @@ class MultistyleParams(Params):
 
     # -- detail
     face_detail: float = number(
-        1, 0, 1, "Faces", "Finer strokes on faces and hands: 1 = half the size and one more layer.", "ratio", "Detail"
+        1, 0, 1, "Faces", "Finer strokes on faces: 1 = half the size and one more layer.", "ratio", "Detail"
     )
     saliency_detail: float = number(
         0.25, 0, 1, "Salient things", "Finer strokes on things that stand out in a frame.", "ratio", "Detail"

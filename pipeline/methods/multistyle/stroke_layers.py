@@ -17,7 +17,7 @@ from pipeline.kernels.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
 from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import (
-    SMALLEST_PX,
+    STYLE_LIMITS,
     LayerStyle,
     face_weight,
     pigment,
@@ -25,28 +25,40 @@ from pipeline.methods.multistyle.styles import (
     profile_fields,
 )
 from pipeline.perception.flow.reliability import inside
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.strokes.brush import Brush, shifted
 from pipeline.strokes.layers import LayerScheme, area_error, layer_brush, spacing_px, threshold_of
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import Seeds, StyleField, place, sample_all
 from pipeline.strokes.tracks import LifecycleParams, StrokeTracks, advect, start_tracks, update
 
-EDGE_FALL, EDGE_DETAIL_FALL, EDGE_FACE_FALL = 0.85, 0.5, 0.5
-"""Factor on the colour tolerance for each finer layer; relative decrease of the tolerance at full detail, and a further
-one in the middle of a face."""
-GAP = 0.6
-"""Smallest distance of a new stroke from any other, in spacings."""
-LEAST_BREAK_OFF = 45.0
-"""Lower bound, RGB distance, of the colour change above which a stroke is removed."""
-LEAST_BLUR_PX = 0.3
-"""Sigma below which a blur is skipped, px."""
-ERROR_MEMORY = 0.8
-"""Weight of the past, along the motion, in the error that calls for finer strokes; 0 on newly visible surfaces."""
-MEDIAN_ROWS = 60
-"""Approximate number of rows from which the median of a plane is computed."""
-KEEP = 0.6
-"""Factor on the error threshold for existing strokes (hysteresis)."""
+
+@dataclass(frozen=True)
+class LayerParams:
+    """Constants of the layers of strokes."""
+
+    edge_fall: float = 0.85
+    edge_detail_fall: float = 0.5
+    edge_face_fall: float = 0.5
+    """Factor on the colour tolerance for each finer layer; relative decrease of the tolerance at full detail, and a
+    further one in the middle of a face."""
+    gap: float = 0.6
+    """Smallest distance of a new stroke from any other, in spacings."""
+    least_break_off: float = 45.0
+    """Lower bound, RGB distance, of the colour change above which a stroke is removed."""
+    least_blur_px: float = 0.3
+    """Sigma below which a blur is skipped, px."""
+    error_memory: float = 0.8
+    """Weight of the past, along the motion, in the error that calls for finer strokes; 0 on newly visible surfaces."""
+    median_rows: int = 60
+    """Approximate number of rows from which the median of a plane is computed."""
+    keep: float = 0.6
+    """Factor on the error threshold for existing strokes (hysteresis)."""
+
+
+LAYERS = LayerParams()
+
+
 _BRUSH_FIELDS = tuple(field.name for field in fields(Brush))
 
 
@@ -84,7 +96,7 @@ class StrokeLayers:
 
     def __init__(self, params: MultistyleParams, size: tuple[int, int], work: tuple[int, int], seed: int) -> None:
         self.params, self.size, self.work, self.seed = params, size, work, seed
-        self.lifecycle = LifecycleParams(gap=GAP, fade=params.stroke_fade, follow=params.colour_follow)
+        self.lifecycle = LifecycleParams(gap=LAYERS.gap, fade=params.stroke_fade, follow=params.colour_follow)
         self.tracks: list[StrokeTracks] = []
         self.errors: list[Plane] = []
 
@@ -110,11 +122,11 @@ class StrokeLayers:
             error = self._error(index, picture, width, motion) if index else None
             width = median(brush.size_px) * scale
             sigma = scheme.blur * width / 2
-            reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LEAST_BLUR_PX else picture
+            reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LAYERS.least_blur_px else picture
             job = _LayerJob(index, brush, reference, error)
             updated = self._update(job, style, scheme, motion, revealed, number)
             tracks.append(updated)
-            layers.append(self._layer(updated, job, style, sigma if sigma > LEAST_BLUR_PX else 0.0, detail))
+            layers.append(self._layer(updated, job, style, sigma if sigma > LAYERS.least_blur_px else 0.0, detail))
         self.tracks = tracks
         return tuple(layers)
 
@@ -131,8 +143,8 @@ class StrokeLayers:
         if motion is None or len(self.tracks) <= job.index:
             return start_tracks(candidates, job.reference, spacing, self.lifecycle, shape)
         tracks = advect(self.tracks[job.index], motion.forward, shape=shape)
-        keep = None if job.error is None else self._exceeds(tracks.seeds, job, style, KEEP)
-        break_off = max(median(style.technique["edge"]) * EDGE_FALL**job.index, LEAST_BREAK_OFF)
+        keep = None if job.error is None else self._exceeds(tracks.seeds, job, style, LAYERS.keep)
+        break_off = max(median(style.technique["edge"]) * LAYERS.edge_fall**job.index, LAYERS.least_break_off)
         params = replace(self.lifecycle, break_off=break_off)
         return update(
             tracks, candidates, job.reference, spacing, params=params, wanted=keep, revealed=revealed, shape=shape
@@ -168,7 +180,12 @@ class StrokeLayers:
         if motion is not None and len(self.errors) >= index:
             changed = np.zeros(now.shape, np.bool_) if motion.changed is None else motion.changed
             _distance(
-                picture, below, fetch(self.errors[index - 1], motion.back), np.float32(ERROR_MEMORY), changed, now
+                picture,
+                below,
+                warp_back(self.errors[index - 1], motion.back),
+                np.float32(LAYERS.error_memory),
+                changed,
+                now,
             )
         else:
             _distance(picture, below, now, np.float32(0), np.ones(now.shape, np.bool_), now)
@@ -182,7 +199,7 @@ class StrokeLayers:
         seeds, technique = tracks.seeds, style.technique
         given: dict[str, StyleField] = {name: getattr(job.brush, name) for name in _BRUSH_FIELDS}
         given |= {name: technique[name] for name in ("vivid", "contrast", "order_mix")}
-        given["tolerance"] = np.multiply(technique["edge"], EDGE_FALL**job.index)
+        given["tolerance"] = np.multiply(technique["edge"], LAYERS.edge_fall**job.index)
         given |= {} if detail is None else {"detail": detail}
         given |= profile_fields(technique)
         own = dict(zip(given, sample_all(list(given.values()), seeds.xy, self.size[::-1]), strict=True))
@@ -192,10 +209,10 @@ class StrokeLayers:
             strokes[name] = to_half(own[name])
         variation = draws(seeds.ids, self.seed, Purpose.ORDER)[:, 1] - np.float32(0.5)
         strokes["rank"] = to_half(np.sqrt((tracks.initial * tracks.initial).sum(axis=1)) + own["order_mix"] * variation)
-        strict = 0.0 if detail is None else own["detail"] * np.float32(EDGE_DETAIL_FALL)
+        strict = 0.0 if detail is None else own["detail"] * np.float32(LAYERS.edge_detail_fall)
         strokes["tolerance"] = to_half(own["tolerance"] * (1 - strict))
         if detail is not None and (face := face_weight(own["detail"])) is not None:
-            strokes["tolerance"] *= 1 - face * np.float32(EDGE_FACE_FALL)
+            strokes["tolerance"] *= 1 - face * np.float32(LAYERS.edge_face_fall)
         return StrokeLayer(seeds.xy, seeds.ids, strokes, sigma_px, profile_columns(technique, own))
 
     def state(self) -> State:
@@ -239,9 +256,9 @@ def coloured_strokes(tracks: StrokeTracks, own: Mapping[str, NDArray[np.float32]
 
 
 def median(field: StyleField) -> float:
-    """Approximate median of a style parameter, from about `MEDIAN_ROWS` rows and from columns as far apart."""
+    """Approximate median of a style parameter, from about `LAYERS.median_rows` rows and from columns as far apart."""
     plane = np.asarray(field, np.float32)
-    step = max(1, plane.shape[0] // MEDIAN_ROWS) if plane.ndim else 1
+    step = max(1, plane.shape[0] // LAYERS.median_rows) if plane.ndim else 1
     return float(np.median(plane[::step, ::step])) if plane.ndim else float(plane)
 
 
@@ -256,7 +273,7 @@ def layer_count(style: LayerStyle) -> int:
     """Number of layers that any pixel requests and whose strokes are wide enough to be visible."""
     most = round(float(np.max(style.layers)) + 1e-6)
     ratio = float(np.max(style.technique["layer_ratio"]))
-    fit = int(math.log(max(style.widest_px / SMALLEST_PX, 1)) / -math.log(ratio))
+    fit = int(math.log(max(style.widest_px / STYLE_LIMITS.smallest_px, 1)) / -math.log(ratio))
     return max(1, min(most, 4, 1 + fit))
 
 

@@ -25,23 +25,39 @@ from pipeline.strokes.seeds import StyleField
 Values = Mapping[str, StyleField]
 """Style parameters by name: a number where a parameter is the same everywhere, otherwise float32 (h, w)."""
 
-SIZE_FALL, LENGTH_FALL, THRESHOLD_FALL = (0.55, 0.07), (0.3, 0.35), (0.75, 0.15)
-"""Relative decrease of stroke size, stroke length and error threshold at full detail: coefficients of the detail and of
-its square. The square matters for faces, where a stroke as long as the face is wide hides an eye."""
-EXTRA_LAYERS, JITTER_FALL = 1.0, 0.45
-"""Additional layers, and relative decrease of the colour jitter, at full detail."""
-FACE_DETAIL = 0.5
-"""Detail above which a pixel counts as a face: other cues reach 0.4 with their default weights."""
-FACE_LENGTH_FALL, FACE_JITTER_FALL, FACE_RELIEF_FALL = 0.6, 0.6, 0.6
-"""Further relative decrease of stroke length, colour jitter and relief in the middle of a face."""
-FACE_OPACITY = 0.7
-"""Part of the missing opacity of a stroke that is added in the middle of a face: through transparent strokes, the blur
-of a coarser layer hides the eyes."""
-LUMA = (0.299, 0.587, 0.114)
-"""Weights of red, green and blue in the gray of a colour (ITU-R BT.601)."""
-_RED, _GREEN, _BLUE = (np.float32(weight) for weight in LUMA)
-SMALLEST_PX = 1.7
-"""Width of the finest strokes, px; narrower ones are not visible as strokes."""
+
+@dataclass(frozen=True)
+class StyleConstants:
+    """Constants of styles."""
+
+    size_fall: tuple[float, float] = (0.55, 0.07)
+    length_fall: tuple[float, float] = (0.3, 0.35)
+    threshold_fall: tuple[float, float] = (0.75, 0.15)
+    """Relative decrease of stroke size, stroke length and error threshold at full detail: coefficients of the
+    detail and of its square. The square matters for faces, where a stroke as long as the face is wide hides an
+    eye."""
+    extra_layers: float = 1.0
+    jitter_fall: float = 0.45
+    """Additional layers, and relative decrease of the colour jitter, at full detail."""
+    face_detail: float = 0.5
+    """Detail above which a pixel counts as a face: other cues reach 0.4 with their default weights."""
+    face_length_fall: float = 0.6
+    face_jitter_fall: float = 0.6
+    face_relief_fall: float = 0.6
+    """Further relative decrease of stroke length, colour jitter and relief in the middle of a face."""
+    face_opacity: float = 0.7
+    """Part of the missing opacity of a stroke that is added in the middle of a face: through transparent strokes,
+    the blur of a coarser layer hides the eyes."""
+    luma: tuple[float, float, float] = (0.299, 0.587, 0.114)
+    """Weights of red, green and blue in the gray of a colour (ITU-R BT.601)."""
+    smallest_px: float = 1.7
+    """Width of the finest strokes, px; narrower ones are not visible as strokes."""
+
+
+STYLE_LIMITS = StyleConstants()
+
+
+_RED, _GREEN, _BLUE = (np.float32(weight) for weight in STYLE_LIMITS.luma)
 
 
 def _number(default: float, low: float, high: float, help_: str, unit: str) -> Any:
@@ -264,21 +280,26 @@ def layer_style(values: Values, detail: Plane | None, side: int) -> LayerStyle:
     )
     widest_px = float(np.max(size) * px)
     if detail is not None:
-        size = np.asarray(size * _decrease(detail, SIZE_FALL), np.float32)
-        length = np.asarray(length * _decrease(detail, LENGTH_FALL), np.float32)
-        threshold = np.asarray(threshold * _decrease(detail, THRESHOLD_FALL), np.float32)
-        jitter = np.asarray(jitter * (1 - np.float32(JITTER_FALL) * detail), np.float32)
-        layers = np.asarray(layers + np.float32(EXTRA_LAYERS) * detail, np.float32)
+        size = np.asarray(size * _decrease(detail, STYLE_LIMITS.size_fall), np.float32)
+        length = np.asarray(length * _decrease(detail, STYLE_LIMITS.length_fall), np.float32)
+        threshold = np.asarray(threshold * _decrease(detail, STYLE_LIMITS.threshold_fall), np.float32)
+        jitter = np.asarray(jitter * (1 - np.float32(STYLE_LIMITS.jitter_fall) * detail), np.float32)
+        layers = np.asarray(layers + np.float32(STYLE_LIMITS.extra_layers) * detail, np.float32)
     opacity, relief = values["opacity"], values["relief"]
     face = None if detail is None else face_weight(detail)
     if face is not None:
         length, jitter, relief = (
             np.asarray(value * (1 - np.float32(fall) * face), np.float32)
-            for value, fall in ((length, FACE_LENGTH_FALL), (jitter, FACE_JITTER_FALL), (relief, FACE_RELIEF_FALL))
+            for value, fall in (
+                (length, STYLE_LIMITS.face_length_fall),
+                (jitter, STYLE_LIMITS.face_jitter_fall),
+                (relief, STYLE_LIMITS.face_relief_fall),
+            )
         )
-        opacity = np.asarray(opacity + np.float32(FACE_OPACITY) * face * (1 - opacity), np.float32)
+        opacity = np.asarray(opacity + np.float32(STYLE_LIMITS.face_opacity) * face * (1 - opacity), np.float32)
     brush = Brush(
-        size_px=np.maximum(np.multiply(size, px), np.float32(SMALLEST_PX)), length_px=np.multiply(length, px),
+        size_px=np.maximum(np.multiply(size, px), np.float32(STYLE_LIMITS.smallest_px)),
+        length_px=np.multiply(length, px),
         opacity=opacity, hue_deg=values["hue"], saturation=values["saturation"], value=values["value"],
         jitter=jitter, relief_px=np.multiply(relief, px), grain=values["grain"],
     )  # fmt: skip
@@ -287,9 +308,12 @@ def layer_style(values: Values, detail: Plane | None, side: int) -> LayerStyle:
 
 def face_weight(detail: Plane) -> Plane | None:
     """Weight 0..1 by which a pixel belongs to a face, float32 (h, w), from the detail map; None = no face."""
-    if detail.max(initial=0) <= FACE_DETAIL:
+    if detail.max(initial=0) <= STYLE_LIMITS.face_detail:
         return None
-    return np.asarray(np.maximum(detail - np.float32(FACE_DETAIL), 0) * np.float32(1 / (1 - FACE_DETAIL)), np.float32)
+    return np.asarray(
+        np.maximum(detail - np.float32(STYLE_LIMITS.face_detail), 0) * np.float32(1 / (1 - STYLE_LIMITS.face_detail)),
+        np.float32,
+    )
 
 
 def _decrease(detail: Plane, coefficients: tuple[float, float]) -> Plane:

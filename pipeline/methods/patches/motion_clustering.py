@@ -20,7 +20,7 @@ from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.window_flow import WindowFlow, textured
 from pipeline.regions.components import absorb_specks
-from pipeline.regions.foreground import USER_WEIGHT, propagate_foreground
+from pipeline.regions.foreground import FOREGROUND, propagate_foreground
 from pipeline.regions.motion_groups import motion_groups
 from pipeline.regions.random_walk import Edges, motion_edges, vote
 from pipeline.warp.homography import deviation, dominant, fit
@@ -210,7 +210,7 @@ def _with_mask_votes(votes: Votes, foreground: Mask) -> Votes:
     choices, weights = votes
     contradicts = (choices == BACKGROUND) == foreground
     weights = np.where(contradicts, 0, weights).astype(np.float32)
-    choices[0], weights[0] = np.where(foreground, 0, BACKGROUND), np.where(foreground, 0, USER_WEIGHT)
+    choices[0], weights[0] = np.where(foreground, 0, BACKGROUND), np.where(foreground, 0, FOREGROUND.user_weight)
     return choices, weights
 
 

@@ -7,7 +7,7 @@ strongest at half of the Nyquist frequency.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -18,21 +18,34 @@ from pipeline.kernels.buffers import Buffers
 from pipeline.kernels.jit import kernel
 from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
-CELL_PX = 4
-"""Amounts of texture are averaged in cells of this side first."""
-WINDOW_CELLS = 9
-"""Side of the window, in cells, over which the amounts are averaged."""
-MEMORY = np.float32(0.9)
-"""Share of the previous frame's amounts in those of a frame. The amount in a single frame flickers as its texture does,
-and the sharpened texture would flicker with it."""
-GOAL = np.float32(0.93)
-"""Amount of the Laplacian that is restored, relative to the styled frames. The last twentieth would flicker much."""
-FINE_RATE, FINE_LARGEST = np.float32(20), np.float32(1)
-"""Gain of the fine band for each relative shortage of the Laplacian, and the largest gain."""
-MIDDLE_RATE, MIDDLE_LARGEST = np.float32(1.5), np.float32(0.3)
-"""Gain of the middle band for each relative shortage or excess of that band, and the largest gain of either sign."""
-FAINT = np.float32(0.1)
-"""Added to the styled frames' amounts, gray levels, so that faint texture does not become noise."""
+
+class DetailParams(NamedTuple):
+    """Constants of the return of detail."""
+
+    cell_px: int = 4
+    """Amounts of texture are averaged in cells of this side first."""
+    window_cells: int = 9
+    """Side of the window, in cells, over which the amounts are averaged."""
+    memory: np.float32 = np.float32(0.9)
+    """Share of the previous frame's amounts in those of a frame. The amount in a single frame flickers as its
+    texture does, and the sharpened texture would flicker with it."""
+    goal: np.float32 = np.float32(0.93)
+    """Amount of the Laplacian that is restored, relative to the styled frames. The last twentieth would flicker
+    much."""
+    fine_rate: np.float32 = np.float32(20)
+    fine_largest: np.float32 = np.float32(1)
+    """Gain of the fine band for each relative shortage of the Laplacian, and the largest gain."""
+    middle_rate: np.float32 = np.float32(1.5)
+    middle_largest: np.float32 = np.float32(0.3)
+    """Gain of the middle band for each relative shortage or excess of that band, and the largest gain of either
+    sign."""
+    faint: np.float32 = np.float32(0.1)
+    """Added to the styled frames' amounts, gray levels, so that faint texture does not become noise."""
+
+
+DETAIL = DetailParams()
+
+
 HALF_PIXEL = np.array([0.2, -0.25], np.float32)
 """Gains of the two bands half-way between two pixels. There, OpenCV's cubic interpolation weakens the fine band and
 amplifies the frequencies below, which a recursion would accumulate."""
@@ -57,7 +70,7 @@ def amounts_of(result: Picture, styled: Picture, before: Amounts, buffers: Buffe
         _strengths(np.asarray(cv2.transform(picture, _LUMA), np.float32), laplacian, middle)
         planes += [_around_cells(laplacian), _around_cells(middle)]
     amounts = np.stack(planes)
-    return MEMORY * before + (1 - MEMORY) * amounts if before.size else amounts
+    return DETAIL.memory * before + (1 - DETAIL.memory) * amounts if before.size else amounts
 
 
 def sharpen(moved: Picture, back: TrustedMotion, amounts: Amounts, share: float, out: Picture) -> None:
@@ -100,20 +113,20 @@ def _gains(amounts: Amounts) -> tuple[Plane, Plane]:
     if not amounts.size:
         return np.zeros((1, 1), np.float32), np.zeros((1, 1), np.float32)
     laplacian, middle, wanted_laplacian, wanted_middle = amounts
-    fine = FINE_RATE * (GOAL * wanted_laplacian - laplacian) / (wanted_laplacian + FAINT)
-    middle = MIDDLE_RATE * (wanted_middle - middle) / (wanted_middle + FAINT)
-    return fine.clip(0, FINE_LARGEST), middle.clip(-MIDDLE_LARGEST, MIDDLE_LARGEST)
+    fine = DETAIL.fine_rate * (DETAIL.goal * wanted_laplacian - laplacian) / (wanted_laplacian + DETAIL.faint)
+    middle = DETAIL.middle_rate * (wanted_middle - middle) / (wanted_middle + DETAIL.faint)
+    return fine.clip(0, DETAIL.fine_largest), middle.clip(-DETAIL.middle_largest, DETAIL.middle_largest)
 
 
 def _around_cells(plane: Plane) -> Plane:
     """Mean in each cell, averaged over the window, float32 (rows, columns)."""
     cells = cv2.resize(plane, _cells(*plane.shape), interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.blur(cells, (WINDOW_CELLS, WINDOW_CELLS)), np.float32)
+    return np.asarray(cv2.blur(cells, (DETAIL.window_cells, DETAIL.window_cells)), np.float32)
 
 
 def _cells(height: int, width: int) -> tuple[int, int]:
     """Columns and rows of cells that cover a frame."""
-    return -(-width // CELL_PX), -(-height // CELL_PX)
+    return -(-width // DETAIL.cell_px), -(-height // DETAIL.cell_px)
 
 
 @kernel

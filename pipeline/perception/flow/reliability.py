@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.frames import Flow, Mask, Plane
 from pipeline.kernels.jit import kernel
 from pipeline.perception.flow.gray import Gray
-from pipeline.perception.flow.warp import fetch, positions
+from pipeline.perception.flow.warp import positions, warp_back
 
 CHI_EPSILON_PX2 = 2.0
 """Largest squared difference of consistent velocities, px^2, for `chi_minus` and `chi_plus`."""
@@ -20,7 +20,7 @@ def visible(flow: Flow, back: Flow) -> Mask:
 
     The tolerance increases with the motion: |f + b|^2 <= 0.01 (|f|^2 + |b|^2) + 0.5 (sundaram2010dense, eq. 5).
     """
-    there = fetch(back, flow)
+    there = warp_back(back, flow)
     squares = np.square(flow).sum(-1) + np.square(there).sum(-1)
     closes: Mask = np.square(flow + there).sum(-1) <= 0.01 * squares + 0.5
     return closes & inside(flow)
@@ -42,7 +42,7 @@ def looks_alike(here: Gray, there: Gray, flow: Flow, difference: float) -> Mask:
         flow: from this frame to the other one, px.
         difference: largest mean absolute difference over 5x5 px, gray levels.
     """
-    apart = cv2.absdiff(here, np.asarray(fetch(there, flow), np.uint8))
+    apart = cv2.absdiff(here, np.asarray(warp_back(there, flow), np.uint8))
     mean = np.asarray(cv2.boxFilter(apart, cv2.CV_32F, (5, 5)), np.float32)
     alike: Mask = mean <= difference
     return alike & inside(flow)

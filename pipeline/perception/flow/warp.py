@@ -32,7 +32,7 @@ def _scale(flow: NDArray[np.float32], across: np.float32, down: np.float32, scal
         scaled[2 * k], scaled[2 * k + 1] = flow[2 * k] * across, flow[2 * k + 1] * down
 
 
-def fetch(image: AnyArray, flow: Flow) -> AnyArray:
+def warp_back(image: AnyArray, flow: Flow) -> AnyArray:
     """Backward warp: out(x) = image(x + flow(x)), bilinear; border pixels are replicated.
 
     With `flow = estimate(previous, current)` and `image = current`, the result equals `previous` at visible pixels.

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from pipeline.kernels.background import Background, DeferringBackground
+from pipeline.kernels.background import Background, LazyExecutor
 
 
 def test_without_a_helper_the_caller_computes_at_once() -> None:
@@ -53,8 +53,8 @@ def test_each_row_is_computed_once_and_the_helper_takes_the_upper_half() -> None
 
 
 def test_deferred_functions_run_in_order_in_the_thread_that_asks() -> None:
-    background, called = DeferringBackground(), []
-    values = [background.later(lambda n: called.append(n) or threading.current_thread(), n) for n in range(4)]
+    background, called = LazyExecutor(), []
+    values = [background.submit(lambda n: called.append(n) or threading.current_thread(), n) for n in range(4)]
     assert not called
     with ThreadPoolExecutor(1) as other:
         asking = other.submit(lambda: (values[1].result(), threading.current_thread())).result()
@@ -66,7 +66,7 @@ def test_deferred_functions_run_in_order_in_the_thread_that_asks() -> None:
 
 
 def test_an_error_of_a_deferred_function_is_raised_where_its_value_is_asked_for() -> None:
-    background = DeferringBackground()
-    failed = background.later(lambda: 1 / 0)
+    background = LazyExecutor()
+    failed = background.submit(lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         failed.result()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, advect, keep_strokes
+from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes, warp_forward
 
 SHAPE = (40, 60)
 WEAK, STRONG = 64, 153
@@ -123,7 +123,7 @@ def test_a_line_that_fluctuates_about_the_strong_threshold_does_not_flicker() ->
 def test_advect_moves_a_plane_along_the_flow() -> None:
     plane = np.random.default_rng(0).uniform(0, 1, SHAPE).astype(np.float32)
     whole = np.tile(np.array([3, -2], np.float32), (*SHAPE, 1))
-    np.testing.assert_allclose(advect(plane, whole)[:-2, 3:], plane[2:, :-3])
+    np.testing.assert_allclose(warp_forward(plane, whole)[:-2, 3:], plane[2:, :-3])
     half = np.tile(np.array([0.5, 0], np.float32), (*SHAPE, 1))
-    np.testing.assert_allclose(advect(plane, half)[:, 1:], (plane[:, 1:] + plane[:, :-1]) / 2, atol=1e-6)
-    np.testing.assert_array_equal(advect(plane, np.zeros((*SHAPE, 2), np.float32)), plane)
+    np.testing.assert_allclose(warp_forward(plane, half)[:, 1:], (plane[:, 1:] + plane[:, :-1]) / 2, atol=1e-6)
+    np.testing.assert_array_equal(warp_forward(plane, np.zeros((*SHAPE, 2), np.float32)), plane)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.lines.coherent import Ink
-from pipeline.lines.colour_stripes import uncover_stripes
+from pipeline.lines.colour_stripes import erase_ink_on_thin_regions
 
 WHITE, ORANGE, BLACK, BLUE = (250, 128, 128), (170, 150, 180), (30, 150, 180), (140, 120, 80)
 GRAY, PALE_BLUE = (150, 128, 128), (195, 124, 104)
@@ -24,7 +24,7 @@ def inked_stripe(left: Colour, stripe: Colour, right: Colour, width: int = 4, en
     means = np.array([(0, 0, 0), left, stripe, right], np.float32)
     ink = np.repeat(np.repeat(drawn, enlarged, 0), enlarged, 1)
     areas = np.bincount(labels.ravel()).astype(np.int32)
-    left, drawn_left = uncover_stripes(ink, drawn, labels, areas, means)
+    left, drawn_left = erase_ink_on_thin_regions(ink, drawn, labels, areas, means)
     np.testing.assert_array_equal(left[::enlarged, ::enlarged], drawn_left)
     return ink, left
 
@@ -65,5 +65,5 @@ def test_ink_elsewhere_is_kept() -> None:
     ink: NDArray[np.uint8] = np.zeros(labels.shape, np.uint8)
     ink[:, 28:32] = ink[:, 5:8] = 255
     means = np.array([(0, 0, 0), WHITE, ORANGE], np.float32)
-    after, _ = uncover_stripes(ink, ink, labels, np.array([0, 2240, 160], np.int32), means)
+    after, _ = erase_ink_on_thin_regions(ink, ink, labels, np.array([0, 2240, 160], np.int32), means)
     assert (after[:, 5:8] == 255).all() and not after[:, 28:32].any()

@@ -15,7 +15,7 @@ from pipeline.lines.coverage import (
     draw_lines,
     line_field,
 )
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
+from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import sizes_of
 
@@ -120,5 +120,5 @@ def test_a_line_fades_in_unless_its_place_has_changed(residual: int, least: int,
     lines.step(empty, importance, None)
     stripe = empty.copy()
     stripe[:, 46:50] = 60
-    past = Past(np.zeros((96, 96, 2), np.float32), np.full((96, 96), residual, np.uint8))
+    past = PreviousFrame(np.zeros((96, 96, 2), np.float32), np.full((96, 96), residual, np.uint8))
     assert least <= lines.step(stripe, importance, past).max() <= most

@@ -16,7 +16,7 @@ from pipeline.lines.dog import dog_response
 from pipeline.lines.fdog import fdog_response
 from pipeline.methods.abstraction import flow_lines
 from pipeline.methods.abstraction.flow_lines import FlowLines
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Past
+from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import sizes_of
 from pipeline.tensors.structure import structure_tensor, tangent_field
@@ -141,14 +141,14 @@ def test_more_iterations_strengthen_lines_only() -> None:
         fdog(gray, iterations=0)
 
 
-def moving(index: int) -> tuple[NDArray[np.uint8], Plane, Past]:
+def moving(index: int) -> tuple[NDArray[np.uint8], Plane, PreviousFrame]:
     """A noisy disc that moves two pixels a frame, its importance and its flow."""
     frame = np.full((64, 96), 170, np.float32)
     cv2.circle(frame, (30 + 2 * index, 32), 16, 60, -1, cv2.LINE_AA)
     frame = cv2.GaussianBlur(frame + noise(frame.shape, index, 6), (0, 0), 0.8)
     flow = np.zeros((64, 96, 2), np.float32)
     flow[10:54, 10 + 2 * index : 50 + 2 * index, 0] = 2
-    past = Past(flow, np.zeros((64, 96), np.uint8))
+    past = PreviousFrame(flow, np.zeros((64, 96), np.uint8))
     return frame.clip(0, 255).astype(np.uint8), np.full((64, 96), 0.3, np.float32), past
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.colour.memory import SPEED_STEPS, moving_borders
-from pipeline.methods.abstraction.fast_borders import FAST_PX, MOST, REACH_PX, SLOW_PX, STEPS, steepen_fast_borders
+from pipeline.colour.memory import BLEND, moving_borders
+from pipeline.methods.abstraction.fast_borders import STEEP, steepen_fast_borders
 from pipeline.strokes.steepen import steepen
 
 HEIGHT, WIDTH = 96, 160
@@ -37,28 +37,28 @@ def widest_step(picture: NDArray[np.uint8]) -> int:
 
 
 def test_speeds_are_those_of_the_flow() -> None:
-    assert speeds(3.0).max() == 3 * SPEED_STEPS and speeds(1000.0).max() == 255 and speeds(0.001).max() == 1
+    assert speeds(3.0).max() == 3 * BLEND.speed_steps and speeds(1000.0).max() == 255 and speeds(0.001).max() == 1
 
 
 @pytest.mark.parametrize("scale", [1, 2])
 def test_a_fast_border_becomes_steeper(scale: int) -> None:
     picture = ramp()
-    steepen_fast_borders(picture, speeds(FAST_PX, scale))
+    steepen_fast_borders(picture, speeds(STEEP.fast_px, scale))
     assert widest_step(picture) > 1.5 * widest_step(ramp())
 
 
 @pytest.mark.parametrize("scale", [1, 2])
 def test_a_slow_border_keeps_its_bytes(scale: int) -> None:
     picture = ramp()
-    steepen_fast_borders(picture, speeds(SLOW_PX, scale))
+    steepen_fast_borders(picture, speeds(STEEP.slow_px, scale))
     np.testing.assert_array_equal(picture, ramp())
 
 
 def test_only_pixels_near_the_border_change() -> None:
     picture = ramp()
-    steepen_fast_borders(picture, speeds(FAST_PX))
+    steepen_fast_borders(picture, speeds(STEEP.fast_px))
     columns = np.flatnonzero((picture != ramp()).any((0, 2)))
-    assert columns.min() >= WIDTH // 2 - REACH_PX - 2 and columns.max() <= WIDTH // 2 + REACH_PX + 1
+    assert columns.min() >= WIDTH // 2 - STEEP.reach_px - 2 and columns.max() <= WIDTH // 2 + STEEP.reach_px + 1
 
 
 def test_blocks_leave_no_seam() -> None:
@@ -69,6 +69,6 @@ def test_blocks_leave_no_seam() -> None:
     blurred = np.asarray(cv2.GaussianBlur(squares, (0, 0), 2), np.uint8)
     picture = blurred.copy()
     steepen_fast_borders(picture, np.full((HEIGHT, WIDTH), 255, np.uint8))
-    share = round(256 * MOST) // 2
-    expected = blurred + ((share * (steepen(blurred, STEPS).astype(int) - blurred) + 64) >> 7)
+    share = round(256 * STEEP.most) // 2
+    expected = blurred + ((share * (steepen(blurred, STEEP.steps).astype(int) - blurred) + 64) >> 7)
     np.testing.assert_array_equal(picture, expected)

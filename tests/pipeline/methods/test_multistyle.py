@@ -23,7 +23,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle import MultistyleParams, MultistyleSession, plan
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
-from pipeline.methods.multistyle.denoise import PLAIN, denoise, zero_resting_flow
+from pipeline.methods.multistyle.denoise import DENOISE, denoise, zero_still_flow_by_texture
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.painter import Painter, colour_order
@@ -257,7 +257,7 @@ def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
     rng, nowhere = np.random.default_rng(3), np.zeros((80, 120, 2), np.float32)
     past = np.full((80, 120, 3), 100, np.float32)
     patch, fur = past.copy(), past + rng.normal(0, 12, past.shape).astype(np.float32)
-    patch[30:50, 40:60] += PLAIN + 5
+    patch[30:50, 40:60] += DENOISE.plain + 5
     denoised, other = denoise(patch, past, nowhere, 3)
     np.testing.assert_array_equal(denoised[32:48, 42:58], patch[32:48, 42:58])
     assert other[32:48, 42:58].all() and not other[:15].any() and (denoised[:15] == 100).all()
@@ -268,7 +268,7 @@ def test_large_changes_are_followed_at_once_and_texture_noise_slowly() -> None:
 def test_hands_and_small_heads_follow_smaller_changes_at_once() -> None:
     nowhere, past = np.zeros((80, 120, 2), np.float32), np.full((80, 120, 3), 100, np.float32)
     hand = past.copy()
-    hand[30:50, 40:60] += PLAIN / 3
+    hand[30:50, 40:60] += DENOISE.plain / 3
     slow, other = denoise(hand, past, nowhere, 3)
     assert not other.any() and np.abs(slow - hand)[32:48, 42:58].min() > 1
     at_once, other = denoise(hand, past, nowhere, 3, np.ones((4, 6), np.float32))
@@ -380,7 +380,7 @@ def test_a_flat_sky_moves_with_the_camera(moved: int, sky: float | None) -> None
     before, after = rough[:, :240].copy(), rough[:, :240].copy()
     after[:, :moved] = rough[:, 3 : moved + 3]
     before[:60], after[:60] = 200, 200
-    flow = zero_resting_flow(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
+    flow = zero_still_flow_by_texture(np.full((160, 240, 2), (-3, 0), np.float32), before, after, 2)[..., 0]
     if sky is not None:
         assert (flow[:60] == sky).mean() > 0.9, "edges along the motion look as if they rested"
     assert (flow[52:60, 16:104] == (-3 if moved else 0)).mean() > 0.9, "the sky does what is below it"
@@ -399,7 +399,7 @@ def test_a_flat_object_moves_past_still_objects_with_the_flow(flow_px: float, go
         before[top : top + 4], after[top : top + 4] = edge[:, :240], edge[:, 3:]
     flow = np.zeros((160, 240, 2), np.float32)
     flow[64:80, :, 0] = flow_px
-    found = zero_resting_flow(flow, before, after, 2)[..., 0]
+    found = zero_still_flow_by_texture(flow, before, after, 2)[..., 0]
     assert (found[71:73, 30:210] == (flow_px if goes else 0)).mean() > 0.9
     assert (found[:40] == 0).all() and (found[120:] == 0).all()
 

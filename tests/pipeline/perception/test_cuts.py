@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.perception.cuts import DIFFERENCE, THUMBNAIL, is_cut, light_steadiness, thumbnail
+from pipeline.perception.cuts import CUTS, is_cut, light_steadiness, thumbnail
 from pipeline.scenes import scene
 
 SIZE = (96, 64)
@@ -43,9 +43,9 @@ def test_sensitivity_zero_detects_no_cut(cut_frames: list[NDArray[np.uint8]]) ->
 
 def test_sensitivity_divides_the_threshold() -> None:
     rng = np.random.default_rng(1)
-    before = rng.uniform(100, 130, (*THUMBNAIL[::-1], 3)).astype(np.float32)
+    before = rng.uniform(100, 130, (*CUTS.thumbnail[::-1], 3)).astype(np.float32)
     now = rng.uniform(100, 130, before.shape).astype(np.float32)
-    now[..., 1] += DIFFERENCE * 0.75 - float(np.abs(now - before).sum(-1).mean()) + 10
+    now[..., 1] += CUTS.difference * 0.75 - float(np.abs(now - before).sum(-1).mean()) + 10
     found = [sensitivity for sensitivity in (0.25, 0.5, 1.0, 2.0, 3.0) if is_cut(before, now, sensitivity)]
     assert found and 0.25 not in found and found == sorted(found)
 

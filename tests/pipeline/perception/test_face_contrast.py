@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.perception.face_contrast import LEAST_CONTRAST, raise_contrast
+from pipeline.perception.face_contrast import FACE_CONTRAST, raise_contrast
 from pipeline.perception.faces import FACE, NO_FACES, Faces
 
 SIZE = (160, 120)
@@ -63,7 +63,7 @@ def test_a_light_wall_beside_the_jaw_of_a_large_face_hardly_changes() -> None:
 
 def test_a_face_of_good_contrast_stays_as_it_is() -> None:
     before = portrait(110)
-    assert before[48:80, 64:96].std() > LEAST_CONTRAST
+    assert before[48:80, 64:96].std() > FACE_CONTRAST.least_contrast
     after = before.copy()
     raise_contrast(after[..., None], a_face(), SIZE)
     assert np.array_equal(before, after)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.perception.importance import CUES_EVERY_FRAMES, ImportanceParams, ImportanceTracker
+from pipeline.perception.importance import CUES, ImportanceParams, ImportanceTracker
 from pipeline.perception.saliency import spectral_residual
 
 SIZE = (160, 96)
@@ -89,12 +89,12 @@ def test_large_faces_can_count_less_than_small_ones() -> None:
 
 def test_small_heads_are_people_and_large_ones_are_not() -> None:
     small, large = ImportanceTracker(ONLY_FACES, (640, 360)), ImportanceTracker(ONLY_FACES, FACE_SIZE)
-    assert small.hands_and_heads() is None
+    assert small.small_heads() is None
     frame = np.full((360, 640, 3), 110, np.uint8)
     frame[120:204, 200:312] = cv2.resize(portrait(), (112, 84), interpolation=cv2.INTER_AREA)
     small.step(frame)
     large.step(portrait())
-    found, other = small.hands_and_heads(), large.hands_and_heads()
+    found, other = small.small_heads(), large.small_heads()
     assert found is not None and found.shape == (54, 96) and found.max() > 0.9 and found.mean() < 0.03
     assert other is not None and other.max() < 0.4
 
@@ -216,11 +216,11 @@ def test_a_pan_is_not_motion_and_does_not_hide_motion() -> None:
 
 
 def test_a_step_is_followed_with_the_half_life() -> None:
-    params = ImportanceParams(face=0, saliency=0, motion=1, half_life_frames=2 * CUES_EVERY_FRAMES)
+    params = ImportanceParams(face=0, saliency=0, motion=1, half_life_frames=2 * CUES.cues_every_frames)
     tracker = ImportanceTracker(params, SIZE)
     tracker.step(gray())
     values = [at(tracker.step(gray(), moving_square()), (80, 45)) for _ in range(60)]
-    assert values[2 * CUES_EVERY_FRAMES - 1] == pytest.approx(values[-1] / 2, rel=0.01)
+    assert values[2 * CUES.cues_every_frames - 1] == pytest.approx(values[-1] / 2, rel=0.01)
 
 
 def test_a_cut_resets_the_state() -> None:
@@ -332,7 +332,7 @@ def test_the_flow_may_be_on_a_coarser_grid() -> None:
     maps = []
     for by in (1, 2):
         tracker = ImportanceTracker(ONLY_MOTION, SIZE)
-        maps += [[tracker.step(gray(), moving_square()[::by, ::by]) for _ in range(CUES_EVERY_FRAMES + 1)][-1]]
+        maps += [[tracker.step(gray(), moving_square()[::by, ::by]) for _ in range(CUES.cues_every_frames + 1)][-1]]
     assert maps[0].max() > 0.2
     np.testing.assert_allclose(maps[1], maps[0], atol=0.1)
     assert np.abs(maps[1] - maps[0]).mean() < 0.01

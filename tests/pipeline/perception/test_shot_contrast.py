@@ -8,7 +8,7 @@ import pytest
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
 from pipeline.perception.cuts import thumbnail
-from pipeline.perception.shot_contrast import GAIN, LEAST, USUAL, contrast_after, spread
+from pipeline.perception.shot_contrast import SHOT_CONTRAST, contrast_after, spread
 
 SIZE = (160, 120)
 GREY, FIGURE = 100, 80
@@ -39,9 +39,9 @@ def test_the_spread_of_colours_is_their_standard_deviation_in_cielab_units() -> 
 
 def test_the_contrast_follows_the_shot_and_starts_anew_with_the_next_one() -> None:
     full, dim = (thumbnail(street(lamp)) for lamp in (255, GREY))
-    assert spread(full) > USUAL and spread(dim) < LEAST * USUAL
-    assert contrast_after(None, full) == 1 and contrast_after(None, dim) == LEAST
-    assert contrast_after(1.0, dim) == pytest.approx(1 - GAIN * (1 - LEAST))
+    assert spread(full) > SHOT_CONTRAST.usual and spread(dim) < SHOT_CONTRAST.least * SHOT_CONTRAST.usual
+    assert contrast_after(None, full) == 1 and contrast_after(None, dim) == SHOT_CONTRAST.least
+    assert contrast_after(1.0, dim) == pytest.approx(1 - SHOT_CONTRAST.gain * (1 - SHOT_CONTRAST.least))
 
 
 def test_a_figure_of_low_contrast_is_a_region_in_a_dim_shot_alone() -> None:
@@ -54,7 +54,7 @@ def test_in_a_fade_the_contrast_is_the_usual_one() -> None:
     analyzer = AbstractionSession(AbstractionParams(), SIZE).analyzer
     lights = (0.5, 0.5, 0.6, 0.7, 0.7)
     found = [analyzer.step((street() * light).astype(np.uint8)).contrast for light in lights]
-    assert found == [LEAST, LEAST, 1, 1, LEAST]
+    assert found == [SHOT_CONTRAST.least, SHOT_CONTRAST.least, 1, 1, SHOT_CONTRAST.least]
 
 
 def test_a_session_continues_from_its_state_with_the_same_contrast() -> None:

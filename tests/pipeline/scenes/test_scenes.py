@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import BadParameter
 from pipeline.perception.flow.reliability import chi_minus, chi_plus
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.scenes import Scene, SceneFrame, scene, scenes
 
 SIZE = (128, 72)
@@ -58,7 +58,7 @@ def test_fetching_along_the_velocity_gives_the_frame_again(name: str, step: int)
     flow = here.velocity_next if step > 0 else -here.velocity_previous
     hidden = here.occluded_next if step > 0 else here.occluded_previous
     inner = ~hidden & away_from_edges(here.ids)
-    error = np.abs(fetch(there, flow).astype(int) - here.image).mean(-1)
+    error = np.abs(warp_back(there, flow).astype(int) - here.image).mean(-1)
     still = np.abs(there.astype(int) - here.image).mean(-1)
     assert inner.mean() > 0.4
     assert error[inner].mean() < 1.5
@@ -77,9 +77,9 @@ def test_a_visible_point_is_on_the_same_object_in_the_next_frame(name: str) -> N
 @pytest.mark.parametrize("name", NAMES)
 def test_the_two_velocities_are_inverse(name: str) -> None:
     here, after = frame(name, 1), frame(name, 2)
-    there = fetch(away_from_edges(after.ids, 2).astype(np.float32), here.velocity_next) > 0.99
+    there = warp_back(away_from_edges(after.ids, 2).astype(np.float32), here.velocity_next) > 0.99
     inner = ~here.occluded_next & away_from_edges(here.ids, 2) & there
-    back = fetch(after.velocity_previous, here.velocity_next)
+    back = warp_back(after.velocity_previous, here.velocity_next)
     assert np.abs(back - here.velocity_next)[inner].max() < 0.35
     assert np.abs(back - here.velocity_next)[inner].mean() < 0.02
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame
-from pipeline.strokes.accumulation import ATTENTION, OTHER, SAME, WEIGHT, Painting, accumulate
+from pipeline.strokes.accumulation import ACCUMULATION, Painting, accumulate
 
 SHAPE = (40, 60)
 
@@ -56,7 +56,10 @@ def test_paintings_are_advected_over_several_frames() -> None:
     np.testing.assert_array_equal(found[inner], picture_at(4, 2)[inner])
 
 
-@pytest.mark.parametrize(("apart", "share"), [(0, 0.5), (SAME / WEIGHT, 0.5), (OTHER / WEIGHT + 1, 0.0)])
+@pytest.mark.parametrize(
+    ("apart", "share"),
+    [(0, 0.5), (ACCUMULATION.same / ACCUMULATION.weight, 0.5), (ACCUMULATION.other / ACCUMULATION.weight + 1, 0.0)],
+)
 def test_another_surface_is_not_blended(apart: float, share: float) -> None:
     other = flat(100)
     other[..., 0] = 100 + round(apart)
@@ -67,7 +70,7 @@ def test_another_surface_is_not_blended(apart: float, share: float) -> None:
 def test_a_small_change_is_another_surface_where_attention_is_paid() -> None:
     """Attention is paid to the right half of the picture."""
     attention = np.array([[0, 0, 1, 1]], np.float32)
-    closed = flat(100 + int(OTHER / (1 + ATTENTION) / WEIGHT) + 1)
+    closed = flat(100 + int(ACCUMULATION.other / (1 + ACCUMULATION.attention) / ACCUMULATION.weight) + 1)
     found = accumulate(Painting(flat(200), closed, way(0, 0), attention), [Painting(flat(0), flat(100), None)])
     assert (found[:, :20] == 100).all() and (found[:, 40:] == 200).all()
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.strokes.steepen import LEAST_STEP, steepen, steepen_wide, steepened_wide
+from pipeline.strokes.steepen import STEEPEN, steepen, steepen_wide, steepened_wide
 
 
 def blurred_edge(sigma_px: float) -> Frame:
@@ -38,7 +38,7 @@ def test_a_slanting_edge_is_anti_aliased_and_keeps_its_place() -> None:
 
 
 def test_noise_and_shading_are_not_steepened() -> None:
-    picture = np.random.default_rng(1).integers(100, 100 + LEAST_STEP - 1, (24, 24, 3), np.uint8)
+    picture = np.random.default_rng(1).integers(100, 100 + STEEPEN.least_step - 1, (24, 24, 3), np.uint8)
     np.testing.assert_array_equal(steepen(picture, 3), picture)
 
 

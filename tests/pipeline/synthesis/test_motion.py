@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.synthesis.motion import motions_between, suppress_small_motion
+from pipeline.synthesis.motion import motions_between, zero_still_velocity
 
 
 def pictures(shift: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -20,14 +20,14 @@ def pictures(shift: int = 0, noise: float = 1.0) -> tuple[np.ndarray, np.ndarray
 def test_small_velocities_are_suppressed_where_the_pictures_agree(speed: float, shift: int, kept: int) -> None:
     first, second = pictures(shift)
     velocity = np.full((*first.shape, 2), (speed, 0), np.float32)
-    moving = (suppress_small_motion(velocity, first, second) != 0).any(-1)
+    moving = (zero_still_velocity(velocity, first, second) != 0).any(-1)
     assert abs(moving.mean() - kept) < 0.2
 
 
 def test_a_uniform_part_of_a_fast_object_keeps_its_velocity() -> None:
     flat = np.full((40, 60), 128, np.uint8)
     velocity = np.full((40, 60, 2), (3.0, 1.0), np.float32)
-    np.testing.assert_array_equal(suppress_small_motion(velocity, flat, flat), velocity)
+    np.testing.assert_array_equal(zero_still_velocity(velocity, flat, flat), velocity)
 
 
 def test_pixels_that_look_alike_are_visible_even_if_the_flows_disagree() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Labels
 from pipeline.kernels.background import Background
-from pipeline.vector.borders import align_borders, find_borders, tuck_borders
+from pipeline.vector.borders import find_borders, hide_borders_under_lines
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import diffusion_steps, smooth_borders
 
@@ -131,31 +131,6 @@ def test_borders_stay_within_the_frame_and_the_limit() -> None:
             assert (borders.positions[borders.lattice[:, axis] == side, axis] == side).all()
 
 
-def half_covered(share: float) -> tuple[Labels, NDArray[np.uint8]]:
-    """Two regions and their image in 8-bit CIELAB; column 10 mixes them, with `share` of the left one."""
-    labels = np.where(np.arange(20) < 10, 1, 2).astype(np.int32)[None].repeat(12, axis=0)
-    lightness = np.where(np.arange(20) < 10, 40.0, 240.0)
-    lightness[10] = 240 - 200 * share
-    lab = np.full((12, 20, 3), 128, np.uint8)
-    lab[..., 0] = np.rint(lightness)
-    return labels, lab
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3, 0.5])
-def test_a_moving_border_lies_where_the_colours_change(share: float) -> None:
-    labels, lab = half_covered(share)
-    made = align_borders(find_borders(labels), labels, lab, np.full((12, 20, 2), 1, np.float32))
-    inner = made.lattice[:, 0] == 10
-    np.testing.assert_allclose(made.positions[inner, 0], 10 + share, atol=0.02)
-    np.testing.assert_array_equal(made.positions[:, 1], made.lattice[:, 1])
-
-
-def test_a_still_border_stays_on_the_lattice() -> None:
-    labels, lab = half_covered(0.5)
-    made = align_borders(find_borders(labels), labels, lab, np.zeros((12, 20, 2), np.float32))
-    np.testing.assert_array_equal(made.positions, made.lattice)
-
-
 def test_two_threads_give_the_same_bytes() -> None:
     labels = blobs()
     colours, borders = colours_for(labels), smooth_borders(find_borders(labels), 2.0, 2.0)
@@ -186,7 +161,7 @@ def test_a_border_is_tucked_under_a_line_nearby(columns: tuple[int, int], expect
     labels = np.repeat(np.array([[1, 2]], np.int32), 20, axis=0).repeat(10, axis=1)
     ink = np.zeros(labels.shape, np.uint8)
     ink[:, columns[0] : columns[1]] = 255
-    borders = tuck_borders(find_borders(labels), labels, ink, 3)
+    borders = hide_borders_under_lines(find_borders(labels), labels, ink, 3)
     inside = (borders.lattice[:, 0] == 10) & (borders.lattice[:, 1] > 0) & (borders.lattice[:, 1] < 20)
     np.testing.assert_allclose(borders.positions[inside, 0], expected, atol=1e-5)
 
@@ -205,7 +180,7 @@ def test_a_region_that_continues_beyond_a_line_has_no_sliver_beside_it(
         labels, ink, expected = labels[:, ::-1].copy(), ink[:, ::-1].copy(), 25 - expected
     if transposed:
         labels, ink = labels.T.copy(), ink.T.copy()
-    borders = tuck_borders(find_borders(labels), labels, ink, 3)
+    borders = hide_borders_under_lines(find_borders(labels), labels, ink, 3)
     axis, at = int(transposed), 15 if mirrored else 10
     along = borders.lattice[:, 1 - axis]
     inside = (borders.lattice[:, axis] == at) & (along > 0) & (along < 20)

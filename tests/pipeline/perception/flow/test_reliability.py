@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.reliability import inside, motion_boundary, visible
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.scenes import scene
 
 
@@ -20,7 +20,7 @@ def constant(dx: float, dy: float, height: int = 24, width: int = 32) -> np.ndar
 
 
 def test_fetch_reads_where_the_flow_points() -> None:
-    got = fetch(ramp(), constant(2.5, -1.25))
+    got = warp_back(ramp(), constant(2.5, -1.25))
     np.testing.assert_allclose(got[4:-4, 4:-4], (ramp() + np.float32([2.5, -1.25, 1.25]))[4:-4, 4:-4], atol=0.05)
 
 
