@@ -30,7 +30,7 @@ Segments = Sequence[tuple[Fraction, Path]]
 def square_size(width: int, height: int, aspect: float | Fraction) -> tuple[int, int]:
     """(width, height) with square pixels, px, from pixels of this aspect (width : height). One side is enlarged, to an
     even number of px; none is reduced, to keep detail."""
-    if abs(aspect - 1) <= _SQUARE_TOLERANCE:
+    if abs(Fraction(aspect) - 1) <= _SQUARE_TOLERANCE:
         return width, height
     return (2 * round(width * aspect / 2), height) if aspect > 1 else (width, 2 * round(height / aspect / 2))
 
