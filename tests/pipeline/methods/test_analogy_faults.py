@@ -383,3 +383,16 @@ def test_opacity_of_a_whole_frame_is_composited_over_white() -> None:
         run_plan(method("analogy"), context)
         found.append(painted(context))
     np.testing.assert_array_equal(*found)
+
+
+def test_a_style_has_as_many_channels_of_guides_as_ebsynth() -> None:
+    from pipeline.methods.analogy.inputs import Guide
+    from pipeline.methods.analogy.params import AnalogyParams
+    from pipeline.methods.analogy.style_images import energy_of
+
+    def guides(count: int) -> tuple[Guide, ...]:
+        return tuple(Guide(f"guide {k}", 1.0, 1) for k in range(count))
+
+    assert len(energy_of(AnalogyParams(), guides(24), 0, colours=4).guides) == 27
+    with pytest.raises(BadInput, match="too many guides"):
+        energy_of(AnalogyParams(), guides(27), 0)
