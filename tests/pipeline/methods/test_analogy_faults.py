@@ -163,6 +163,24 @@ def test_keyframes_passes_and_a_painting_are_one_style(kind: str, style: tuple[s
     np.testing.assert_array_equal(out[1], 255 - pictures()[1])
 
 
+@pytest.mark.parametrize("pair", [False, True])
+def test_keyframes_of_a_shot_and_a_painting_of_the_job_are_one_style(pair: bool) -> None:
+    files = {name: data for name, data in scene_files().items() if not name.startswith(("shot.json", "vectors"))}
+    files["keyframes/0001.png"] = png(255 - pictures()[1])
+    given = {"video.entries": files, "style_output": [red()]} | ({"style": [red()]} if pair else {})
+    context = LocalContext(parse_params(method("analogy"), QUICK), pictures(), given)
+    run_plan(method("analogy"), context)
+    np.testing.assert_array_equal(painted(context)[1], 255 - pictures()[1])
+
+
+@pytest.mark.parametrize("name", ["params", "guides", "overpaint_px"])
+def test_settings_of_a_layer_that_is_not_painted_are_refused(name: str) -> None:
+    value: Any = {"params": {"sweeps": 2}, "guides": {"ids": 3}, "overpaint_px": 4}[name]
+    with pytest.raises(BadInput, match="no effect") as caught:
+        rendered_shot(with_settings(styled(), stylise=False, **{name: value}))
+    assert caught.value.field == f"shot.json: layers.front.{name}"
+
+
 def test_a_pass_that_is_named_and_missing_in_the_style_is_refused() -> None:
     with pytest.raises(BadInput, match="normals has no counterpart"):
         rendered_shot(with_settings(styled(), guides={"normals": 2}))
