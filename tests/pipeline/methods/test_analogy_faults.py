@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import BadInput, BadParameter
+from pipeline.formats.decoding import decode_raw
 from pipeline.formats.exr import write_exr
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
@@ -19,6 +22,7 @@ from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, plan_synthesis, s
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.synthesis.atlas import MAX_ROWS, atlas, relocated
 from pipeline.synthesis.distance import nearest, within_reach
+from pipeline.video.media import Limits
 from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.shots import SIZE, pictures, png, scene_files, shot_context
 from tests.pipeline.methods.test_analogy import QUICK, key, painting, palette, rendered, scanned_plan, shot
@@ -414,3 +418,26 @@ def test_a_style_has_as_many_channels_of_guides_as_ebsynth() -> None:
     assert len(energy_of(AnalogyParams(), guides(24), 0, colours=4).guides) == 27
     with pytest.raises(BadInput, match="too many guides"):
         energy_of(AnalogyParams(), guides(27), 0)
+
+
+def test_tasks_declare_the_memory_of_partial_keyframes() -> None:
+    context = scanned_plan({})
+    chosen = method("analogy")
+    before = chosen.resources("synthesise", context)
+    context.results["scan"]["video"] |= {
+        "keys": [(0, False), (3, False)],
+        "sources": [(0, [0], [0, 3]), (3, [3, 0], [3])],
+    }
+    after = chosen.resources("synthesise", context)
+    assert before is not None and after is not None
+    assert after.memory_bytes - before.memory_bytes == 2 * 60 * SIZE[0] * SIZE[1]
+
+
+def test_each_layer_is_an_artefact_with_its_opacity() -> None:
+    context = shot_context(keyed())
+    context.artefacts = frozenset({"layers"})
+    run_plan(method("analogy"), context)
+    with zipfile.ZipFile(io.BytesIO(context.files["layers-0000000.zip"])) as archive:
+        assert archive.namelist()[:2] == ["01-back/0000000.png", "02-front/0000000.png"]
+        found = decode_raw(archive.read("02-front/0000003.png"), Limits())
+    np.testing.assert_array_equal(found, context.kept["synthesise", "paint-1-0000003"]["rgba"])
