@@ -30,7 +30,7 @@ def mask_plane(image: AnyArray) -> Plane:
     brightest = colours.max(axis=-1)
     if (brightest - colours.min(axis=-1)).max(initial=0) <= _TINT * most:
         return np.asarray(colours.mean(axis=-1) / most, np.float32)
-    return (brightest > _TINT * most).astype(np.float32)
+    return np.asarray(brightest > _TINT * most, np.float32)
 
 
 def fitted(plane: Plane, size: tuple[int, int], field: str) -> Plane:
