@@ -83,7 +83,7 @@ class Energy:
     def channels(self) -> int:
         """Bytes per pixel: colours and guides, padded so that a vector holds whole pixels."""
         needed = self.colours + len(self.guides)
-        return next(size for size in (4, 8, 16) if needed <= size)
+        return next(size for size in (4, 8, 16, 32) if needed <= size)
 
     @property
     def vectors(self) -> int:

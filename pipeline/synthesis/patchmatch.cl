@@ -5,7 +5,7 @@
    A work item improves one pixel. It is vectorised over the bytes of the rows of a patch, not across work items:
    neighbouring pixels stop comparing at different rows, and their style patches are at unrelated positions.
 
-   Macros: RADIUS of the patch, CHANNELS per pixel (4, 8 or 16), VECTORS of 16 bytes per row, PAD (margin of the style
+   Macros: RADIUS of the patch, CHANNELS per pixel (4, 8, 16 or 32), VECTORS of 16 bytes per row, PAD (margin of the style
    image, px), SCALE_SHIFT, and 0 or 1 for each of ROTATE, COHERENT, TEMPORAL, HISTOGRAM, LINES, MASKED, RIBBONS,
    FIXED, SETTLES. */
 
@@ -56,17 +56,20 @@ static uint8 squares(const short16 e)
 }
 
 #if ROTATE
-/* Sixteen bytes of a row of a rotated patch: 16 / CHANNELS pixels from `tap` on. */
-static uchar16 rotated_row(global const uint *centre, global const int *taps, const int tap, const int row_end)
+/* Vector `v`, sixteen bytes, of a row of a rotated patch: 16 / CHANNELS pixels, or half a pixel. */
+static uchar16 rotated_row(global const uint *centre, global const int *taps, const int v, const int row_end)
 {
+    const int tap = v * 16 / CHANNELS;
 #if WORDS == 1
     const uint4 found = (uint4)(centre[taps[tap]], centre[taps[min(tap + 1, row_end)]],
                                 centre[taps[min(tap + 2, row_end)]], centre[taps[min(tap + 3, row_end)]]);
 #elif WORDS == 2
     const uint2 a = vload2(0, centre + 2 * taps[tap]), b = vload2(0, centre + 2 * taps[min(tap + 1, row_end)]);
     const uint4 found = (uint4)(a, b);
-#else
+#elif WORDS == 4
     const uint4 found = vload4(0, centre + 4 * taps[tap]);
+#else
+    const uint4 found = vload4(v & 1, centre + 8 * taps[tap]);
 #endif
     return as_uchar16(found);
 }
@@ -79,7 +82,7 @@ static short16 difference(const Patch *patch, const int2 at, const int rotation,
 #if ROTATE
     global const uint *centre = (global const uint *)patch->style + ((at.y + PAD) * width + at.x + PAD) * WORDS;
     global const int *taps = patch->tap_indices + rotation * SIDE * SIDE + row * SIDE;
-    const short16 style = convert_short16(rotated_row(centre, taps, v * 16 / CHANNELS, SIDE - 1));
+    const short16 style = convert_short16(rotated_row(centre, taps, v, SIDE - 1));
 #else
     const short16 style = convert_short16(
         vload16(v, patch->style + ((at.y + PAD + row - RADIUS) * width + at.x + PAD - RADIUS) * CHANNELS));

@@ -15,9 +15,9 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.analogy.job_inputs import GUIDES
 from pipeline.methods.analogy.keyframe_synthesizer import run_interval
-from pipeline.methods.analogy.layer_composite import run_composite
+from pipeline.methods.analogy.layer_composite import LAYERS, run_composite
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import plan_composite, plan_synthesis, run_frames
+from pipeline.methods.analogy.plan import further_keys, plan_composite, plan_synthesis, run_frames
 from pipeline.methods.analogy.propagation import Propagator
 from pipeline.methods.analogy.scan import plan_scan, run_scan
 from pipeline.methods.analogy.sweep_synthesizer import run_sweeps
@@ -46,6 +46,8 @@ from pipeline.methods.studio import Section
 
 __all__ = ["Analogy", "AnalogyParams"]
 
+STYLE_BYTES = 60
+"""Memory of a keyframe as a part of the style, bytes per pixel, in main memory and on the device, at all levels."""
 _BESIDE_VIDEO = Fits(size="video", frames="video")
 _LIKE_PAINTING = Fits(size="style_output")
 
@@ -131,7 +133,7 @@ class Analogy(Method):
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0, version=2),
     )
     parts: ClassVar[tuple[LayerPart, ...]] = (LayerPart("keys", "Painted keys", PaintedKeys, former={"keys": ""}),)
-    artefacts: ClassVar[tuple[str, ...]] = ()
+    artefacts: ClassVar[tuple[str, ...]] = (LAYERS,)
     palette_input: ClassVar[str] = "style_output"
     studio: ClassVar[Studio] = Studio(
         sections=(Section("keys", "keys", "Painted keys"),),
@@ -184,8 +186,11 @@ class Analogy(Method):
     def resources(self, step: str, context: PlanContext[AnalogyParams]) -> Resources:
         """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %.
 
-        It covers the working images and the old and new offset fields of a run. All steps except the scan use the
-        compute device.
+        It covers the working images and the old and new offset fields of a run, and the keyframes that are the style
+        of an interval beside those at its ends. All steps except the scan use the compute device.
         """
-        bytes_per_pixel = 60 if step == "scan" else 400 + 24 * run_frames((context.video.width, context.video.height))
+        size = (context.video.width, context.video.height)
+        bytes_per_pixel = 60 if step == "scan" else 400 + 24 * run_frames(size)
+        if step == "synthesise":
+            bytes_per_pixel += STYLE_BYTES * further_keys(context)
         return resources_per_pixel(context.video, bytes_per_pixel, device=step != "scan")

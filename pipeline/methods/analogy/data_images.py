@@ -6,7 +6,7 @@ other images are 8 or 16 bits of the same range.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from pipeline.errors import BadInput
 from pipeline.formats import has_planes
 from pipeline.formats.base import PlaneImage
 from pipeline.frames import Frame, Plane
+from pipeline.methods.analogy.inputs import id_colours
 from pipeline.synthesis.images import Bytes
 from pipeline.video.guard.pictures import guarded_planes, guarded_raw
-from pipeline.video.passes import data_channels
+from pipeline.video.passes import data_channels, depth, normals, object_ids
 
 Range = tuple[float, float]
 UNIT: Range = (0.0, 1.0)
@@ -97,3 +98,19 @@ def direction_data(files: Mapping[str, bytes], path: str) -> AnyArray:
     signed = data_channels(guarded_planes(files[path], path))[0].rpartition(".")[2].lower() == "x"
     vectors = np.nan_to_num(data[..., :2])
     return np.ascontiguousarray(vectors if signed else vectors * np.float32(2) - np.float32(1))
+
+
+# -- passes that are known by the names of their channels
+
+DEPTH = "depth"
+PASSES_IN_FRAMES: Mapping[str, Callable[[PlaneImage], AnyArray | None]] = {
+    "normals": normals, "ids": object_ids, DEPTH: depth,
+}  # fmt: skip
+
+
+def normal_colours(found: AnyArray) -> Frame:
+    """Normals, components -1 to 1, as colours, uint8 (h, w, 3)."""
+    return np.asarray(np.rint((np.nan_to_num(found).clip(-1, 1) + 1) * 127.5), np.uint8)
+
+
+PASS_COLOURS: Mapping[str, Callable[[AnyArray], Frame]] = {"normals": normal_colours, "ids": id_colours}

@@ -167,8 +167,7 @@ class KeyframeSynthesizer(Synthesizer):
         self._ribbons = animation.ribbon_offsets
         solved: dict[int, SolvedFrame[Any]] = {}
         sweeps = self._sweeps(level, animation)
-        for number, (frames, kept) in enumerate(sweeps):
-            animation.kept = None if kept is None else (kept, lambda index: self.ops.fetch(solved[index].offsets))
+        for number, frames in enumerate(sweeps):
             previous, keep_first = self._previous_result(level, solved, coarser), frames[0] in solved
             schedule = self.schedule(level, level * 8 + number)
             sweep = Sweep(self.ops, style, animation, previous, schedule, frames.step > 0, keep_first)
@@ -180,7 +179,7 @@ class KeyframeSynthesizer(Synthesizer):
                     if output is not None:
                         output.emit_finished()
             if output is not None:
-                self._add_finished(output, solved, frames, [later for later, _ in sweeps[number + 1 :]])
+                self._add_finished(output, solved, frames, sweeps[number + 1 :])
         return solved
 
     def _add_finished(
@@ -191,26 +190,21 @@ class KeyframeSynthesizer(Synthesizer):
         for index in sorted(shown.intersection(frames).difference(*later)):
             output.add(index, self.ops.fetch(solved[index].offsets))
 
-    def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[tuple[range, int | None]]:
-        """Frame numbers of each sweep of a level, in order, and the key of `KeyframeAnimation.kept`.
+    def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[range]:
+        """Frame numbers of each sweep of a level, in order.
 
         Departure: at the two finest levels, where nearly all the work lies, sweeps lead from each key to the middle
-        only. Every frame then starts from the nearer key, which the random merge prefers. If a key is painted in parts,
-        the sweep from the other one goes on to it, and the sweep back changes only pixels that lead to painted ones.
+        only. Every frame then starts from the nearer key, which the random merge prefers. An end that is painted in
+        parts has no offsets to start from elsewhere: all sweeps then lead over all frames.
         """
         start, stop = self.interval.start, self.interval.stop
         ends = [index for index in (start, stop - 1) if index in self._painted]
-        if level > _LAST_HALVED_LEVEL or not ends:
-            return [(order(start, stop, number % 2 == 0), None) for number in range(2 * self.params.sweeps)]
+        if level > _LAST_HALVED_LEVEL or not ends or not animation.full.issuperset(ends):
+            return [order(start, stop, number % 2 == 0) for number in range(2 * self.params.sweeps)]
         if len(ends) < 2:
-            return [(order(start, stop, ends[0] == start), None)] * self.params.sweeps
+            return [order(start, stop, ends[0] == start)] * self.params.sweeps
         middle = (start + stop - 1) // 2
-        halves = order(start, middle + 1, True), order(middle, stop, False)
-        if animation.full.issuperset(ends):
-            return [(frames, None) for frames in halves] * self.params.sweeps
-        forward = start in animation.full or stop - 1 not in animation.full
-        whole: tuple[range, int | None] = order(start, stop, forward), None
-        return [whole, (halves[forward], int(forward))] * self.params.sweeps
+        return [order(start, middle + 1, True), order(middle, stop, False)] * self.params.sweeps
 
     def _previous_result(
         self, level: int, solved: Mapping[int, SolvedFrame[Any]], coarser: Mapping[int, SolvedFrame[Any]]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
+import re
+import zipfile
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 
 from pipeline.compositing import lay_over
@@ -14,6 +18,7 @@ from pipeline.methods.analogy.shot_layers import Layer, RenderPasses, layered_sh
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.synthesis.distance import extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes
+from pipeline.video.writer import zip_entry
 
 
 def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
@@ -27,16 +32,44 @@ def run_composite(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult
     shot = layered_shot(context)
     assert shot is not None
     start, stop = task.emits
+    archive = _LayerArchive(shot.layers)
     passes = [RenderPasses(layer, context.size) for layer in shot.layers]
     for index in range(start, stop):
         canvas = _plain_canvas(context.size, shot.settings.background)
         in_front = _in_front(shot.layers, passes, index)
         for layer, source, front in zip(shot.layers, passes, in_front, strict=True):
             with context.clock("composite"):
-                canvas = _with_layer(canvas, _continued(_picture(context, layer, source, index), front), layer)
+                picture = _picture(context, layer, source, index)
+                canvas = _with_layer(canvas, _continued(picture, front), layer)
+            if context.wants(LAYERS):
+                archive.add(layer, index, picture)
         context.emit(index, canvas)
         context.progress((index + 1 - start) / (stop - start))
+    if context.wants(LAYERS):
+        context.save_file(f"{LAYERS}-{start:07d}.zip", archive.close(), "application/zip")
     return {"frames": stop - start}
+
+
+LAYERS = "layers"
+"""Name of the artefact with each layer's pictures, with opacity."""
+
+
+class _LayerArchive:
+    """Zip of RGBA pictures with straight alpha, `01-NAME/0000012.png`; layers are numbered from back to front."""
+
+    def __init__(self, layers: Sequence[Layer]) -> None:
+        self._bytes = io.BytesIO()
+        self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_STORED)
+        self._folders = {layer.number: f"{layer.number + 1:02d}-{re.sub('[^0-9A-Za-z_-]', '_', layer.name)}"
+                         for layer in layers}  # fmt: skip
+
+    def add(self, layer: Layer, index: int, picture: Bytes) -> None:
+        coded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))[1].tobytes()
+        self._zip.writestr(zip_entry(f"{self._folders[layer.number]}/{index:07d}.png"), coded)
+
+    def close(self) -> bytes:
+        self._zip.close()
+        return self._bytes.getvalue()
 
 
 def _picture(context: TaskContext[AnalogyParams], layer: Layer, passes: RenderPasses, index: int) -> Bytes:

@@ -19,7 +19,17 @@ from pipeline.compute import device
 from pipeline.errors import BadInput
 from pipeline.formats import has_planes
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, direction_data, range_of, read_data
+from pipeline.methods.analogy.data_images import (
+    DEPTH,
+    PASS_COLOURS,
+    PASSES_IN_FRAMES,
+    UNIT,
+    Range,
+    data_picture,
+    direction_data,
+    range_of,
+    read_data,
+)
 from pipeline.methods.analogy.inputs import (
     GUIDE_WEIGHT,
     OPAQUE,
@@ -44,9 +54,6 @@ from pipeline.methods.analogy.job_inputs import (
 )
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import (
-    DEPTH,
-    PASS_COLOURS,
-    PASSES_IN_FRAMES,
     Layer,
     LayerStatistics,
     RenderPasses,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 
@@ -326,8 +325,6 @@ class KeyframeAnimation(LevelAnimation):
         full: frame numbers of the keyframes that are painted everywhere.
         ribbon_offsets: frame number -> offsets of each pixel in the previous and the next keyframe, float32
             (2, h, w, 2).
-        kept: (number of the keyframe, 0 = previous, 1 = next; result of the sweep before by frame number): pixels that
-            do not lead to that keyframe keep this result. None = all pixels are free.
 
     The motion of all pairs of frames is computed on the threads of `velocities`, while the device works on coarser
     levels. Layers are left out, see `LevelAnimation`.
@@ -345,7 +342,6 @@ class KeyframeAnimation(LevelAnimation):
         self._painted, self._level = painted, level_frames.level
         self.full = {i for i, offsets in painted.items() if (offsets[..., 0] > NOWHERE).all()}
         self.ribbon_offsets: dict[int, Offsets] = {}
-        self.kept: tuple[int, Callable[[int], Offsets]] | None = None
         firsts = [] if level_frames.silhouettes else velocities.firsts
         self._submitted = {first: velocities.threads.submit(self._between, first) for first in firsts}
         self._all_motions: dict[int, tuple[Motion, Motion]] = {}
@@ -359,14 +355,11 @@ class KeyframeAnimation(LevelAnimation):
         return self._all_motions[first][0 if index < other else 1]
 
     def fixed_offsets(self, index: int) -> Offsets | None:
-        fixed = super().fixed_offsets(index)
-        if self.kept is not None:
-            key, result = self.kept
-            leads = self.ribbon_offsets[index][key][..., :1] > NOWHERE
-            fixed = _first(fixed, np.where(leads, NOWHERE, result(index)).astype(np.float32))
-        if index in self._painted:
-            fixed = _first(downscaled_offsets(self._painted[index], self._level), fixed)
-        return fixed
+        outside = super().fixed_offsets(index)
+        if index not in self._painted:
+            return outside
+        painted = downscaled_offsets(self._painted[index], self._level)
+        return painted if outside is None else np.where(painted > NOWHERE, painted, outside)
 
     def merge_probability(self, index: int, forward: bool) -> float | Plane:
         """Probability of the neighbour's offset in the random merge (section 4.1): biased towards the nearer key, at
@@ -384,13 +377,6 @@ class KeyframeAnimation(LevelAnimation):
 
     def ribbons(self, index: int) -> Offsets | None:
         return self.ribbon_offsets.get(index)
-
-
-def _first(preferred: Offsets | None, otherwise: Offsets | None) -> Offsets | None:
-    """The preferred offsets where there are any, else the others."""
-    if preferred is None or otherwise is None:
-        return otherwise if preferred is None else preferred
-    return np.where(preferred > NOWHERE, preferred, otherwise)
 
 
 def warp_nearest(image: Bytes, displacement: Flow) -> Bytes:

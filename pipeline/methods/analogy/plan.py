@@ -325,6 +325,14 @@ def key_limit(size: tuple[int, int]) -> int:
     return max(1, min(_MAX_SIDE_KEYS, MAX_STYLE_PX // (2 * size[0] * size[1])))
 
 
+def further_keys(context: PlanContext[AnalogyParams]) -> int:
+    """Maximum number of keyframes that are the style of an interval beside the two at its ends."""
+    scan = context.results.get("scan", {}).get("video", {})
+    most = key_limit((context.video.width, context.video.height))
+    sources = [each for layer in (scan, *scan.get("layers", ())) for each in layer.get("sources", ())]
+    return 2 * max((min(len(side), most) - 1 for _, *both in sources for side in both), default=0)
+
+
 def split_intervals(
     begin: int,
     end: int,

@@ -135,6 +135,7 @@ def _scan_layer(
     inputs, passes = LayerInputs(context, layer, None), RenderPasses(layer, context.size)
     with context.clock("scan"):
         factors, message = _vector_factors(context, layer, passes)
+        _check_settings(layer, passes)
         masks = painted_masks(inputs, layer.frames)
         if masks and not layer.stylised:
             raise BadInput(
@@ -150,6 +151,29 @@ def _scan_layer(
         "name": layer.name, **_keys(masks, edges), "message": message, "params": layer.params,
         "overpaint_px": statistics.reach_px, "stylised": layer.stylised,
     }  # fmt: skip
+
+
+def _check_settings(layer: Layer, passes: RenderPasses) -> None:
+    """Refuse settings of a layer that have no effect on it.
+
+    Raises:
+        BadInput: parameters, guides or overpaint of a layer that is not painted, or overpaint of one without outline.
+    """
+    settings = layer.files.settings
+    if settings is None:
+        return
+    where, given = f"shot.json: layers.{layer.name}", settings.model_fields_set
+    for name in ("params", "guides", "overpaint_px") if not layer.stylised else ():
+        if name in given:
+            raise BadInput(
+                f"{layer.where} is not stylised, so that {name} has no effect.", field=f"{where}.{name}",
+                remedy="Remove it, or stylise the layer.",
+            )  # fmt: skip
+    if settings.overpaint_px and not passes.masked:
+        raise BadInput(
+            f"{layer.where} covers the whole frame: it has no outline to paint beyond.", field=f"{where}.overpaint_px",
+            value=settings.overpaint_px, remedy="Remove it, or give the layer masks, ids or opacity.",
+        )  # fmt: skip
 
 
 def _layer_tones(context: TaskContext[AnalogyParams], layer: Layer, passes: RenderPasses) -> ToneStatistics:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -15,7 +15,16 @@ from pipeline.errors import BadInput, BadParameter
 from pipeline.formats import has_planes
 from pipeline.formats.base import Choice, PlaneImage
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, direction_data, plane_data
+from pipeline.methods.analogy.data_images import (
+    DEPTH,
+    PASSES_IN_FRAMES,
+    UNIT,
+    Range,
+    data_picture,
+    direction_data,
+    normal_colours,
+    plane_data,
+)
 from pipeline.methods.analogy.inputs import OPAQUE, eight_bit, id_colours
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import TaskContext
@@ -229,18 +238,6 @@ def paint_artefact(layer: int, index: int) -> str:
 
 # -- render passes
 
-DEPTH = "depth"
-PASSES_IN_FRAMES: Mapping[str, Callable[[PlaneImage], AnyArray | None]] = {
-    "normals": normals, "ids": object_ids, DEPTH: depth,
-}  # fmt: skip
-
-
-def normal_colours(found: AnyArray) -> Frame:
-    """Normals, components -1 to 1, as colours, uint8 (h, w, 3)."""
-    return np.asarray(np.rint((np.nan_to_num(found).clip(-1, 1) + 1) * 127.5), np.uint8)
-
-
-PASS_COLOURS: Mapping[str, Callable[[AnyArray], Frame]] = {"normals": normal_colours, "ids": id_colours}
 _MAX_CACHED = 3
 """Number of decoded images with planes in memory: a frame and its two neighbours."""
 

@@ -24,7 +24,8 @@ from pipeline.synthesis.orientation import DirectionSources
 from pipeline.tensors.structure import structure_tensor, tangent_field
 from pipeline.video.contact import fit
 
-MAX_CHANNELS = 16
+MAX_CHANNELS = 32
+"""Maximum number of bytes of a pixel that patches compare: colours, CIELAB, and 25 or more channels of guides."""
 KEPT_COST = 0.9
 """Factor on the cost of the advected offset at the finest level. At coarser levels it approaches 1, and the weight of
 the temporal term approaches 0."""
@@ -49,7 +50,7 @@ def energy_of(
             pixels, this preference would raise flicker.
 
     Raises:
-        BadInput: colours and guides together have more than 16 channels.
+        BadInput: colours and guides together have more than `MAX_CHANNELS` channels.
     """
     weight = params.key_guide_weight if keyframe_style else params.guide_weight
     hue = weight * (params.key_colour_weight if keyframe_style else params.colour_weight) / 2

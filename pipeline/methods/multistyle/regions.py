@@ -75,9 +75,14 @@ def label_map(image: AnyArray, size: tuple[int, int], where: str) -> NDArray[np.
     """Convert an image to a label map of the video's size: gray value, or the red channel of colour images.
 
     Raises:
-        BadParameter: the image has another aspect ratio than the video.
+        BadParameter: the image has another aspect ratio than the video, or colours without red.
     """
     plane = image if image.ndim == 2 else image[..., 0]
+    if image.ndim == 3 and ((plane == 0) & (image[..., :3].max(axis=-1) > np.iinfo(image.dtype).max // 16)).any():
+        raise BadParameter(
+            "A label map has its labels as gray values or in red; this one has colours without red.",
+            field="inputs.masks", value=where, remedy="Save it in gray, without a palette.",
+        )  # fmt: skip
     mine = size[0] / size[1]
     if abs(plane.shape[1] / plane.shape[0] / mine - 1) > 0.02:
         raise BadParameter(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import tempfile
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import BadInput, BadParameter
+from pipeline.formats.decoding import decode_raw
 from pipeline.formats.exr import write_exr
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
@@ -19,6 +22,7 @@ from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, plan_synthesis, s
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.synthesis.atlas import MAX_ROWS, atlas, relocated
 from pipeline.synthesis.distance import nearest, within_reach
+from pipeline.video.media import Limits
 from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.shots import SIZE, pictures, png, scene_files, shot_context
 from tests.pipeline.methods.test_analogy import QUICK, key, painting, palette, rendered, scanned_plan, shot
@@ -161,6 +165,24 @@ def test_keyframes_passes_and_a_painting_are_one_style(kind: str, style: tuple[s
         files["style/heat.png"] = png(red())
     out = painted(rendered_shot(files))
     np.testing.assert_array_equal(out[1], 255 - pictures()[1])
+
+
+@pytest.mark.parametrize("pair", [False, True])
+def test_keyframes_of_a_shot_and_a_painting_of_the_job_are_one_style(pair: bool) -> None:
+    files = {name: data for name, data in scene_files().items() if not name.startswith(("shot.json", "vectors"))}
+    files["keyframes/0001.png"] = png(255 - pictures()[1])
+    given = {"video.entries": files, "style_output": [red()]} | ({"style": [red()]} if pair else {})
+    context = LocalContext(parse_params(method("analogy"), QUICK), pictures(), given)
+    run_plan(method("analogy"), context)
+    np.testing.assert_array_equal(painted(context)[1], 255 - pictures()[1])
+
+
+@pytest.mark.parametrize("name", ["params", "guides", "overpaint_px"])
+def test_settings_of_a_layer_that_is_not_painted_are_refused(name: str) -> None:
+    value: Any = {"params": {"sweeps": 2}, "guides": {"ids": 3}, "overpaint_px": 4}[name]
+    with pytest.raises(BadInput, match="no effect") as caught:
+        rendered_shot(with_settings(styled(), stylise=False, **{name: value}))
+    assert caught.value.field == f"shot.json: layers.front.{name}"
 
 
 def test_a_pass_that_is_named_and_missing_in_the_style_is_refused() -> None:
@@ -383,3 +405,39 @@ def test_opacity_of_a_whole_frame_is_composited_over_white() -> None:
         run_plan(method("analogy"), context)
         found.append(painted(context))
     np.testing.assert_array_equal(*found)
+
+
+def test_a_style_has_as_many_channels_of_guides_as_ebsynth() -> None:
+    from pipeline.methods.analogy.inputs import Guide
+    from pipeline.methods.analogy.params import AnalogyParams
+    from pipeline.methods.analogy.style_images import energy_of
+
+    def guides(count: int) -> tuple[Guide, ...]:
+        return tuple(Guide(f"guide {k}", 1.0, 1) for k in range(count))
+
+    assert len(energy_of(AnalogyParams(), guides(24), 0, colours=4).guides) == 27
+    with pytest.raises(BadInput, match="too many guides"):
+        energy_of(AnalogyParams(), guides(27), 0)
+
+
+def test_tasks_declare_the_memory_of_partial_keyframes() -> None:
+    context = scanned_plan({})
+    chosen = method("analogy")
+    before = chosen.resources("synthesise", context)
+    context.results["scan"]["video"] |= {
+        "keys": [(0, False), (3, False)],
+        "sources": [(0, [0], [0, 3]), (3, [3, 0], [3])],
+    }
+    after = chosen.resources("synthesise", context)
+    assert before is not None and after is not None
+    assert after.memory_bytes - before.memory_bytes == 2 * 60 * SIZE[0] * SIZE[1]
+
+
+def test_each_layer_is_an_artefact_with_its_opacity() -> None:
+    context = shot_context(keyed())
+    context.artefacts = frozenset({"layers"})
+    run_plan(method("analogy"), context)
+    with zipfile.ZipFile(io.BytesIO(context.files["layers-0000000.zip"])) as archive:
+        assert archive.namelist()[:2] == ["01-back/0000000.png", "02-front/0000000.png"]
+        found = decode_raw(archive.read("02-front/0000003.png"), Limits())
+    np.testing.assert_array_equal(found, context.kept["synthesise", "paint-1-0000003"]["rgba"])

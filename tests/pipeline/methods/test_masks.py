@@ -11,6 +11,7 @@ from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
 from pipeline.methods.analogy.inputs import read_keyframe
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.masks import fitted, mask_plane
+from pipeline.methods.multistyle.regions import label_map
 from pipeline.methods.patches.scan import WorkingGrid, mask_map
 from pipeline.scenes import scene
 from tests.pipeline.methods.frames import painted
@@ -70,3 +71,9 @@ def test_without_temporal_coherence_a_jump_of_brightness_changes_no_other_frame(
         session.step(before)
         alone = AbstractionSession(AbstractionParams(temporal="off", cut_sensitivity=0), SIZE)
         np.testing.assert_array_equal(session.step(dim), alone.step(dim))
+
+
+def test_a_label_map_of_regions_in_colours_without_red_is_refused() -> None:
+    assert (label_map(palette((128, 0, 0)), SIZE, "frame 0") == np.where(HALF > 0, 128, 0)).all()
+    with pytest.raises(BadParameter, match="without red"):
+        label_map(palette((0, 128, 0)), SIZE, "frame 0")

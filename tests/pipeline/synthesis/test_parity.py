@@ -26,6 +26,8 @@ ENERGIES = {
     "plain": PLAIN,
     "one guide": Energy(guides=(2.0,)),
     "eight guides": Energy(guides=(1.0,) * 8, w_sc=5.0),
+    "as many guides as EbSynth": Energy(guides=(1.0,) * 27, w_sc=5.0),
+    "most guides, with opacity": Energy(colours=4, guides=(0.5,) * 28, radius=7),
     "coherent": replace(PLAIN, w_sc=15.0),
     "temporal": replace(PLAIN, w_tc=2.0),
     "histogram": replace(PLAIN, w_h=100.0, h_limit=0.5),
