@@ -29,6 +29,7 @@ MEASURED = (
     "patches",
     "analogy",
     "steady",
+    "pieces",
     "faces",
     "flow",
     "live",
