@@ -85,10 +85,9 @@ def test_a_style_for_a_region_leaves_the_rest_as_it_is(watched: Watched, service
     choose_style(page, "Pointillism")
     saved(page)
     until(page, lambda: bool(layer_of(stored(service, project)).get("style_keys")))
-    keys = layer_of(stored(service, project))["style_keys"]
-    assert [(key["region"], key["frame"], key.get("style")) for key in keys] == [
-        ("rest", 0, None), ("box", 12, "pointillism")
-    ]  # fmt: skip
+    layer = layer_of(stored(service, project))
+    assert [(key["region"], key["frame"], key["style"]) for key in layer["style_keys"]] == [("box", 12, "pointillism")]
+    assert layer["regions"]["box"]["border"] == "sharp", "the style does not spread to regions without a style"
 
 
 def test_a_method_that_cannot_paint_yet_does_not_show_the_pictures_of_another(

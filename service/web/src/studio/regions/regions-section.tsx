@@ -192,11 +192,8 @@ function StyleKeys({ store }: { store: Store }) {
   const exact = key?.frame === store.frame.value;
   const edit = (label: string, change: Partial<StyleKey>, group = "") => {
     const next: StyleKey = { ...key, ...change, region, frame: store.frame.value };
-    store.editLayer(
-      label,
-      (layer) => ({ ...layer, style_keys: withOthers(layer, putOnTrack(layer.style_keys, next)) }),
-      group,
-    );
+    const keyed = (layer: Layer) => ({ ...layer, style_keys: putOnTrack(layer.style_keys, next) });
+    store.editLayer(label, (layer) => withBorder(keyed(layer), region), group);
   };
   const drop = () =>
     store.editLayer("Remove a style key", (layer) => ({
@@ -262,11 +259,12 @@ function StyleKeys({ store }: { store: Store }) {
   );
 }
 
-/** Style keys with one of the layer's own style for each region that has none: without keys, it would take those of the
- * others. */
-function withOthers(layer: Layer, keys: StyleKey[]): StyleKey[] {
-  const bare = regionNames(layer).filter((name) => !keys.some((key) => key.region === name));
-  return bare.reduce<StyleKey[]>((all, region) => putOnTrack(all, { region, frame: 0 }), keys);
+/** The layer with a border round the region across which its style does not spread, unless it has a border already: the
+ * style is for this region only. */
+function withBorder(layer: Layer, name: string): Layer {
+  const region = layer.regions?.[name];
+  if (!region || region.border) return layer;
+  return { ...layer, regions: { ...layer.regions, [name]: { ...region, border: "sharp" } } };
 }
 
 function changed(key: StyleKey, name: string, value: number | undefined): StyleKey["set"] {
