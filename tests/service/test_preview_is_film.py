@@ -137,7 +137,7 @@ DESIGN = {
 }
 CASES = {
     "abstraction": Case(({"method": "abstraction"},)),
-    "multistyle": Case(({"method": "multistyle"},)),
+    "multistyle": Case(({"method": "multistyle"},), scales=False),
     "multistyle design": Case(({"method": "multistyle", **DESIGN},)),
     "multistyle label maps": Case(
         (
