@@ -41,7 +41,7 @@ def test_a_two_second_range_is_rendered_first(watched: Watched, service: str, tm
     video = HTTP.post(f"{service}/v1/assets", files={"file": (long.name, long.read_bytes())}).json()["id"]
     open_project(page, service, video, "abstraction", frame=13)
     page.get_by_role("slider", name="Frame").press("ArrowRight")
-    job = render(page, button="Paint 2 s first, from frame 15")
+    job = render(page, button="Paint 2 s first from frame 15")
     assert HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]["frames"] == [14, 14 + 2 * FPS]
     assert len(frames_of(result(service, job))) == 2 * FPS
     page.get_by_role("link", name="Change settings").click()

@@ -137,7 +137,7 @@ DESIGN = {
 }
 CASES = {
     "abstraction": Case(({"method": "abstraction"},)),
-    "multistyle": Case(({"method": "multistyle"},)),
+    "multistyle": Case(({"method": "multistyle"},), scales=False),
     "multistyle design": Case(({"method": "multistyle", **DESIGN},)),
     "multistyle label maps": Case(
         (
@@ -152,10 +152,12 @@ CASES = {
     ),
     "patches": Case(({"method": "patches", "scribbles": [{"frame": 1, "image": "marks"}]},), {"marks": scribble()}),
     "analogy style": Case(
-        ({"method": "analogy", "params": FAST, "inputs": {"style_output": "style"}},), {"style": style()}
+        ({"method": "analogy", "params": FAST, "inputs": {"style_output": "style"}},), {"style": style()}, scales=False
     ),
     "analogy one key": Case(
-        ({"method": "analogy", "params": FAST, "keys": [{"frame": 2, "image": "key"}]},), {"key": painted_key(2)}
+        ({"method": "analogy", "params": FAST, "keys": [{"frame": 2, "image": "key"}]},),
+        {"key": painted_key(2)},
+        scales=False,
     ),
     "analogy two keys": Case(
         (

@@ -69,7 +69,10 @@ def _ask(http: TestClient, url: str, **body: Any) -> Any:
     answer = http.post(url, json={"shot": "s1", **body})
     assert answer.status_code == 200, answer.text
     assert answer.headers["Content-Type"] == "application/vnd.impasto.records"
-    return records(answer.content)
+    found = records(answer.content)
+    if url.endswith("/paint"):  # whether painting tells its progress depends on the load of the machine
+        return [record for record in found if record[0]["type"] != "progress"]
+    return found
 
 
 def test_the_source_preview_is_served_frame_by_frame(client: TestClient, at: str) -> None:
@@ -105,7 +108,6 @@ def test_a_preview_of_a_lost_file_ends_with_an_error_record(
 @pytest.mark.parametrize("method", ["abstraction", "multistyle", "patches"])
 def test_every_method_paints_a_frame(client: TestClient, at: str, clip: str, method: str) -> None:
     found = _ask(client, f"{at}/paint", frame=5, document=_document(clip, layer(method)))
-    found = [one for one in found if one[0]["type"] != "progress"]
     assert types(found) == ["begin", "frame", "end"], "no draft of a film that is painted soon"
     assert (found[1][0]["final"], found[1][0]["media_type"]) == (True, "image/png")
     assert picture(found[1][1]).shape == (64, 96, 3)

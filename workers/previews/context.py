@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pipeline.frames import Frame
 from pipeline.video.stills import encode_jpeg, encode_png
 from workers.contract.request import Json
+from workers.previews.artefact_files import ArtefactFiles
 from workers.previews.byte_cache import ByteCache
 from workers.previews.memory import Check
 from workers.previews.model import PreviewQuery, Record
@@ -27,6 +28,7 @@ class PreviewContext:
     query: PreviewQuery
     frames: WarmFrames
     cache: ByteCache
+    artefacts: ArtefactFiles
     check: Check
     began: float
 

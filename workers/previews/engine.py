@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Iterator
 from workers.blobs.base import Blobs
 from workers.execution.renderer import prepare_process
 from workers.execution.warm_up import warm_up_process
+from workers.previews.artefact_files import ArtefactFiles
 from workers.previews.byte_cache import ByteCache
 from workers.previews.context import PreviewContext
 from workers.previews.kinds import clusters, cuts, directions, flicker, paint, propagate, regions, suggest
@@ -38,7 +39,7 @@ class PreviewEngine:
     def __init__(self, blobs: Blobs, limit_bytes: int) -> None:
         prepare_process()
         self.cache = ByteCache(limit_bytes)
-        self._blobs, self._frames = blobs, WarmFrames(blobs, self.cache)
+        self._blobs, self._frames, self._artefacts = blobs, WarmFrames(blobs, self.cache), ArtefactFiles()
 
     def warm_up(self) -> None:
         """Load the kernels of every method, compiling new ones. Never raises."""
@@ -46,6 +47,7 @@ class PreviewEngine:
 
     def close(self) -> None:
         self._frames.close()
+        self._artefacts.close()
 
     def run(self, query: PreviewQuery, check: Check) -> Generator[Record]:
         """Yield the records of the answer: "begin", those of the kind of preview, then "end" (or "overtaken").
@@ -53,7 +55,7 @@ class PreviewEngine:
         Raises: ImpastoError if the query is invalid; the answer then ends.
         """
         began = time.monotonic()
-        context = PreviewContext(query, self._frames, self.cache, check, began)
+        context = PreviewContext(query, self._frames, self.cache, self._artefacts, check, began)
         yield Record({"type": "begin", "seq": query.seq})
         try:
             check()

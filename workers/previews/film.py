@@ -21,6 +21,7 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, PlanContext, Step, Task, TaskResult
 from pipeline.methods.local import FrameSource, Input, in_plan_order
 from pipeline.methods.plan_check import dependencies
+from workers.previews.artefact_files import ArtefactFiles
 from workers.previews.byte_cache import ByteCache
 from workers.previews.inputs import layer_inputs
 from workers.previews.memory import Check, PreviewTaskContext
@@ -32,6 +33,15 @@ Progress = Callable[[str, float], None]
 Name = tuple[str, str]
 """Step and key of a task, or step and name of an artefact."""
 _PLAN_BYTES = 1 << 16
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What previews keep between calls: source frames, painted frames with other values, and artefacts."""
+
+    sources: WarmFrames
+    cache: ByteCache
+    artefacts: ArtefactFiles
 
 
 @dataclass
@@ -58,19 +68,18 @@ class PreviewFilm:
     """
 
     def __init__(
-        self, layer: LayerSources, frames: WarmFrames, cache: ByteCache, side_px: int,
-        regions: Callable[[], Mapping[str, bytes]],
-    ) -> None:  # fmt: skip
-        info = frames.info(layer.video)
+        self, layer: LayerSources, kept: Kept, side_px: int, regions: Callable[[], Mapping[str, bytes]]
+    ) -> None:
+        info = kept.sources.info(layer.video)
         self.side_px = min(side_px, max(info.width, info.height))
         self.pixels = info.frames * info.width * info.height * (self.side_px / max(info.width, info.height)) ** 2
         """Of all frames together."""
-        self._layer, self._frames, self._cache, self._regions = layer, frames, cache, regions
+        self._layer, self._kept, self._regions = layer, kept, regions
         self._name = ("film", layer.digest, self.side_px)
 
     def peek(self, number: int) -> Frame | None:
         """The frame, if it is painted already."""
-        found: Frame | None = self._cache.peek((*self._name, number))
+        found: Frame | None = self._kept.cache.peek((*self._name, number))
         return None if found is None else found.copy()
 
     def frames(
@@ -89,43 +98,51 @@ class PreviewFilm:
                 yield number, run.frame(number)
 
     def _inputs(self, exit_stack: ExitStack) -> Mapping[str, Input]:
-        inputs = layer_inputs(self._layer, self._frames, self.side_px, exit_stack)
-        info = self._frames.info(self._layer.video)
+        inputs = layer_inputs(self._layer, self._kept.sources, self.side_px, exit_stack)
+        info = self._kept.sources.info(self._layer.video)
         whole = self.side_px == max(info.width, info.height)
         return inputs if whole else method(self._layer.method).scaled_inputs(inputs, self._regions)
 
     @contextmanager
     def _run(self, check: Check, progress: Progress, painted: Callable[[int, Frame], None]) -> Iterator[_Run]:
-        plan: _Plan = self._cache.get(self._name, _Plan, lambda _: _PLAN_BYTES)
+        plan: _Plan = self._kept.cache.get(self._name, _Plan, lambda _: _PLAN_BYTES)
         while not plan.turn.acquire(timeout=0.02):
             check()
         try:
             with ExitStack() as exit_stack:
                 inputs = self._inputs(exit_stack)
-                store = _Store(self._cache, self._name, painted)
+                store = _Store(self._kept, self._name, painted)
                 yield _Run(self._layer, plan, store, _FilmContext(self._layer, inputs, check, store), progress)
         finally:
+            self._kept.cache.put(self._name, plan, _PLAN_BYTES)  # it is used later than all that the run has kept
             plan.turn.release()
 
 
 class _Store:
-    """Artefacts and frames of a film in the cache, and those that a run still needs."""
+    """Artefacts and frames of a film that are kept, and those that a run needs in memory."""
 
-    def __init__(self, cache: ByteCache, name: tuple[object, ...], painted: Callable[[int, Frame], None]) -> None:
-        self._cache, self._name, self._painted = cache, name, painted
+    def __init__(self, kept: Kept, name: tuple[object, ...], painted: Callable[[int, Frame], None]) -> None:
+        self._cache, self._artefacts, self._name, self._painted = kept.cache, kept.artefacts, name, painted
         self.held: dict[Name, State] = {}
         self.fresh: dict[int, Frame] = {}
         """Frames that the present task has emitted."""
 
+    def has(self, name: Name) -> bool:
+        return name in self.held or self._artefacts.has((*self._name, *name))
+
     def artefact(self, name: Name) -> State | None:
-        """The arrays of an artefact, which are then held; None: they are kept no more."""
-        if name not in self.held and (found := self._cache.peek((*self._name, *name))) is not None:
-            self.held[name] = found
-        return self.held.get(name)
+        """A copy of an artefact's arrays; None: they are kept no more."""
+        if name in self.held:
+            return {key: array.copy() for key, array in self.held[name].items()}
+        return self._artefacts.get((*self._name, *name))
+
+    def hold_only(self, names: set[Name]) -> None:
+        """Drop all other artefacts from memory; their files stay."""
+        self.held = {name: arrays for name, arrays in self.held.items() if name in names}
 
     def save(self, name: Name, arrays: Arrays) -> None:
         self.held[name] = {key: array.copy() for key, array in arrays.items()}
-        self._cache.put((*self._name, *name), self.held[name], sum(a.nbytes for a in self.held[name].values()))
+        self._artefacts.put((*self._name, *name), arrays)
 
     def frame(self, number: int) -> Frame | None:
         found: Frame | None = self.fresh.get(number)
@@ -150,8 +167,8 @@ class _FilmContext(PreviewTaskContext):
         self.told: Callable[[float], None] = lambda done: None
         self.saved: list[str] = []
         """Names of the artefacts that the present task has saved."""
-        self.run_step: Callable[[str], None] = lambda step: None
-        """Runs a whole step, on whose artefacts the present task depends without naming its tasks."""
+        self.make: Callable[[str, str], None] = lambda step, name: None
+        """Makes an artefact of a step on which the present task depends without naming the artefact's maker."""
 
     def save(self, name: str, arrays: Arrays) -> None:
         self._store.save((self.step, name), arrays)
@@ -160,11 +177,11 @@ class _FilmContext(PreviewTaskContext):
     def load(self, step: str, name: str) -> State:
         found = self._store.artefact((step, name))
         if found is None:
-            self.run_step(step)
+            self.make(step, name)
             found = self._store.artefact((step, name))
         if found is None:
             raise KeyError(f"{step}/{name}")
-        return {key: array.copy() for key, array in found.items()}
+        return found
 
     def save_file(self, name: str, data: bytes, media_type: str) -> None:
         return
@@ -184,7 +201,9 @@ class _Run:
         self._method: Method = method(layer.method)
         self._steps: dict[str, Step[AnyParams]] = {step.name: step for step in self._method.steps_of(context.params)}
         self._plan, self._store, self._context, self._told = plan, store, context, told
-        context.run_step = self._finish
+        self._needed: list[set[Name]] = []
+        """Tasks whose artefacts the tasks that run now, each within the one before, still need."""
+        context.make = self._make
 
     def frame(self, number: int) -> Frame:
         """Frame `number`, or the film's last frame."""
@@ -223,16 +242,21 @@ class _Run:
 
     def _results(self, step: str) -> dict[str, TaskResult]:
         """Results of all tasks of a step."""
-        self._finish(step, again=False)
-        return {key: self._plan.results[step][key] for key in self._tasks(step)}
+        done = self._plan.results.setdefault(step, {})
+        self._require([(step, key) for key in self._tasks(step) if key not in done])
+        return {key: done[key] for key in self._tasks(step)}
 
-    def _finish(self, step: str, again: bool = True) -> None:
-        """Run all tasks of a step. `again`: also those that ran before, if their artefacts are kept no more."""
-        done = self._plan.results.get(step, {})
-        self._require([(step, key) for key in self._tasks(step) if again or key not in done])
+    def _make(self, step: str, name: str) -> None:
+        """Run the task that makes an artefact; all tasks of the step while that task is unknown."""
+        maker = [task for task, saved in self._plan.saved.items() if task[0] == step and name in saved]
+        self._require(maker or [(step, key) for key in self._tasks(step)], maker)
 
-    def _require(self, wanted: Sequence[Name]) -> None:
-        """Run these tasks and those that they come after, except those whose artefacts are still kept."""
+    def _require(self, wanted: Sequence[Name], hold: Sequence[Name] = ()) -> None:
+        """Run these tasks and those that they come after, except those whose artefacts are still kept.
+
+        Args:
+            hold: tasks whose artefacts stay in memory.
+        """
         graph: dict[Name, list[Name]] = {}
         pending = list(wanted)
         while pending:
@@ -242,24 +266,24 @@ class _Run:
                 pending += graph[name]
         order = [name for name in TopologicalSorter(graph).static_order() if name in graph]
         for at, name in enumerate(order):
+            later = {before for other in order[at + 1 :] for before in graph[other]} | set(hold)
+            self._needed.append(later | set(graph[name]))
             self._run_task(name, [other for other in order if other[0] == name[0]])
-            needed = {before for later in order[at + 1 :] for before in graph[later]} | set(wanted)
-            self._release({name, *graph[name]} - needed)
+            self._needed.pop()
+            needed = later.union(*self._needed)
+            self._store.hold_only(
+                {(step, one) for step, key in needed for one in self._plan.saved.get((step, key), ())}
+            )
 
     def _kept(self, name: Name) -> bool:
         saved = self._plan.saved.get(name)
-        return saved is not None and all(self._store.artefact((name[0], one)) is not None for one in saved)
+        return saved is not None and all(self._store.has((name[0], one)) for one in saved)
 
     def _before(self, name: Name) -> list[Name]:
         """Names of the tasks that `Task.after` names."""
         step, key = name
         named = dependencies(self._tasks(step)[key].after, step)
         return [(of, one) for of in sorted(named) for one in sorted(named[of])]
-
-    def _release(self, names: set[Name]) -> None:
-        for step, key in names:
-            for saved in self._plan.saved.get((step, key), ()):
-                self._store.held.pop((step, saved), None)
 
     def _run_task(self, name: Name, alike: Sequence[Name]) -> None:
         """Run a task. `alike`: the tasks of its step that run in this call."""

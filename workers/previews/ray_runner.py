@@ -5,7 +5,8 @@ are fewer than `most`; otherwise it shares the actor with the fewest projects. O
 for the next project. An actor ends when its projects have sent no query for `idle_s`.
 
 If an actor dies, its projects are assigned to other actors, where queries in progress are repeated. Equal queries give
-equal records, so those that the client has received are skipped. The cached state is lost and computed again.
+equal records, except those of progress, so those that the client has received are skipped. The cached state is lost and
+computed again.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import itertools
 import logging
 import threading
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -108,12 +109,17 @@ class RayRunner:
     def run(self, query: PreviewQuery, check: Check) -> Iterator[Record]:
         """The answer, as from `PreviewEngine.run`. Raises PreviewLost if several actors in a row died during the
         query."""
-        sent = 0
+        sent: Counter[tuple[object, ...]] = Counter()
         for _ in range(1 + LOSSES):
             worker = self._enter(query.project)
             try:
-                for record in itertools.islice(self._records(worker.actor, query, check), sent, None):
-                    sent += 1
+                skip = sent.copy()
+                for record in self._records(worker.actor, query, check):
+                    name = tuple(record.header.get(member) for member in ("type", "frame", "pass", "card"))
+                    if skip[name] and name[0] != "progress":
+                        skip[name] -= 1
+                        continue
+                    sent[name] += 1
                     yield record
                 return
             except Overtaken as error:

@@ -78,8 +78,9 @@ class DesignFields:
         ]
         out: dict[str, StyleField] = {}
         weights: Weights | None = None
+        walled = bool(self._with_border("sharp"))  # then there may be pixels that no key reaches
         for name, column, base in columns:
-            found = np.unique(column[keys])
+            found = np.unique([*column[keys], base] if walled and keys else column[keys])
             if len(found) <= 1:
                 out[name] = float(found[0]) if len(found) else float(base)
             else:

@@ -7,11 +7,15 @@ import math
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 
 from pipeline.errors import BadParameter
+from pipeline.methods import method
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.multistyle.design import Design, eased, keys_around, parse, schema
 from pipeline.methods.multistyle.effects import EFFECTS, document
+from pipeline.methods.multistyle.params import MultistyleParams
 from pipeline.methods.multistyle.styles import STYLES
 
 
@@ -148,3 +152,18 @@ def test_every_ease_is_monotonic_from_0_to_1(ease: Any) -> None:
 @pytest.mark.parametrize("frames", [1, 2, 3, 90])
 def test_effects_are_valid_designs_for_any_length(effect: Any, frames: int) -> None:
     assert isinstance(parse(document(effect, frames), frames=frames), Design)
+
+
+def test_a_style_does_not_spread_across_a_sharp_border_into_regions_without_keys() -> None:
+    """Everything else keeps the job's own style when only one region, with a sharp border, has a key."""
+    square = [[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]]
+    region = {"polygons": [{"frame": 0, "points": square}], "border": "sharp"}
+    keys = [{"region": "box", "frame": 0, "set": {"hue": 90}}]
+    frames = [np.full((64, 96, 3), (90, 140, 70), np.uint8)] * 2
+    painted = []
+    for given in ({}, {"design": {"version": 1, "regions": {"box": region}, "keys": keys}}):
+        context = LocalContext(MultistyleParams(), frames, given)
+        run_plan(method("multistyle"), context)
+        painted.append(context.emitted[1].astype(int))
+    change = np.abs(painted[0] - painted[1]).mean(axis=(0, 2))
+    assert change[:30].mean() < 2 and change[60:].mean() > 20

@@ -18,9 +18,11 @@ from workers.previews.streaming import streamed
 
 DRAFT_SIDE_PX = 288
 """Longest side of a draft."""
+CARD_SIDE_PX = 200
+"""Longest side of a card that may be a draft; larger ones are compared on the stage."""
 DRAFT_FROM_PIXELS = 1_000_000
 """A film with fewer pixels, over all its frames, is painted hardly later than a draft."""
-TELL_FROM_S, TELL_EVERY_S = 1.0, 0.2
+TELL_FROM_S, TELL_EVERY_S = 3.0, 0.2
 """Seconds before the first record of progress, and between two of them."""
 
 
@@ -59,8 +61,15 @@ def styles(context: PreviewContext) -> Iterator[Record]:
     number, side = context.options["frame"], context.query.side_px
     for card, layer in context.options["cards"]:
         context.check()
-        painted = LayerPainter(layer, context.frames, context.check).draft(number, side)
-        yield context.picture(number, painted, final=True, card=card)
+        yield context.picture(number, _card(context, layer, number, side), final=True, card=card)
+
+
+def _card(context: PreviewContext, layer: LayerSources, number: int, side_px: int) -> Frame:
+    """A draft where it is small and there is one, else the film's frame."""
+    draft = _layer_draft(context, layer, number, side_px) if side_px <= CARD_SIDE_PX else None
+    if draft is not None:
+        return draft
+    return next(layer_film(context, layer, side_px).frames([number], context.check))[1]
 
 
 def _span(context: PreviewContext) -> tuple[int, int, int]:
@@ -94,7 +103,7 @@ def _paint_one(context: PreviewContext, number: int, side_px: int, put: Callable
     def send(at: int, picture: Frame) -> None:
         nonlocal sent
         if at == number and not sent:
-            sent = True
+            sent = told.ended = True
             whole = composited([*pictures, picture], context.query.layers, context.frames, number, side_px)
             put(_picture(context, number, whole, final=True))
 
@@ -103,13 +112,18 @@ def _paint_one(context: PreviewContext, number: int, side_px: int, put: Callable
 
 
 class _Told:
-    """Hands over records of progress, not too many."""
+    """Hands over records of progress, not too many.
+
+    Attributes:
+        ended: whether the frame is there, so that the rest of its tasks needs no telling.
+    """
 
     def __init__(self, put: Callable[[Record], None]) -> None:
         self._put, self._next = put, time.monotonic() + TELL_FROM_S
+        self.ended = False
 
     def __call__(self, note: str, done: float) -> None:
-        if (now := time.monotonic()) >= self._next:
+        if (now := time.monotonic()) >= self._next and not self.ended:
             self._next = now + TELL_EVERY_S
             self._put(Record({"type": "progress", "done": round(done, 3), "note": note}))
 

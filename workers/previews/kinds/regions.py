@@ -20,7 +20,7 @@ from pipeline.methods import method, methods
 from pipeline.methods.base import VideoInfo
 from pipeline.methods.local import iterate_plan
 from workers.previews.context import PreviewContext
-from workers.previews.film import PreviewFilm
+from workers.previews.film import Kept, PreviewFilm
 from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
 
@@ -37,7 +37,8 @@ def known_artefacts(context: PreviewContext, layer: LayerSources) -> dict[str, F
 
 def layer_film(context: PreviewContext, layer: LayerSources, side_px: int) -> PreviewFilm:
     """The film of a layer at the size of a preview."""
-    return PreviewFilm(layer, context.frames, context.cache, side_px, lambda: _files(context, layer))
+    kept = Kept(context.frames, context.cache, context.artefacts)
+    return PreviewFilm(layer, kept, side_px, lambda: _files(context, layer))
 
 
 def _files(context: PreviewContext, layer: LayerSources) -> Files:

@@ -49,7 +49,7 @@ export function SubmitBar({ store, films, saveAll }: SubmitBarProps) {
       </div>
       {short < store.frames && (
         <button type="button" class="button" aria-disabled={sending} onClick={() => send([from, from + short])}>
-          Paint {SHORT_S} s first, from frame {from + 1}
+          Paint {SHORT_S} s first <small>from frame {from + 1}</small>
         </button>
       )}
       <button type="button" class="button primary submit" aria-disabled={sending} onClick={() => send()}>

@@ -15,10 +15,9 @@ const BUSY_MS = 1200;
 /** A frame near a painted key that has been looked at for so long is painted at full size. */
 const FULL_REST_MS = 800;
 const NEAR_FRAMES = 3;
-const PAINTING = "Painting this frame as in the film";
+const PAINTING = "Painting this frame";
 const DRAFT = "A draft of this frame alone; painting it as in the film";
 const ENLARGING = "Painting this frame at full size";
-const texts = [PAINTING, DRAFT, ENLARGING];
 
 export interface Previews {
   /** A frame of the film, painted at the video's size; PNG. */
@@ -64,7 +63,7 @@ export function startPreviews(store: Store): Previews {
   }
 
   function notBusy(): void {
-    if (texts.some((text) => store.busy.peek().startsWith(text))) store.busy.value = "";
+    if ([PAINTING, DRAFT].some((text) => store.busy.peek().startsWith(text))) store.busy.value = "";
   }
 
   async function paint(document: ProjectDocument, frame: number, layer: string | undefined): Promise<void> {
@@ -118,7 +117,7 @@ export function startPreviews(store: Store): Previews {
   ): Promise<void> {
     const body = { document, shot: store.shot.peek().id, layer, frame, coarse: slow, max_side_px: SIDE_PX };
     let coarseMs = 0;
-    let doing = PAINTING;
+    let doing = `${PAINTING} as in the film`;
     const shown: Promise<void>[] = [];
     const show = async (header: FrameHeader, record: PreviewRecord) => {
       const picture = await pictureOf(record);

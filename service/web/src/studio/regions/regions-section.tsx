@@ -16,6 +16,7 @@ import {
   renameRegion,
   type StyleKey,
   trackOf,
+  withRegion,
 } from "../document/design";
 import { type Layer, withPart } from "../document/document";
 import type { Store } from "../state/store";
@@ -185,11 +186,8 @@ function StyleKeys({ store, section }: RegionsProps) {
   const exact = key?.frame === store.frame.value;
   const edit = (label: string, change: Partial<StyleKey>, group = "") => {
     const next: StyleKey = { ...key, ...change, region, frame: store.frame.value };
-    store.editDesign(
-      label,
-      (design) => ({ ...design, keys: withOthers(design, putOnTrack(design.keys, next)) }),
-      group,
-    );
+    const keyed = (design: Design) => ({ ...design, keys: putOnTrack(design.keys, next) });
+    store.editDesign(label, (design) => withBorder(keyed(design), region), group);
   };
   const drop = () =>
     store.editDesign("Remove a style key", (design) => ({
@@ -253,11 +251,11 @@ function StyleKeys({ store, section }: RegionsProps) {
   );
 }
 
-/** Style keys with one of the layer's own style for each region that has none: without keys, it would take those of the
- * others. */
-function withOthers(design: Design, keys: StyleKey[]): StyleKey[] {
-  const bare = regionNames(design).filter((name) => !keys.some((key) => key.region === name));
-  return bare.reduce<StyleKey[]>((all, region) => putOnTrack(all, { region, frame: 0 }), keys);
+/** The design with a border round the region across which its style does not spread, unless it has a border already: the
+ * style is for this region only. */
+function withBorder(design: Design, name: string): Design {
+  const region = design.regions?.[name];
+  return region && !region.border ? withRegion(design, name, { ...region, border: "sharp" }) : design;
 }
 
 function changed(key: StyleKey, name: string, value: number | undefined): StyleKey["set"] {

@@ -38,7 +38,8 @@ export function createLoupeTool(store: Store, redraw: () => void): StageTool {
     const { signal } = running;
     const [frame, document, box] = [store.frame.value, store.document.value, boxAround(point, store.size)];
     const layer = shownAlone(store.shot.value, store.layerId.value);
-    store.busy.value = "Painting this piece at full size…";
+    let doing = "Painting this piece at full size";
+    store.busy.value = `${doing}…`;
     try {
       await preview({
         project: store.projectId,
@@ -47,7 +48,11 @@ export function createLoupeTool(store: Store, redraw: () => void): StageTool {
         body: { document, shot: store.shot.value.id, layer, frame, crop: box },
         signal,
         async onrecord(record) {
-          if (record.header.type !== "frame") return;
+          const { header } = record;
+          if (header.type === "progress") store.busy.value = `${doing}: ${Math.round(100 * header.done)} %`;
+          if (header.type !== "frame") return;
+          doing = header.final ? "" : "The loupe shows a draft of this frame alone; painting it as in the film";
+          store.busy.value = doing;
           const picture = await pictureOf(record);
           if (signal.aborted) return;
           piece = { frame, document, box, picture };
