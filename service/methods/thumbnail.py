@@ -11,7 +11,7 @@ from zlib import crc32
 import cv2
 
 from pipeline.errors import ImpastoError
-from pipeline.methods import BUILT_IN
+from pipeline.method_names import BUILT_IN
 from pipeline.methods import method as find_method
 from pipeline.methods.base import Method
 from pipeline.methods.live import Session

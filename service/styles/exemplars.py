@@ -8,7 +8,8 @@ from functools import cache
 
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
-from pipeline.methods import BUILT_IN, method, parse_params
+from pipeline.method_names import BUILT_IN
+from pipeline.methods import method, parse_params
 from pipeline.methods.base import Exemplar, Method
 from pipeline.scenes import scene
 
