@@ -12,7 +12,8 @@ import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 
-from pipeline.methods import BUILT_IN, method
+from pipeline.method_names import BUILT_IN
+from pipeline.methods import method
 from service.methods.thumbnail import thumbnail
 from service.page_pictures import folder
 from service.styles.exemplars import exemplars

@@ -171,9 +171,9 @@ def test_what_ends_late_is_in_the_layer_in_which_it_began(
         found: list[dict[str, Any]] = stored(service, project)["shots"][0]["layers"]
         return found
 
-    until(page, lambda: "style_output" in layers()[0].get("inputs", {}) and layers()[0].get("keys"))
+    until(page, lambda: "style_output" in layers()[0].get("inputs", {}) and layers()[0].get("parts"))
     saved(page)
     page.unroute_all()
     first, second = layers()
-    assert [key["frame"] for key in first["keys"]] == [4]
-    assert not second.get("keys") and not second.get("inputs")
+    assert [key["frame"] for key in first["parts"]["keys"]] == [4]
+    assert not second.get("parts") and not second.get("inputs")

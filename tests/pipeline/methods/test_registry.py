@@ -17,7 +17,8 @@ import pytest
 import pipeline
 from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
-from pipeline.methods import PLATFORM, method, methods, parse_params
+from pipeline.method_names import PLATFORM
+from pipeline.methods import method, methods, parse_params
 from pipeline.methods.base import PROCESS_BYTES, Method, PlanContext, VideoInfo, seeded
 from pipeline.methods.local import LocalContext, required_inputs, run_plan
 from pipeline.scenes import scene

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from pipeline.errors import BadInput
-from pipeline.methods import BUILT_IN, layer_parts, method
+from pipeline.method_names import BUILT_IN
+from pipeline.methods import layer_parts, method
 from pipeline.methods.base import InputSpec, LayerPart, Method
 from pipeline.methods.parts import Drawings
 

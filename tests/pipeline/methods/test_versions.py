@@ -16,7 +16,8 @@ import pytest
 
 from pipeline.arrays import Arrays
 from pipeline.frames import Frame
-from pipeline.methods import BUILT_IN, method, parse_params
+from pipeline.method_names import BUILT_IN
+from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, Task
 from pipeline.methods.local import LocalContext, iterate_plan, required_inputs
 

@@ -40,8 +40,8 @@ export function KeysSection({ store, section, keys, correct, take, suggest }: Ke
       .finally(() => setWaiting(false));
   };
   return (
-    <section class="side-section" aria-labelledby="keys-title">
-      <h2 id="keys-title">{section.title}</h2>
+    <section class="side-section" onClickCapture={() => store.paint(section)} aria-labelledby={`${section.part}-title`}>
+      <h2 id={`${section.part}-title`}>{section.title}</h2>
       {!frames.length && (
         <p class="hint">Paint over a frame: the film follows your painting from there, forwards and backwards.</p>
       )}

@@ -26,7 +26,7 @@ export function MarksSection({ store, section, keys, foreground }: MarksProps) {
     store.tool.value = "brush";
   };
   return (
-    <section class="side-section" aria-labelledby={`${section.part}-title`}>
+    <section class="side-section" onClickCapture={() => store.paint(section)} aria-labelledby={`${section.part}-title`}>
       <h2 id={`${section.part}-title`}>{section.title}</h2>
       {section.hint && <p class="hint">{section.hint}</p>}
       <div class="actions">

@@ -18,7 +18,7 @@ import { KeysSection } from "../keys/keys-section";
 import { MarksSection } from "../keys/marks-section";
 import { usePresetPictures } from "../previews/preset-pictures";
 import { RegionsSection } from "../regions/regions-section";
-import { isPainted, type Store } from "../state/store";
+import type { Store } from "../state/store";
 import { SaveStyle, StyleLibrary } from "../styles/style-library";
 import { LayersSection } from "./layers-section";
 import { Lesson } from "./lesson";
@@ -102,12 +102,9 @@ function MethodParts(props: MethodPartsProps) {
   );
 }
 
-/** The editor of one part of the layer; what is pressed in it is about that part. */
+/** The editor of one part of the layer. */
 function PartSection({ section, ...props }: MethodPartsProps & { section: Section }) {
   const { store, keys, clusters, foreground, correct, take, suggest, solve } = props;
-  const choosePart = () => {
-    if (isPainted(section)) store.paintPart.value = section.part;
-  };
   const editors = {
     keys: () => (
       <KeysSection store={store} section={section} keys={keys} correct={correct} take={take} suggest={suggest} />
@@ -116,7 +113,7 @@ function PartSection({ section, ...props }: MethodPartsProps & { section: Sectio
     clusters: () => <ClustersSection store={store} section={section} clusters={clusters} solve={solve} />,
     regions: () => <RegionsSection store={store} section={section} />,
   };
-  return <div onClickCapture={choosePart}>{editors[section.editor]()}</div>;
+  return editors[section.editor]();
 }
 
 function choose(store: Store, method: string): void {

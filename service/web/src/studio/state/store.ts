@@ -160,6 +160,11 @@ export class Store {
     return sections?.find((section) => section.part === part) ?? sections?.[0];
   }
 
+  /** Paint on the part of this section from now on. */
+  paint(section: Section): void {
+    this.paintPart.value = section.part;
+  }
+
   /** Key of the editable picture of the selected layer at a frame. */
   pictureKey(frame: number, section = this.painted()): string {
     return pictureKey(this.layer.value.id, frame, section?.part ?? "");
