@@ -25,6 +25,7 @@ LINKED = ("LICENSE", "impasto/live/client.py", "tests/regression/README.md")
 """Single files that pages link to."""
 MEASURED = (
     "abstraction",
+    "ablation",
     "multistyle",
     "patches",
     "analogy",

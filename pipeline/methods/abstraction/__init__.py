@@ -66,7 +66,7 @@ class Abstraction(Method):
     steps: ClassVar[tuple[Step[AbstractionParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),
-        Step("abstract", "Paint", plan_abstract, run_abstract),
+        Step("abstract", "Paint", plan_abstract, run_abstract, version=2),
     )
     artefacts: ClassVar[tuple[str, ...]] = ("svg",)
     palette_input: ClassVar[str] = "reference"
