@@ -38,7 +38,7 @@ from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams
 from pipeline.perception.flow.dis import dis
 from pipeline.perception.flow.gray import to_gray
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from pipeline.quality.coherence import detail, flicker, measure_pair
 from pipeline.video.reader import VideoReader
 
@@ -91,7 +91,7 @@ def median_of_three(source: Sequence[Frame], styled: Sequence[Frame]) -> list[Fr
     gray = [to_gray(frame) for frame in source]
     made = [styled[0]]
     for now in range(1, len(source) - 1):
-        around = [fetch(styled[other], dis(gray[now], gray[other], "medium")) for other in (now - 1, now + 1)]
+        around = [warp_back(styled[other], dis(gray[now], gray[other], "medium")) for other in (now - 1, now + 1)]
         made.append(np.median([*around, styled[now]], axis=0).astype(np.uint8))
     return [*made, styled[-1]]
 

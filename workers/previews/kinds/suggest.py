@@ -13,7 +13,7 @@ from pipeline.perception.cuts import is_cut, thumbnail
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.gray import to_gray
 from pipeline.perception.flow.reliability import visible
-from pipeline.perception.flow.warp import fetch
+from pipeline.perception.flow.warp import warp_back
 from workers.previews.context import PreviewContext
 from workers.previews.model import Record
 
@@ -51,7 +51,7 @@ def _scores(before: Frame, now: Frame) -> tuple[float, float, float]:
     a, b = to_gray(before), to_gray(now)
     back, forth = estimate(b, a, "dis-fast"), estimate(a, b, "dis-fast")
     matched = visible(back, forth)
-    apart = np.abs(fetch(a, back).astype(np.float32) - b.astype(np.float32)) > MISFIT_LEVELS
+    apart = np.abs(warp_back(a, back).astype(np.float32) - b.astype(np.float32)) > MISFIT_LEVELS
     return float(1 - matched.mean()), float((apart & matched).mean()), 0.0
 
 
