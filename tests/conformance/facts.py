@@ -72,7 +72,7 @@ class Colours:
         if shown.shape[2] == 4:
             opaque = shown[..., 3:] / 255
             shown = shown[..., :3] * opaque + 255 * (1 - opaque)
-        self._means.append([float(value) for value in shown.mean((0, 1))])
+        self._means.append([float(value) for value in shown.mean((0, 1), dtype=np.float64)])
 
     def sampled(self) -> list[list[float]]:
         last = len(self._means) - 1

@@ -112,7 +112,7 @@ def _film(path: Path) -> Facts:
         stream: Any = source.streams.best("video")
         if stream is None or stream.disposition & stream.disposition.attached_pic:
             return Facts(refused="no video stream")
-        stream.thread_type = "AUTO"
+        stream.thread_type = "SLICE"  # threads for frames lose neighbours of a damaged one
         first_s, rate = None, stream.average_rate or stream.guessed_rate or 25
         for picture in islice(_decoded(source, stream, found), most):
             time = picture.pts if picture.pts is not None else picture.dts
