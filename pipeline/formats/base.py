@@ -21,13 +21,13 @@ from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
 from pipeline.video.media import Limits
 
-_SQUARE_TOLERANCE = Fraction(1, 200)
+_SQUARE_TOLERANCE = 0.005
 Progress = Callable[[float], None]
 Segments = Sequence[tuple[Fraction, Path]]
 """(start time in seconds, file) of each segment of a film, in order."""
 
 
-def square_size(width: int, height: int, aspect: float | Fraction) -> tuple[int, int]:
+def square_size(width: int, height: int, aspect: float) -> tuple[int, int]:
     """(width, height) with square pixels, px, from pixels of this aspect (width : height). One side is enlarged, to an
     even number of px; none is reduced, to keep detail."""
     if abs(Fraction(aspect) - 1) <= _SQUARE_TOLERANCE:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import io
 
-import cv2
-import numpy as np
-
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.formats import IMAGE_NAMES, IMAGES, image_format
@@ -14,24 +11,17 @@ from pipeline.formats.base import Choice, ImageFormat, PlaneImage
 from pipeline.formats.pillow import eight_bit
 from pipeline.frames import Frame
 from pipeline.video.media import Limits, check_size, unreadable
-from pipeline.video.stills import over_white
+from pipeline.video.stills import as_rgb
 
 
 def decode_rgb(data: bytes, limits: Limits, name: str = "image", choice: Choice = Choice()) -> Frame:
     """Decode an image to a frame, alpha over white. Raises UnreadableMedia, MediaTooLarge, BadParameter."""
-    picture = eight_bit(_read(data, limits, name, choice))
-    if picture.ndim == 2:
-        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB), np.uint8)
-    return over_white(picture) if picture.shape[2] == 4 else np.ascontiguousarray(picture)
+    return as_rgb(eight_bit(decode_raw(data, limits, name, choice)))
 
 
-def decode_raw(data: bytes, limits: Limits, name: str = "image") -> AnyArray:
+def decode_raw(data: bytes, limits: Limits, name: str = "image", choice: Choice = Choice()) -> AnyArray:
     """Decode an image as displayed: (h, w), (h, w, 3) RGB or (h, w, 4) RGBA; uint8 or uint16; of formats that hold more
-    bits, also float32 0..1. Raises UnreadableMedia, MediaTooLarge."""
-    return _read(data, limits, name, Choice())
-
-
-def _read(data: bytes, limits: Limits, name: str, choice: Choice) -> AnyArray:
+    bits, also float32 0..1. Raises UnreadableMedia, MediaTooLarge, BadParameter."""
     form = format_of(data, name)
     if choice != Choice() and not form.carries.planes:
         raise BadParameter(f"A {form.title} image has one picture.", field="layer, view", value=name,

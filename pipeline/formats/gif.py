@@ -18,7 +18,7 @@ from av.video.stream import VideoStream
 
 from pipeline.formats.base import Carries, OutputFormat, Progress, Segments
 from pipeline.formats.pillow import PillowFormat
-from pipeline.video.container import open_container
+from pipeline.video.container import finished, open_container
 from pipeline.video.media import Limits
 
 TICK = Fraction(1, 100)
@@ -88,7 +88,7 @@ def _palette(segments: Segments, progress: Progress) -> tuple[av.VideoFrame, int
         progress(_SHARE_OF_PALETTE * number / count)
     assert source_filter is not None and sink is not None
     source_filter.push(None)
-    return _pulled(sink), count
+    return next(finished(sink)), count
 
 
 def _palette_graph(graph: Graph, picture: av.VideoFrame) -> tuple[FilterContext, FilterContext]:
@@ -118,30 +118,16 @@ def _mapped(segments: Segments, palette: av.VideoFrame) -> Iterator[av.VideoFram
             colours.push(None)
         picture.pts, picture.time_base = at, TICK
         first.push(picture)
-        yield from _available(last)
+        yield from finished(last)
     if first is not None and last is not None:
         first.push(None)
-        yield from _available(last)
+        yield from finished(last)
 
 
 def _input(graph: Graph, picture: av.VideoFrame, name: str) -> FilterContext:
     return graph.add_buffer(
         width=picture.width, height=picture.height, format=picture.format, time_base=TICK, name=name
     )
-
-
-def _pulled(sink: FilterContext) -> av.VideoFrame:
-    picture = sink.pull()
-    assert isinstance(picture, av.VideoFrame)
-    return picture
-
-
-def _available(sink: FilterContext) -> Iterator[av.VideoFrame]:
-    while True:
-        try:
-            yield _pulled(sink)
-        except (BlockingIOError, EOFError):
-            return
 
 
 class Gif(PillowFormat):

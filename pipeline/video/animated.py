@@ -14,7 +14,7 @@ from pipeline.frames import Frame
 from pipeline.video.geometry import Geometry
 from pipeline.video.index import Index
 from pipeline.video.media import Limits, Note
-from pipeline.video.stills import over_white
+from pipeline.video.stills import as_rgb
 
 
 class AnimatedImage:
@@ -37,7 +37,7 @@ class AnimatedImage:
         )  # fmt: skip
         self.position: int | None = 0
         self._frames: Iterator[AnyArray] = self._pictures.frames(0)
-        first = _frame(next(self._frames))
+        first = as_rgb(next(self._frames))
         self.geometry = Geometry((first.shape[1], first.shape[0]))
         self.position = 1
 
@@ -54,11 +54,4 @@ class AnimatedImage:
             if at in self.index.incomplete:
                 self.unreadable.append(at)
             width, height = self.geometry.size
-            yield _frame(picture[:height, :width])  # pictures of a GIF can reach beyond its screen
-
-
-def _frame(picture: AnyArray) -> Frame:
-    """The picture over white; gray pictures as RGB."""
-    if picture.ndim == 2:
-        return np.ascontiguousarray(np.dstack([picture] * 3))
-    return over_white(picture) if picture.shape[2] == 4 else np.ascontiguousarray(picture)
+            yield as_rgb(picture[:height, :width])  # pictures of a GIF can reach beyond its screen

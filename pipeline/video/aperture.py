@@ -6,6 +6,7 @@ FFmpeg's demuxers read both; PyAV hands them on only in FFmpeg's description of 
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import av.logging
 from av.container import InputContainer
@@ -23,8 +24,9 @@ def crop_of(container: InputContainer, stream: VideoStream) -> Crop | None:
     """The crop that the container asks for; None: none, or one that leaves nothing."""
     if container.format.name not in (MOV, MATROSKA):
         return None
+    described: Any = container  # PyAV's types lack `dumps_format`
     with logging_at(av.logging.INFO):
-        streams = re.split(r"^ +Stream #0:(\d+)", container.dumps_format(), flags=re.MULTILINE)
+        streams = re.split(r"^ +Stream #0:(\d+)", described.dumps_format(), flags=re.MULTILINE)
     about = dict(zip(streams[1::2], streams[2::2], strict=True)).get(str(stream.index), "")
     found = _CROPPING.search(about)
     left, right, top, bottom = map(int, found.groups()) if found else (0, 0, 0, 0)

@@ -24,7 +24,7 @@ from av.filter import Graph
 from av.packet import Packet
 
 from pipeline.errors import BadParameter
-from pipeline.video.container import open_container, sound_streams
+from pipeline.video.container import finished, open_container, sound_streams
 from pipeline.video.media import Limits, Note
 from pipeline.video.timeline import Timeline, timed_packets
 
@@ -261,12 +261,7 @@ class _Resampler:
         return self._finished()
 
     def _finished(self) -> Iterator[AudioFrame]:
-        while True:
-            try:
-                piece = self._sink.pull()
-            except (BlockingIOError, EOFError):
-                return
-            assert isinstance(piece, AudioFrame)
+        for piece in finished(self._sink):
             piece.pts, piece.time_base = self._at, Fraction(1, _RATE)
             self._at += piece.samples
             yield piece

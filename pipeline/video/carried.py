@@ -70,10 +70,11 @@ class Carried:
         start = (packet.pts or 0) + round((Fraction(shift_us, 1_000_000) - self.zero_s) / tick)
         packet.pts = packet.dts = max(0, start)
         packet.stream = target
+        left = (packet.duration or 0) + min(0, start)
         if start < 0:
-            packet.duration = (packet.duration or 0) + start
-        if start >= 0 or packet.duration > 0:
-            yield packet.pts * tick, packet
+            packet.duration = left
+        if start >= 0 or left > 0:
+            yield max(0, start) * tick, packet
 
     def _chapters(self, source: InputContainer) -> list[Any]:
         """The chapters in the output's time, cut to it."""
@@ -157,17 +158,16 @@ class _Text:
     """A track of subtitles, and its track in the output."""
 
     stream: SubtitleStream
-    target: Stream
+    target: SubtitleStream
 
     @classmethod
     def added(cls, out: OutputContainer, stream: SubtitleStream, codec: str) -> _Text:
-        target: Stream
-        if _codec(stream) == codec:
-            target = out.add_stream_from_template(stream)
-        else:
-            target = made = out.add_stream(codec)
-            made.time_base = made.codec_context.time_base = Fraction(1, 1000)
-            made.codec_context.subtitle_header = stream.codec_context.subtitle_header
+        copied = _codec(stream) == codec
+        target = out.add_stream_from_template(stream) if copied else out.add_stream(codec)
+        assert isinstance(target, SubtitleStream)
+        if not copied:
+            target.time_base = target.codec_context.time_base = Fraction(1, 1000)
+            target.codec_context.subtitle_header = stream.codec_context.subtitle_header
         target.metadata.update({k: v for k, v in stream.metadata.items() if k in ("language", "title", "handler_name")})
         return cls(stream, target)
 
@@ -183,7 +183,7 @@ class _Text:
         if not lines:
             return None
         shown = SubtitleSet.create(b"\\N".join(lines), 0, packet.duration or 0, packet.pts or 0)
-        made = self.target.codec_context.encode_subtitle(shown)
+        made: Packet[Any] = self.target.codec_context.encode_subtitle(shown)
         made.pts, made.duration, made.time_base = packet.pts, packet.duration, packet.time_base
         return made
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import av
 import av.logging
 from av.audio.stream import AudioStream
 from av.codec import CodecContext
 from av.container import InputContainer
+from av.filter.context import FilterContext
 from av.stream import Disposition
 from av.video.codeccontext import VideoCodecContext
 from av.video.stream import VideoStream
@@ -125,6 +126,15 @@ def choice_notes(container: InputContainer, found: VideoStream) -> tuple[Note, .
 def sound_streams(container: InputContainer) -> list[AudioStream]:
     """The sound tracks that can be decoded."""
     return [stream for stream in container.streams.audio if stream.codec_context is not None]
+
+
+def finished(sink: FilterContext) -> Iterator[Any]:
+    """The frames that a filter graph has finished."""
+    while True:
+        try:
+            yield sink.pull()
+        except (BlockingIOError, EOFError):
+            return
 
 
 def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecContext:

@@ -12,6 +12,7 @@ from fractions import Fraction
 import av
 from av.filter import Graph
 
+from pipeline.video.container import finished
 from pipeline.video.media import Fields
 
 Numbered = tuple[int, av.VideoFrame]
@@ -103,16 +104,8 @@ class _Bwdif:
         return self._finished()
 
     def _finished(self) -> list[Numbered]:
-        found: list[Numbered] = []
-        while True:
-            try:
-                frame = self._sink.pull()
-            except (BlockingIOError, EOFError):
-                return found
-            assert isinstance(frame, av.VideoFrame)
-            number = self._waiting.popleft()
-            if number is not None:
-                found.append((number, frame))
+        numbered = [(self._waiting.popleft(), frame) for frame in finished(self._sink)]
+        return [(number, frame) for number, frame in numbered if number is not None]
 
 
 def _kind(picture: av.VideoFrame) -> tuple[int, int, str, int, int]:

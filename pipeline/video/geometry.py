@@ -78,7 +78,7 @@ def geometry_of(picture: av.VideoFrame, aspect: Fraction | None, crop: Crop | No
     """The geometry of a stream, from its first picture and its sample aspect ratio (None or 0 = square pixels)."""
     a, b, c, d = _display_matrix(picture)
     left, top, right, bottom = crop or (0, 0, 0, 0)
-    scaled = square_size(picture.width - left - right, picture.height - top - bottom, aspect or 1)
+    scaled = square_size(picture.width - left - right, picture.height - top - bottom, float(aspect or 1))
     if abs(a) + abs(d) >= abs(b) + abs(c):
         return Geometry(scaled, False, a < 0, d < 0, crop)
     return Geometry(scaled, True, c < 0, b < 0, crop)

@@ -1,17 +1,12 @@
-"""Media type of a file from its first bytes (never from its name), and the header of an image without decoding.
-
-Decoders allocate the size that a header claims, so sizes are checked before any decoder runs.
-"""
+"""Media type of a file from its first bytes, never from its name."""
 
 from __future__ import annotations
 
 from typing import BinaryIO
 
-from pipeline.formats import IMAGES, image_format
-from pipeline.formats.base import ImageHeader
+from pipeline.formats import image_format
 from pipeline.video.media import unreadable
 
-IMAGE_TYPES = tuple(form.media_type for form in IMAGES)
 _MAGIC = (
     (b"PK\x03\x04", "application/zip"),
     (b"PK\x05\x06", "application/zip"),
@@ -57,12 +52,3 @@ def _is_text(head: bytes) -> bool:
     except UnicodeDecodeError as error:
         return error.start > 1000 and b"\0" not in head
     return b"\0" not in head
-
-
-def image_header(stream: BinaryIO, media_type: str) -> ImageHeader:
-    """Read the header of an image of one of `IMAGE_TYPES`. Sizes are as stored, before EXIF rotation, px.
-
-    Raises:
-        UnreadableMedia: the header is truncated or invalid.
-    """
-    return next(form for form in IMAGES if form.media_type == media_type).header(stream)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Self
@@ -113,3 +114,41 @@ class Index:
             repeats=frozenset(frame - count for frame in self.repeats if frame >= count),
             notes=(*self.notes, Note("left-out", message)),
         )
+
+
+class FrameReader(ABC):
+    """What readers of frames have in common: facts from their index, and closing."""
+
+    @property
+    @abstractmethod
+    def index(self) -> Index:
+        """Presentation times of the frames."""
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    @property
+    def frames(self) -> int:
+        """Number of frames; an estimate if `index.exact` is false."""
+        return len(self.index.pts)
+
+    @property
+    def timestamps(self) -> NDArray[np.int64]:
+        """Presentation time of each frame, ticks of `time_base`."""
+        return self.index.pts
+
+    @property
+    def time_base(self) -> Fraction:
+        """Duration of a tick, seconds."""
+        return self.index.time_base
+
+    @property
+    def fps(self) -> float:
+        """Mean frame rate, frames per second."""
+        return self.index.fps

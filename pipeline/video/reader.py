@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
-from typing import Self
-
-import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.formats import image_format_of
@@ -17,7 +11,7 @@ from pipeline.frames import Frame
 from pipeline.video.animated import AnimatedImage
 from pipeline.video.clip import Clip
 from pipeline.video.headers import sniff
-from pipeline.video.index import Index
+from pipeline.video.index import FrameReader, Index
 from pipeline.video.media import Limits, Note, SourceOptions, check_bytes, check_size, unreadable
 from pipeline.video.numbering import is_pattern
 from pipeline.video.sequence import Sequence, open_folder, open_still, open_zip
@@ -26,7 +20,7 @@ from pipeline.video.sequence_options import USUAL, SequenceOptions
 Source = Clip | Sequence | AnimatedImage
 
 
-class VideoReader:
+class VideoReader(FrameReader):
     """Reads a video container, an animated image, a folder or zip of numbered images, or one still image (a video of
     one frame).
 
@@ -50,14 +44,6 @@ class VideoReader:
     ) -> None:  # fmt: skip
         self._source: Source = open_source(Path(path), limits or Limits(), options, sequence)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def close(self) -> None:
         self._source.close()
 
@@ -76,29 +62,9 @@ class VideoReader:
         return self._source.pixel_format
 
     @property
-    def frames(self) -> int:
-        """Number of frames; an estimate if `index.exact` is false."""
-        return len(self._source.index.pts)
-
-    @property
     def index(self) -> Index:
         """Presentation times of the frames."""
         return self._source.index
-
-    @property
-    def timestamps(self) -> NDArray[np.int64]:
-        """Presentation time of each frame, ticks of `time_base`."""
-        return self._source.index.pts
-
-    @property
-    def time_base(self) -> Fraction:
-        """Duration of a tick, seconds."""
-        return self._source.index.time_base
-
-    @property
-    def fps(self) -> float:
-        """Mean frame rate, frames per second."""
-        return self._source.index.fps
 
     @property
     def errors(self) -> list[str]:

@@ -51,7 +51,7 @@ def differences(reference: Facts, ours: Facts) -> list[str]:
     least = ours.pictures - ours.repeated if reference.damaged else ours.pictures
     if not least <= reference.pictures <= ours.pictures:
         found.append(f"pictures {reference.pictures} / {ours.pictures}")
-    elif worst := _worst_time(reference, ours):
+    elif not reference.damaged and (worst := _worst_time(reference, ours)):
         found.append(worst)
     if reference.size != ours.size:
         found.append(f"size {reference.size} / {ours.size}")

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any, Self
 
+import av
 import numpy as np
 from numpy.typing import NDArray
 
 SAMPLED = (0.0, 0.5, 1.0)
 """Places of the pictures whose colours are compared, as shares of the film."""
 MOST_PICTURES = 300
-"""Only the first pictures of a longer film are read."""
+_MOST_PIXELS = 60_000_000
+
+
+def most_pictures(path: Path) -> int:
+    """How many pictures of a file are read: the first 300, of large ones fewer."""
+    try:
+        with av.open(str(path), metadata_errors="replace") as source:
+            sizes = [stream.codec_context.width * stream.codec_context.height for stream in source.streams.video]
+    except (av.FFmpegError, OSError, ValueError, AttributeError):
+        return MOST_PICTURES
+    return min(MOST_PICTURES, max(5, _MOST_PIXELS // max(1, *sizes, 1)))
 
 
 @dataclass
@@ -20,7 +32,7 @@ class Facts:
     """One reader's findings.
 
     Attributes:
-        pictures: number of pictures, at most `MOST_PICTURES`.
+        pictures: number of pictures, at most `most_pictures`.
         times_s: their times from the first one, seconds.
         size: (width, height) as displayed.
         colours: mean red, green and blue of three pictures, 0..255.
@@ -60,7 +72,7 @@ class Colours:
         if shown.shape[2] == 4:
             opaque = shown[..., 3:] / 255
             shown = shown[..., :3] * opaque + 255 * (1 - opaque)
-        self._means.append([float(value) for value in shown.mean((0, 1))])
+        self._means.append([float(value) for value in shown.mean((0, 1), dtype=np.float64)])
 
     def sampled(self) -> list[list[float]]:
         last = len(self._means) - 1

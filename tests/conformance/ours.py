@@ -13,7 +13,7 @@ from pipeline.video.guard.files import guarded_join
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.probe import probe_guarded
 from pipeline.video.writer import SegmentSpec, segment_writer
-from tests.conformance.facts import MOST_PICTURES, Colours, Facts
+from tests.conformance.facts import Colours, Facts, most_pictures
 from tests.conformance.reference import heard
 
 _GRAY = np.full((16, 16, 3), 128, np.uint8)
@@ -26,8 +26,9 @@ def by_impasto(path: Path) -> Facts:
         info = probe_guarded(path)
         if info.kind == "json":
             return Facts(refused="The file is JSON.")
+        most = most_pictures(path)
         with GuardedReader(path) as reader:
-            for frame in reader.read(0, MOST_PICTURES):
+            for frame in reader.read(0, most):
                 colours.add(frame)
                 found.pictures += 1
             tick = reader.time_base
@@ -36,15 +37,15 @@ def by_impasto(path: Path) -> Facts:
             found.damaged = bool(damage_of(reader.index, (*reader.unreadable, *reader.index.incomplete)))
             found.colours, found.repeated = colours.sampled(), len(reader.unreadable)
             if info.has_audio:
-                found.onset_s = _heard(path, reader)
+                found.onset_s = _heard(path, reader, most)
     except BadInput as error:
         return Facts(refused=f"{error.message} {error.value or ''}".strip())
     return found
 
 
-def _heard(path: Path, reader: GuardedReader) -> float | None:
+def _heard(path: Path, reader: GuardedReader, most: int) -> float | None:
     """The onset of the sound, from the first picture, of a film with gray pictures at the times of this one."""
-    index, count = reader.index, min(reader.frames, MOST_PICTURES)
+    index, count = reader.index, min(reader.frames, most)
     with TemporaryDirectory() as folder:
         segment, whole = Path(folder) / "segment", Path(folder) / "whole.mp4"
         with segment_writer(segment, SegmentSpec("mp4", (16, 16), index.time_base, index.fps, 40)) as writer:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageCms, ImageOps
 
 from pipeline.formats import IMAGE_SUFFIXES
-from tests.conformance.facts import MOST_PICTURES, Colours, Facts, onset
+from tests.conformance.facts import MOST_PICTURES, Colours, Facts, most_pictures, onset
 
 STILLS = IMAGE_SUFFIXES - {".exr", ".dpx"} | {".apng"}
 _MOST_S = 30.0
@@ -107,16 +107,15 @@ def _srgb(image: Image.Image) -> NDArray[Any]:
 
 
 def _film(path: Path) -> Facts:
-    found, colours = Facts(), Colours()
+    found, colours, most = Facts(), Colours(), most_pictures(path)
     with av.open(str(path), metadata_errors="replace") as source:
         stream: Any = source.streams.best("video")
         if stream is None or stream.disposition & stream.disposition.attached_pic:
             return Facts(refused="no video stream")
-        stream.thread_type = "AUTO"
-        first_s = None
-        for picture in islice(_decoded(source, stream, found), MOST_PICTURES):
+        stream.thread_type = "SLICE"  # threads for frames lose neighbours of a damaged one
+        first_s, rate = None, stream.average_rate or stream.guessed_rate or 25
+        for picture in islice(_decoded(source, stream, found), most):
             time = picture.pts if picture.pts is not None else picture.dts
-            rate = stream.average_rate or stream.guessed_rate or 25
             at = float(found.pictures / rate if time is None else time * picture.time_base)
             first_s = at if first_s is None else first_s
             found.times_s.append(at - first_s)
@@ -128,6 +127,9 @@ def _film(path: Path) -> Facts:
     if not found.pictures:
         return Facts(refused="no picture can be decoded")
     found.onset_s = heard(path, first_s or 0.0)
+    if path.suffix.lower() == ".avi" and found.pictures < most:  # FFmpeg's command fills empty places
+        found.pictures = round(found.times_s[-1] * rate) + 1
+        found.times_s = [float(at / rate) for at in range(found.pictures)]
     return found
 
 

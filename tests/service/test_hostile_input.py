@@ -19,10 +19,10 @@ from hypothesis import strategies as some
 from starlette.datastructures import Headers
 
 from pipeline.errors import BadInput, ImpastoError
+from pipeline.formats import image_format_of
 from pipeline.formats.decoding import decode_rgb
 from pipeline.video.archive import open_archive, read_entry
 from pipeline.video.guard.wire import ConnectionBroken, receive
-from pipeline.video.headers import IMAGE_TYPES, image_header, sniff
 from pipeline.video.media import Limits
 from pipeline.video.stills import encode_png
 from service.access.admission import Admission, Cost, classes
@@ -221,9 +221,8 @@ def test_arbitrary_bytes_are_decoded_as_images_or_refused(noise: bytes, at: int,
         changed,
     ):
         try:
-            media_type = sniff(io.BytesIO(data))
-            if media_type in IMAGE_TYPES:
-                image_header(io.BytesIO(data), media_type)
+            if form := image_format_of(io.BytesIO(data)):
+                form.header(io.BytesIO(data))
             frame = decode_rgb(data, SMALL)
         except ImpastoError:
             continue

@@ -20,9 +20,9 @@ from av.video.frame import PictureType
 from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 
 from pipeline.errors import BadFrame, ImpastoError
+from pipeline.formats import image_format
 from pipeline.frames import Frame
 from pipeline.video.geometry import Geometry, YuvConverter, customary_matrix, to_frame
-from pipeline.video.headers import image_header, sniff
 from workers.live.model import Size, WireFormat
 
 BUILT_ON = frozenset({"h264", "vp8"})
@@ -30,7 +30,6 @@ BUILT_ON = frozenset({"h264", "vp8"})
 CODECS = ("h264", "vp8", "jpeg", "webp", "raw")
 """Every codec, for receiving and sending."""
 KEY_EVERY_S = 3
-_TYPES = {"image/jpeg": "jpeg", "image/webp": "webp"}
 _BT601_TAG = 6
 _LOW_DELAY = 0x00080000
 
@@ -121,9 +120,9 @@ class _StillDecoder:
     def _check(self, payload: bytes, size: Size) -> None:
         """Check the size in the header before memory of that size is allocated."""
         try:
-            media_type = sniff(io.BytesIO(payload))
-            codec = _TYPES.get(media_type, media_type or "something else")
-            header = image_header(io.BytesIO(payload), media_type) if codec == self._codec else None
+            form = image_format(payload[:4096])
+            codec = form.name if form else "something else"
+            header = form.header(io.BytesIO(payload)) if form and codec == self._codec else None
         except ImpastoError:
             header, codec = None, "not a picture"
         if header is None:

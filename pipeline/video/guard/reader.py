@@ -6,16 +6,13 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
 from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
-from pipeline.video.index import Index
+from pipeline.video.index import FrameReader, Index
 from pipeline.video.media import Limits, Note, SourceOptions
 from pipeline.video.numbering import numbers_of_runs
 
@@ -25,7 +22,7 @@ _THUMBNAILS = 16
 """Thumbnails in one answer."""
 
 
-class GuardedReader:
+class GuardedReader(FrameReader):
     """`VideoReader` for untrusted files: the decoder runs in a process of its own, which can be killed.
 
     It costs a fork at the start and a copy of each frame. Not thread-safe; close it.
@@ -48,7 +45,7 @@ class GuardedReader:
         """(width, height) of every frame, px."""
         self.rotation_deg = int(about["rotation_deg"])
         self.pixel_format = str(about["pixel_format"])
-        self.index = _index(about, data)
+        self._index = _index(about, data)
         self.errors: list[str] = []
         """Decoding errors so far."""
         self.unreadable: list[int] = []
@@ -56,37 +53,17 @@ class GuardedReader:
         self.position: int | None = about["position"]
         """The first frame that can be read without a seek, or None."""
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def close(self) -> None:
         self._child.close()
 
     @property
-    def frames(self) -> int:
-        return len(self.index.pts)
-
-    @property
-    def timestamps(self) -> NDArray[np.int64]:
-        return self.index.pts
-
-    @property
-    def time_base(self) -> Fraction:
-        return self.index.time_base
+    def index(self) -> Index:
+        return self._index
 
     @property
     def notes(self) -> tuple[Note, ...]:
         """What was chosen, corrected or assumed when the file was opened."""
-        return self.index.notes
-
-    @property
-    def fps(self) -> float:
-        return self.index.fps
+        return self._index.notes
 
     def read(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Frames [start, stop) in order; fewer if the video ends earlier. Start another read only after this one."""
