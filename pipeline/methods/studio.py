@@ -1,4 +1,4 @@
-"""Description of the tools and sections of the studio for a method, as data: web pages name no method."""
+"""What the studio offers for layers of a method, as data: the web pages know no method by its name."""
 
 from __future__ import annotations
 
