@@ -24,6 +24,8 @@ PAGES = ("README.md", "DESIGN.md", "CONTRIBUTING.md", "CHANGELOG.md")
 FOLDERS = ("docs", "examples", "deploy")
 LINKED = ("LICENSE", "impasto/live/client.py", "tests/regression/README.md")
 """Single files that pages link to."""
+WRITTEN = sorted({page.stem for page in (ROOT / "docs/measurements").glob("*.md")} - {"README", *MEASURED})
+"""Pages of measurements that are not drawn from tables."""
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "README",
@@ -34,7 +36,7 @@ CHAPTERS: dict[str, tuple[str, ...]] = {
     ),
     "Use": tuple(f"docs/{name}" for name in ("studio", "projects", "live", "quality", "api", "http", "python")),
     "Operate": tuple(f"docs/{name}" for name in ("operations", "runbook", "security", "performance")),
-    "Measurements": tuple(f"docs/measurements/{name}" for name in ("README", *MEASURED)),
+    "Measurements": tuple(f"docs/measurements/{name}" for name in ("README", *MEASURED, *WRITTEN)),
     "Develop": ("docs/architecture", "docs/testing", "docs/glossary", "DESIGN", "CONTRIBUTING", "CHANGELOG"),
 }
 PYTHON = """\
