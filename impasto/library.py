@@ -12,7 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -23,6 +23,7 @@ import numpy as np
 from impasto.delivery import Target, deliver, expanded, output_faults, same_file, target
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
+from pipeline.formats.base import Encoding
 from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
@@ -36,8 +37,10 @@ from pipeline.video.reader import VideoReader
 from pipeline.video.sequence_options import SequenceOptions, options_of
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec, segment_writer
+from workers.contract.request import Alpha, OutputSpec
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.input_damage import InputDamage
+from workers.scheduling.outputs import check_output
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,22 @@ class ImageSequence:
         return options_of(values, "source")
 
 
+@dataclass(frozen=True)
+class OutputFile:
+    """An output, and how it is encoded.
+
+    Attributes:
+        path: see `render`.
+        profile: encoding of the format, for example "4444" of .mov: see `impasto formats`; "": its usual one.
+        alpha: opacity of the output: "source", "none" (the source over white), or "auto": that of the source if the
+            profile has opacity.
+    """
+
+    path: str | Path
+    profile: str = ""
+    alpha: Alpha = "auto"
+
+
 Source = str | Path | SourceFile | ImageSequence | Iterable[Frame]
 PICTURES = frozenset({"video", "image", "image-or-video"})
 
@@ -92,14 +111,14 @@ def render(
 
 @overload
 def render(
-    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, object] | None = None,
+    method: str, source: Source, output: str | Path | OutputFile, *, inputs: Mapping[str, object] | None = None,
     seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
     **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
-    method: str, source: Source, output: str | Path | None = None, *,
+    method: str, source: Source, output: str | Path | OutputFile | None = None, *,
     inputs: Mapping[str, object] | None = None, seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20,
     overwrite: bool = False, **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
@@ -112,7 +131,8 @@ def render(
             of missing numbers; or an iterable of frames, arrays uint8 (height, width, 3), RGB, all of one size, at
             least 16 px on each side. Frames are read lazily.
         output: None, or a path with the extension of an output format (`pipeline.formats`: .mp4, .webm, .zip of PNG
-            frames, .png for one frame, ...), or a folder: "name/".
+            frames, .png for one frame, ...), a folder "name/", or a folder with names "folder/name.####.exr"; an
+            `OutputFile` also chooses codec, depth and opacity.
         inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
             the parsed document, for numbered images a mapping from frame number to array.
         seed: seed of all random choices.
@@ -159,15 +179,18 @@ def render(
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
-    where = None if output is None else _checked_output(output, source, inputs or {}, overwrite)
+    file = output if isinstance(output, OutputFile) else OutputFile("" if output is None else output)
+    where = None if output is None else _checked_output(file.path, source, inputs or {}, overwrite)
     stack = ExitStack()
+    if where is not None:
+        check_output(chosen, OutputSpec(where.format, quality, profile=file.profile, alpha=file.alpha))
     damage = InputDamage(fails=False)
     stack.callback(_warn, damage)
     frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
     if where is None:
         return frames
     with stack:
-        _write(frames, source, where, fps, quality)
+        _write(frames, source, SegmentSpec(where.format, (0, 0), Fraction(1), fps, quality, file.profile), where)
     return where.path
 
 
@@ -398,27 +421,31 @@ class _DiskContext(LocalContext[AnyParams]):
         return self._folder / f"{step}--{name.replace('/', '--')}"
 
 
-def _write(frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int) -> None:
-    """Encode the frames at the times of the source, add its sound, and put the file in its place."""
+def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: Target) -> None:
+    """Encode the frames at the times of the source, add its sound, and put the file in its place.
+
+    Args:
+        wanted: format, profile and quality, and the frame rate of a source without one.
+    """
     with tempfile.TemporaryDirectory(prefix="impasto-") as folder, ExitStack() as stack:
         segment, whole = Path(folder) / "segment", Path(folder) / "whole"
         file = _file(source)
         sound = None if file is None else expanded(Path(file.path))
         times = None if file is None else stack.enter_context(opened(file)).index
-        rate = Fraction(fps).limit_denominator(1001)
+        rate = Fraction(wanted.fps).limit_denominator(1001)
         first = next(frames, None)
         if first is None:
             raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
         size = (first.shape[1], first.shape[0])
-        base, shown = (1 / rate, fps) if times is None else (times.time_base, times.fps)
-        spec = SegmentSpec(where.format, size, base, shown, quality)
+        base, shown = (1 / rate, wanted.fps) if times is None else (times.time_base, times.fps)
+        spec = replace(wanted, size=size, time_base=base, fps=shown)
         with segment_writer(segment, spec) as writer:
             for index, frame in enumerate(chain([first], frames)):
                 start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
                 writer.write(index if times is None else times.number(index), frame, start, stop)
         origin = Fraction(0) if times is None else times.time(0) * base
         options = file.options if isinstance(file, SourceFile) else None
-        for note in join([(origin, segment)], whole, spec.format, sound, options=options):
+        for note in join([(origin, segment)], whole, Encoding(spec.format, spec.quality), sound, options=options):
             warnings.warn(note.message, SourceNotice, stacklevel=4)
         with output_faults("output", where.path):
             deliver(whole, where)

@@ -15,6 +15,7 @@ from pydantic import JsonValue
 
 from impasto.delivery import expanded
 from pipeline.errors import BadInput, BadParameter
+from pipeline.formats import OUTPUTS
 from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
 
@@ -37,6 +38,15 @@ class FieldOrder(StrEnum):
     PROGRESSIVE = "progressive"
     TOP = "top"
     BOTTOM = "bottom"
+
+
+class OpacityChoice(StrEnum):
+    """Opacity of the film: see `workers.contract.request.Alpha`."""
+
+    AUTO = "auto"
+    SOURCE = "source"
+    PAINTED = "painted"
+    NONE = "none"
 
 
 def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrder) -> SourceOptions:
@@ -68,6 +78,22 @@ InputOption = Annotated[
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of all random choices.", rich_help_panel=WHAT)]
 QualityOption = Annotated[
     int, typer.Option(min=0, max=51, help="Rate factor of the video codec: lower is better.", rich_help_panel=WHAT)
+]
+FormatOption = Annotated[
+    str, typer.Option("--format", help=f"Format of the film: {', '.join(OUTPUTS)}.", rich_help_panel=WHAT)
+]
+ProfileOption = Annotated[
+    str,
+    typer.Option(
+        help="Encoding of the format: 4444, dnxhr-hqx, hevc, 16, ... (`impasto formats`).", rich_help_panel=WHAT
+    ),
+]
+AlphaOption = Annotated[
+    OpacityChoice,
+    typer.Option(
+        help="Opacity of the film: that of IN (source), none (IN over white), or source if the profile has opacity.",
+        rich_help_panel=WHAT,
+    ),
 ]
 DamageOption = Annotated[
     DamagePolicy,

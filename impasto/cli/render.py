@@ -12,10 +12,12 @@ import typer
 
 from impasto.cli.console import emit, out, print_status, print_warnings, progress
 from impasto.cli.options import (
+    AlphaOption,
     DamageOption,
     DamagePolicy,
     FieldOrder,
     FieldsOption,
+    FormatOption,
     FpsOption,
     HomeOption,
     InputOption,
@@ -23,8 +25,10 @@ from impasto.cli.options import (
     LayerOption,
     MethodOption,
     MissingOption,
+    OpacityChoice,
     ParamOption,
     PictureOption,
+    ProfileOption,
     QualityOption,
     QuietFlag,
     SeedOption,
@@ -68,6 +72,10 @@ impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
 impasto render clip.mp4 -o start.mp4 --frames 0:50
 
+impasto render clip.mov -o painted.mov --profile 4444
+
+impasto render plate.####.exr -o "comp/painted.####.exr"
+
 impasto render clip.mp4 --estimate       time, memory and disk space, without rendering
 
 impasto render project.zip -o film.mp4     (a project that a service exported)
@@ -90,7 +98,7 @@ class RenderOptions:
             "--output",
             "-o",
             metavar="OUT",
-            help="A video file, a .png, a .zip, or a folder DIR/.",
+            help="A video file, an image, a .zip, a folder DIR/, or DIR/name.####.exr.",
         ),
     ] = ""
     estimate: Annotated[
@@ -108,6 +116,9 @@ class RenderOptions:
             help="Also save an artefact, beside OUT or at PATH.",
         ),
     ] = None
+    output_format: FormatOption = ""
+    profile: ProfileOption = ""
+    alpha: AlphaOption = OpacityChoice.AUTO
     quality: QualityOption = 20
     seed: SeedOption = 0
     frames: Annotated[
@@ -161,6 +172,7 @@ def _render_pipe(options: RenderOptions) -> None:
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
         options.on_damage.value, source_of(options.video_stream, None, options.fields), _sequence(options),
+        options.profile, options.alpha.value,
     )  # fmt: skip
     count = pipe.run()
     print_status(f"{count} frames" if options.output == "-" else options.output)
@@ -216,8 +228,11 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     from workers.projects.archive import is_project
 
     output = options.output or str(scratch / "estimate.mp4")
-    where, artefacts, frames = target(output), artefacts_of(options.artefact or []), frames_of(options.frames)
-    spec = OutputSpec(format=where.format, quality=options.quality, artefacts=tuple(sorted(artefacts)))
+    where = target(output, form=options.output_format)
+    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames)
+    spec = OutputSpec(
+        where.format, options.quality, tuple(sorted(artefacts)), profile=options.profile, alpha=options.alpha.value
+    )
     request = JobRequest(
         options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),
         frames=frames, source=source_of(options.video_stream, options.sound_track, options.fields),

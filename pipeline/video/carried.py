@@ -17,18 +17,16 @@ from av.subtitles.stream import SubtitleStream
 from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
+from pipeline.formats.base import OutputFormat
 from pipeline.video.audio import Timed
 from pipeline.video.container import film_streams, open_container
 from pipeline.video.media import Limits, Note
 from pipeline.video.timeline import timed_packets
 
-_SUBTITLES = {"mp4": frozenset({"mov_text"}), "webm": frozenset({"webvtt"})}
-"""Codecs of subtitles that the container holds."""
 _OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "encoder", "duration", "timecode"})
 """Tags that describe the source's file, not the film."""
 _TIMECODE = ("timecode", "reel_name")
 _TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
-_NAMES = {"mp4": "MP4", "webm": "WebM"}
 
 
 @dataclass(frozen=True)
@@ -41,15 +39,15 @@ class Carried:
     whole: bool = True
     """Whether the output shows the whole film: a timecode counts from its first frame."""
 
-    def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, container: str) -> list[Note]:
+    def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, form: OutputFormat) -> list[Note]:
         """Set tags, chapters and timecode of `out`, and name what is left out."""
         out.metadata.update({k: v for k, v in source.metadata.items() if k.lower() not in _OF_THE_FILE})
         out.set_chapters(self._chapters(source))
-        return [*self._timecode(source, film, container), *self._left_out(source, container)]
+        return [*self._timecode(source, film, form), *left_out(source, form)]
 
-    def subtitles(self, source: InputContainer, out: OutputContainer, container: str) -> Iterator[Timed]:
+    def subtitles(self, source: InputContainer, out: OutputContainer, form: OutputFormat) -> Iterator[Timed]:
         """Add the subtitles that the container holds; their packets."""
-        kept = [s for s in source.streams.subtitles if _codec(s) in _SUBTITLES[container]]
+        kept = [s for s in source.streams.subtitles if _codec(s) in form.subtitles]
         targets = {stream.index: _added(out, stream) for stream in kept}
         return self._packets(source, kept, targets) if kept else iter(())
 
@@ -83,33 +81,34 @@ class Carried:
                 found.append({**chapter, "start": start, "end": end})
         return found
 
-    def _timecode(self, source: InputContainer, film: VideoStream, container: str) -> list[Note]:
+    def _timecode(self, source: InputContainer, film: VideoStream, form: OutputFormat) -> list[Note]:
         """Hand on the timecode of the first frame, and the reel."""
         tags = [source.metadata, *(stream.metadata for stream in source.streams)]
         found = {k.lower(): v for each in reversed(tags) for k, v in each.items() if k.lower() in _TIMECODE}
         if "timecode" not in found:
             return []
         rate = _timecode_rate(film_streams(source))
-        if container == "mp4" and self.whole and rate is not None:
+        if form.timecode and self.whole and rate is not None:
             film.metadata.update(found)
             film.codec_context.framerate = rate
             return []
-        where = _NAMES[container] if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
+        where = form.title if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
         return [Note("left-out", f"The timecode {found['timecode']} was left out: {where} cannot hold it.")]
 
-    def _left_out(self, source: InputContainer, container: str) -> list[Note]:
-        lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles
-                if _codec(s) not in _SUBTITLES.get(container, ())]  # fmt: skip
-        told = bool(source.chapters())
-        lost += [
-            f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))
-        ]
-        lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
-        covers = len(source.streams.video) - len(film_streams(source))
-        lost += ["a cover picture"] * covers
-        if not lost:
-            return []
-        return [Note("left-out", f"Left out, because {_NAMES[container]} cannot hold it: {_listed(lost)}.")]
+
+def left_out(source: InputContainer, form: OutputFormat) -> list[Note]:
+    """What of a source the format cannot hold."""
+    lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles if _codec(s) not in form.subtitles]
+    if form.sound is None:
+        lost += [f"sound ({_described(s)})" for s in source.streams.audio]
+    told = bool(source.chapters())
+    lost += [f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))]
+    lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
+    covers = len(source.streams.video) - len(film_streams(source))
+    lost += ["a cover picture"] * covers
+    if not lost:
+        return []
+    return [Note("left-out", f"Left out, because {form.title} cannot hold it: {_listed(lost)}.")]
 
 
 def _timecode_rate(streams: list[VideoStream]) -> Fraction | None:

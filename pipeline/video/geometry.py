@@ -26,7 +26,7 @@ from pipeline.video.stills import over_white
 
 _HD_LINES = 720
 _SQUARE_TOLERANCE = Fraction(1, 200)
-_EXACT = 0x40000 | 0x2000
+EXACT = 0x40000 | 0x2000
 """SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT of libswscale/swscale.h, which PyAV does not export."""
 _MATRICES = {
     1: Colorspace.ITU709,
@@ -136,7 +136,7 @@ def _cropped(pixels: Frame, geometry: Geometry) -> Frame:
 
 def _exactness(picture: av.VideoFrame) -> int:
     """Flags of swscale for a conversion without truncation, if the picture has more than 8 bits."""
-    return _EXACT if picture.format.components[0].bits > 8 else 0
+    return EXACT if picture.format.components[0].bits > 8 else 0
 
 
 def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
@@ -146,33 +146,6 @@ def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
     if plane.line_size != channels * picture.width:
         return np.asarray(picture.to_ndarray(), np.uint8)
     return np.frombuffer(memoryview(plane), np.uint8).reshape(picture.height, picture.width, channels)
-
-
-class YuvConverter:
-    """Converts frames, uint8 (h, w, 3), to YUV of limited range, as encoders take it. Not thread-safe.
-
-    FFmpeg converts RGB with an alpha channel in two thirds of the time that it takes without one, to the same bytes.
-    The picture with the alpha channel is kept from frame to frame, and FFmpeg's tables with it.
-    """
-
-    def __init__(self, matrix: Colorspace, pixel_format: str = "yuv420p") -> None:
-        self._matrix, self._pixel_format = matrix, pixel_format
-        self._opaque = av.VideoFrame(2, 2, "rgba")
-
-    def __call__(self, frame: Frame) -> av.VideoFrame:
-        height, width = frame.shape[:2]
-        if (self._opaque.width, self._opaque.height) != (width, height):
-            self._opaque = av.VideoFrame(width, height, "rgba")
-        rows = np.frombuffer(memoryview(self._opaque.planes[0]), np.uint8).reshape(height, -1)
-        cv2.cvtColor(frame, cv2.COLOR_RGB2RGBA, dst=rows[:, : 4 * width].reshape(height, width, 4))
-        return self._opaque.reformat(
-            format=self._pixel_format,
-            dst_colorspace=self._matrix,
-            src_color_range=ColorRange.JPEG,
-            dst_color_range=ColorRange.MPEG,
-            interpolation=Interpolation.BILINEAR,
-            threads=1,
-        )
 
 
 def _has_alpha(picture: av.VideoFrame) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from pipeline.video.media import SourceOptions
 
@@ -27,6 +27,12 @@ MAX_QUALITY = 51
 """Largest constant rate factor."""
 
 
+Alpha = Literal["auto", "source", "painted", "none"]
+"""Opacity of a film: "source": that of the source, whose colours are painted without their background; "painted": that
+of the method, if it makes one; "none": the source is painted over white; "auto": "source" if the profile has opacity,
+else "none"."""
+
+
 @dataclass(frozen=True)
 class OutputSpec:
     """The output of a job."""
@@ -39,6 +45,10 @@ class OutputSpec:
     """Optional artefacts of the method, for example "svg"."""
     report: bool = False
     """Whether the result is measured against the source (`pipeline.quality`)."""
+    profile: str = ""
+    """Encoding of the format, for example "4444": see `pipeline.formats`; "": its usual one."""
+    alpha: Alpha = "auto"
+    """Opacity of the film."""
 
 
 WARN, FAIL = "warn", "fail"

@@ -52,6 +52,8 @@ class Assembly:
         self._scratch, self._overview = scratch, overview
         self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
         self._format = output_format(order.output.format)
+        self._suffix = (*self._format.suffixes, ".zip")[0]
+        self._profile = self._format.profile(order.output.profile).name
         self.files: Files = {}
         self.notes: list[Note] = []
         """What was chosen, corrected, assumed or left out of the source."""
@@ -64,7 +66,7 @@ class Assembly:
         if quality is not None:
             result["quality"] = quality.summary()
         progress(0.9)
-        self._put("result", f"result{self._format.suffixes[0]}", joined, self._format.media_type)
+        self._put("result", f"result{self._suffix}", joined, self._format.media_type)
         for artefact in self._order.output.artefacts:
             self._pack(artefact)
         facts = self._report(result) | ({"quality": quality.as_json()} if quality is not None else {})
@@ -77,13 +79,15 @@ class Assembly:
         segments = sorted(s for s in self._order.segments if s[2])
         if not segments:
             raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
-        out = self._scratch / f"result{self._format.suffixes[0]}"
+        out = self._scratch / f"result{self._suffix}"
         with ExitStack() as stack:
             starts, end = self._times_s([start for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
             pieces = list(zip(starts, paths, strict=True))
-            self.notes += guarded_join(pieces, out, self._format.name, sound, progress, end, self._order.source)
+            self.notes += guarded_join(
+                pieces, out, self._format.name, sound, progress, end, self._order.source, self._order.output.quality
+            )
         return out
 
     def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
@@ -100,7 +104,9 @@ class Assembly:
                 self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
                 self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
             width, height = reader.size
-            fps, seconds = (reader.fps, reader.index.duration_s) if not self._format.encode else self._source_pace()
+            fps, seconds = (
+                (reader.fps, reader.index.duration_s) if not self._format.frame_suffixes else self._source_pace()
+            )
             return {
                 "frames": reader.frames,
                 "width": width,
@@ -125,7 +131,7 @@ class Assembly:
             "method": order.method,
             "params": order.params,
             "seed": order.seed,
-            "output": {"format": order.output.format, "quality": order.output.quality},
+            "output": {"format": order.output.format, "profile": self._profile, "quality": order.output.quality},
             "result": result,
             "steps": order.results,
             "seconds": {step: _stages(measures) for step, measures in order.stages.items()},

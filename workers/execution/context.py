@@ -304,7 +304,7 @@ class AttemptContext:
         if self._order.emits is None:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
         index, output = self._video_index(), self._order.output
-        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)
+        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality, output.profile)
         return Emission(self._scratch / "segment", spec, index, self._order.emits, self.clock)
 
     def _video_index(self) -> Index:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from pipeline.compositing import Blend, covers
 from pipeline.formats import OutputName
-from workers.contract.request import MAX_SEED, Json
+from workers.contract.request import MAX_SEED, Alpha, Json
 
 SCHEMA = 1
 MAX_DOCUMENT_BYTES = 4 << 20
@@ -170,6 +170,8 @@ class Output(Part):
 
     format: OutputName = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
+    profile: str = Field(default="", max_length=32, description="Encoding of the format; empty: its usual one.")
+    alpha: Alpha = Field(default="auto", description="Opacity of the film, as in a job.")
     artefacts: tuple[InputName, ...] = Field(default=(), max_length=32)
     report: bool = Field(default=False, description="Measure the film against the video, see `report.json`.")
     on_damage: Literal["warn", "fail"] = Field(

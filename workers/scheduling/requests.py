@@ -8,7 +8,6 @@ from typing import get_args
 from urllib.parse import urlsplit
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
-from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputKind, Method, Params, missing_inputs
 from pipeline.video.media import Fields, SourceOptions
@@ -22,15 +21,14 @@ from workers.contract.request import (
     MAX_LABELS,
     MAX_NAME,
     MAX_PRIORITY,
-    MAX_QUALITY,
     MAX_SEED,
     MAX_URL,
     WARN,
     JobRequest,
-    OutputSpec,
 )
 from workers.jobs.frame_window import stream_info, window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY
+from workers.scheduling.outputs import check_output
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
 
@@ -61,7 +59,7 @@ def check_request(request: JobRequest, assets: Mapping[str, Asset]) -> Accepted:
     with _collected(faults):
         check_inputs(chosen, assets, None if faults else params)
     with _collected(faults):
-        check_output(chosen, request.output)
+        check_output(chosen, request.output, assets.get("video"))
     with _collected(faults):
         check_source(request.source, assets.get("video"))
     with _collected(faults):
@@ -156,17 +154,6 @@ def check_source(source: SourceOptions, video: Asset | None) -> None:
         _refuse("source.fields", source.fields, f"Use one of: {', '.join(get_args(Fields))}.")
     if source.picture is not None and video is not None:
         stream_info(video.info, source.picture)
-
-
-def check_output(chosen: Method, output: OutputSpec) -> None:
-    if output.format not in OUTPUTS:
-        _refuse("output.format", output.format, f"Use one of: {', '.join(OUTPUTS)}.")
-    if not 0 <= output.quality <= MAX_QUALITY:
-        _refuse("output.quality", output.quality, f"Use 0 (lossless) to {MAX_QUALITY}.")
-    for artefact in output.artefacts:
-        if artefact not in chosen.artefacts:
-            known = ", ".join(chosen.artefacts) or "none"
-            _refuse("output.artefacts", artefact, f"The method {chosen.name!r} makes: {known}.")
 
 
 def _check_damage(request: JobRequest, assets: Mapping[str, Asset]) -> None:

@@ -21,6 +21,7 @@ import psutil
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
+from pipeline.formats.base import Encoding
 from pipeline.formats.decoding import decode_planes, decode_raw
 from pipeline.frames import Frame
 from pipeline.kernels.allocator import keep_freed_memory, limit_arenas
@@ -173,7 +174,8 @@ def _join(connection: ChildConnection) -> None:
     def tell(done: float) -> None:
         connection.answer({"progress": done})
 
-    notes = join(segments, Path(task["out"]), task["format"], sound, tell, end_s, _options(task))
+    encoding = Encoding(task["format"], int(task["quality"]))
+    notes = join(segments, Path(task["out"]), encoding, sound, tell, end_s, _options(task))
     connection.answer({"notes": notes})
 
 

@@ -51,7 +51,10 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
   const [faults, setFaults] = useState(NO_FAULTS);
   const panel = useRef<HTMLElement>(null);
   const specs = set.method.inputs.filter((input) => input.name !== "video");
-  const output = useMemo(() => outputSchema(set.method.artefacts), [set.method]);
+  const output = useMemo(
+    () => outputSchema(set.method.artefacts, set.film.format as string),
+    [set.method, set.film.format],
+  );
   const made = outputOf(set.film, asset);
   const request = {
     method: set.method.name,
