@@ -32,7 +32,7 @@ class Target:
     kind: str
     """"file", "frames" (a folder) or "still" (one frame)."""
     pattern: str = ""
-    """Names of frames in a folder, "name.####.exr"."""
+    """Names of frames in a folder, "name.####.tif"."""
 
 
 def target(text: str, field: str = "--output", form: str = "") -> Target:
@@ -40,7 +40,7 @@ def target(text: str, field: str = "--output", form: str = "") -> Target:
 
     Args:
         text: a file name with an extension of an output format; a folder (an existing one, or with "/" at the end); or
-            a folder and a pattern with a place for the frame number, "shot/name.####.exr".
+            a folder and a pattern with a place for the frame number, "shot/name.####.tif".
         field: name of the option or argument, for errors.
         form: name of the format; "": the one of the extension, PNG for folders and zips.
 

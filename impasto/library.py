@@ -29,9 +29,10 @@ from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
 from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo, missing_inputs
 from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
+from pipeline.video.depth import with_opacity
 from pipeline.video.headers import sniff
 from pipeline.video.join import join
-from pipeline.video.media import SEQUENCE_FPS, SourceOptions
+from pipeline.video.media import SEQUENCE_FPS, Opacity, SourceOptions
 from pipeline.video.numbered import NumberedImages, by_frame
 from pipeline.video.reader import VideoReader
 from pipeline.video.sequence_options import SequenceOptions, options_of
@@ -67,6 +68,8 @@ class ImageSequence:
     missing: str = "fail"
     layer: str = ""
     view: str = ""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    """Whether the colours of pictures with opacity are premultiplied; the rest is for videos."""
 
     def options(self) -> SequenceOptions:
         """Raises BadParameter."""
@@ -131,7 +134,7 @@ def render(
             of missing numbers; or an iterable of frames, arrays uint8 (height, width, 3), RGB, all of one size, at
             least 16 px on each side. Frames are read lazily.
         output: None, or a path with the extension of an output format (`pipeline.formats`: .mp4, .webm, .zip of PNG
-            frames, .png for one frame, ...), a folder "name/", or a folder with names "folder/name.####.exr"; an
+            frames, .png for one frame, ...), a folder "name/", or a folder with names "folder/name.####.tif"; an
             `OutputFile` also chooses codec, depth and opacity.
         inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
             the parsed document, for numbered images a mapping from frame number to array.
@@ -183,7 +186,9 @@ def render(
     where = None if output is None else _checked_output(file.path, source, inputs or {}, overwrite)
     stack = ExitStack()
     if where is not None:
-        check_output(chosen, OutputSpec(where.format, quality, profile=file.profile, alpha=file.alpha))
+        spec = OutputSpec(where.format, quality, profile=file.profile, alpha=file.alpha)
+        check_output(chosen, spec)
+        source = _reading(source, "straight") if spec.keeps_opacity else source
     damage = InputDamage(fails=False)
     stack.callback(_warn, damage)
     frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
@@ -312,12 +317,20 @@ def _file(given: object) -> SourceFile | ImageSequence | None:
     return given if isinstance(given, SourceFile | ImageSequence) else None
 
 
+def _reading(source: Source, opacity: Opacity) -> Source:
+    """The source, read so that frames show this of its pictures."""
+    file = _file(source)
+    if isinstance(file, SourceFile):
+        return replace(file, options=replace(file.options, opacity=opacity))
+    return source if file is None else replace(file, source=replace(file.source, opacity=opacity))
+
+
 def opened(file: SourceFile | ImageSequence) -> VideoReader:
     """A reader of the file. Close it. Raises: as `VideoReader`."""
     path = expanded(Path(file.path))
     if isinstance(file, SourceFile):
         return VideoReader(path, options=file.options)
-    return VideoReader(path, sequence=file.options())
+    return VideoReader(path, options=file.source, sequence=file.options())
 
 
 def _many(value: Any) -> Source:
@@ -421,6 +434,15 @@ class _DiskContext(LocalContext[AnyParams]):
         return self._folder / f"{step}--{name.replace('/', '--')}"
 
 
+def _matte(source: Source, stack: ExitStack) -> Iterator[Frame] | None:
+    """The opacity of the source's frames, gray, if the output gets it."""
+    file = _file(source)
+    options = file.options if isinstance(file, SourceFile) else None if file is None else file.source
+    if options is None or options.opacity != "straight":
+        return None
+    return stack.enter_context(opened(cast("SourceFile", _reading(source, "matte")))).read()
+
+
 def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: Target) -> None:
     """Encode the frames at the times of the source, add its sound, and put the file in its place.
 
@@ -431,18 +453,21 @@ def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: 
         segment, whole = Path(folder) / "segment", Path(folder) / "whole"
         file = _file(source)
         sound = None if file is None else expanded(Path(file.path))
-        times = None if file is None else stack.enter_context(opened(file)).index
+        reader = None if file is None else stack.enter_context(opened(file))
+        times = None if reader is None else reader.index
         rate = Fraction(wanted.fps).limit_denominator(1001)
         first = next(frames, None)
         if first is None:
             raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
         size = (first.shape[1], first.shape[0])
-        base, shown = (1 / rate, wanted.fps) if times is None else (times.time_base, times.fps)
-        spec = replace(wanted, size=size, time_base=base, fps=shown)
+        base, nominal = (1 / rate, wanted.fps) if times is None else (times.time_base, times.fps)
+        matte = _matte(source, stack) if reader is not None and reader.has_alpha else None
+        spec = replace(wanted, size=size, time_base=base, fps=nominal, alpha=matte is not None)
         with segment_writer(segment, spec) as writer:
             for index, frame in enumerate(chain([first], frames)):
                 start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
-                writer.write(index if times is None else times.number(index), frame, start, stop)
+                shown = frame if matte is None else with_opacity(frame, next(matte)[..., 0])
+                writer.write(index if times is None else times.number(index), shown, start, stop)
         origin = Fraction(0) if times is None else times.time(0) * base
         options = file.options if isinstance(file, SourceFile) else None
         for note in join([(origin, segment)], whole, Encoding(spec.format, spec.quality), sound, options=options):

@@ -29,6 +29,7 @@ from impasto.cli.options import (
     OpacityChoice,
     ParamOption,
     PictureOption,
+    PremultipliedOption,
     ProfileOption,
     QualityOption,
     QuietFlag,
@@ -74,6 +75,7 @@ class SubmitOptions:
     output_format: FormatOption = "mp4"
     profile: ProfileOption = ""
     alpha: AlphaOption = OpacityChoice.AUTO
+    premultiplied: PremultipliedOption = False
     artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None
     quality: QualityOption = 20
     report: Annotated[bool, typer.Option("--report", help="Measure the result: flicker, sharpness, faces.")] = False
@@ -141,7 +143,7 @@ def _encoding(options: SubmitOptions) -> Json:
 
 def _source(options: SubmitOptions) -> Json:
     """How the video is read, if not in the usual way: services of earlier versions do not know the field."""
-    source = source_of(options.video_stream, options.sound_track, options.fields)
+    source = source_of(options.video_stream, options.sound_track, options.fields, options.premultiplied)
     return {} if source == SourceOptions() else {"source": source.as_json()}
 
 

@@ -49,9 +49,11 @@ class OpacityChoice(StrEnum):
     NONE = "none"
 
 
-def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrder) -> SourceOptions:
+def source_of(
+    picture: int | None, sound: Sequence[int] | None, fields: FieldOrder, premultiplied: bool = False
+) -> SourceOptions:
     """How the video is read."""
-    return SourceOptions(picture, tuple(sound) if sound else None, fields.value)
+    return SourceOptions(picture, tuple(sound) if sound else None, fields.value, premultiplied)
 
 
 class MissingPolicy(StrEnum):
@@ -86,6 +88,14 @@ ProfileOption = Annotated[
     str,
     typer.Option(
         help="Encoding of the format: 4444, dnxhr-hqx, hevc, 16, ... (`impasto formats`).", rich_help_panel=WHAT
+    ),
+]
+PremultipliedOption = Annotated[
+    bool,
+    typer.Option(
+        "--premultiplied",
+        help="The colours of IN are multiplied by its opacity (of some formats it always is).",
+        rich_help_panel=WHAT,
     ),
 ]
 AlphaOption = Annotated[

@@ -91,7 +91,7 @@ class PipeOrder:
         given = self.sequence
         if not given.given:
             return SourceFile(self.source, self.options)
-        return ImageSequence(self.source, given.fps, given.missing, given.layer, given.view)
+        return ImageSequence(self.source, given.fps, given.missing, given.layer, given.view, self.options)
 
     def _write(self, frames: Iterator[Frame], form: StreamFormat) -> int:
         """Write each frame as soon as it is finished."""

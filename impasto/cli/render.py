@@ -28,6 +28,7 @@ from impasto.cli.options import (
     OpacityChoice,
     ParamOption,
     PictureOption,
+    PremultipliedOption,
     ProfileOption,
     QualityOption,
     QuietFlag,
@@ -48,6 +49,7 @@ from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
+    from pipeline.video.media import SourceOptions
     from pipeline.video.sequence_options import SequenceOptions
 
 EPILOG = """[bold]Examples[/bold]
@@ -74,7 +76,7 @@ impasto render clip.mp4 -o start.mp4 --frames 0:50
 
 impasto render clip.mov -o painted.mov --profile 4444
 
-impasto render plate.####.exr -o "comp/painted.####.exr"
+impasto render plate.####.png -o "comp/painted.####.tif"
 
 impasto render clip.mp4 --estimate       time, memory and disk space, without rendering
 
@@ -98,7 +100,7 @@ class RenderOptions:
             "--output",
             "-o",
             metavar="OUT",
-            help="A video file, an image, a .zip, a folder DIR/, or DIR/name.####.exr.",
+            help="A video file, an image, a .zip, a folder DIR/, or DIR/name.####.tif.",
         ),
     ] = ""
     estimate: Annotated[
@@ -119,6 +121,7 @@ class RenderOptions:
     output_format: FormatOption = ""
     profile: ProfileOption = ""
     alpha: AlphaOption = OpacityChoice.AUTO
+    premultiplied: PremultipliedOption = False
     quality: QualityOption = 20
     seed: SeedOption = 0
     frames: Annotated[
@@ -171,7 +174,7 @@ def _render_pipe(options: RenderOptions) -> None:
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
-        options.on_damage.value, source_of(options.video_stream, None, options.fields), _sequence(options),
+        options.on_damage.value, _source(options, None), _sequence(options),
         options.profile, options.alpha.value,
     )  # fmt: skip
     count = pipe.run()
@@ -235,12 +238,16 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     )
     request = JobRequest(
         options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),
-        frames=frames, source=source_of(options.video_stream, options.sound_track, options.fields),
+        frames=frames, source=_source(options, options.sound_track),
     )  # fmt: skip
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     if is_project(options.source):
         return project_order(options.source, scratch, where, artefacts, options.overwrite, frames)
     return RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+
+
+def _source(options: RenderOptions, sound: list[int] | None) -> SourceOptions:
+    return source_of(options.video_stream, sound, options.fields, options.premultiplied)
 
 
 def _sequence(options: RenderOptions) -> SequenceOptions:

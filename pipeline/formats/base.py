@@ -95,6 +95,8 @@ class ImageFormat(ABC):
     media_type: str
     suffixes: tuple[str, ...]
     carries = Carries()
+    premultiplied = False
+    """Whether stored colours are multiplied by the opacity; `read` divides them."""
 
     @abstractmethod
     def sniff(self, head: bytes) -> bool:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-
-import cv2
-import numpy as np
+from dataclasses import replace
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
@@ -13,16 +11,21 @@ from pipeline.formats import IMAGE_NAMES, IMAGES, image_format
 from pipeline.formats.base import Choice, ImageFormat, PlaneImage
 from pipeline.formats.pillow import eight_bit
 from pipeline.frames import Frame
-from pipeline.video.media import Limits, check_size, unreadable
-from pipeline.video.stills import over_white
+from pipeline.video.media import Limits, SourceOptions, check_size, unreadable
+from pipeline.video.opacity import as_frame
 
 
 def decode_rgb(data: bytes, limits: Limits, name: str = "image", choice: Choice = Choice()) -> Frame:
     """Decode an image to a frame, alpha over white. Raises UnreadableMedia, MediaTooLarge, BadParameter."""
+    return as_frame(eight_bit(_read(data, limits, name, choice)), SourceOptions())
+
+
+def decode_shown(data: bytes, limits: Limits, name: str, choice: Choice, options: SourceOptions) -> tuple[Frame, bool]:
+    """Decode an image to a frame as `options` say, and whether it has opacity. Raises as `decode_rgb`."""
     picture = eight_bit(_read(data, limits, name, choice))
-    if picture.ndim == 2:
-        return np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB), np.uint8)
-    return over_white(picture) if picture.shape[2] == 4 else np.ascontiguousarray(picture)
+    if options.premultiplied and format_of(data, name).premultiplied:
+        options = replace(options, premultiplied=False)  # the reader has divided
+    return as_frame(picture, options), picture.ndim == 3 and picture.shape[2] == 4
 
 
 def decode_raw(data: bytes, limits: Limits, name: str = "image") -> AnyArray:

@@ -35,6 +35,7 @@ class Exr(ImageFormat):
     name, title, media_type = "exr", "OpenEXR", "image/x-exr"
     suffixes = (".exr",)
     carries = Carries(alpha=True, depth_bits=32, planes=True)
+    premultiplied = True
 
     def sniff(self, head: bytes) -> bool:
         return head.startswith(b"\x76\x2f\x31\x01")

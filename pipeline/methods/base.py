@@ -140,6 +140,7 @@ class Method:
         artefacts: optional artefacts that a job may request.
         regions_artefact: the one that `frame_regions` reads; empty: the method finds no regions.
         studio: what the studio offers for layers of the method.
+        opacity_of: the input whose opacity the film gets.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
         cpu_s_per_megapixel: CPU seconds a frame and megapixel at default parameters, measured by
@@ -168,6 +169,7 @@ class Method:
     examples: ClassVar[tuple[Example, ...]] = ()
     studio: ClassVar[Studio] = Studio()
     palette_input: ClassVar[str] = ""
+    opacity_of: ClassVar[str] = "video"
     cpu_s_per_megapixel: ClassVar[float] = 1.0
     cpu_growth: ClassVar[float] = 1.0
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})

@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Frame
 from pipeline.video.aperture import Crop
-from pipeline.video.stills import over_white
+from pipeline.video.media import SourceOptions
+from pipeline.video.opacity import as_frame
 
+USUAL = SourceOptions()
 _HD_LINES = 720
 _SQUARE_TOLERANCE = Fraction(1, 200)
 EXACT = 0x40000 | 0x2000
@@ -105,7 +107,7 @@ def _square(width: int, height: int, aspect: Fraction | None) -> tuple[int, int]
     return width, 2 * round(height / aspect / 2)
 
 
-def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
+def to_frame(picture: av.VideoFrame, geometry: Geometry, options: SourceOptions = USUAL) -> Frame:
     """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
     whole = (picture.width, picture.height)
     width, height = whole if geometry.crop else geometry.scaled
@@ -113,7 +115,7 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
     made = picture.reformat(
         width=width,
         height=height,
-        format="rgba" if _has_alpha(picture) else "rgb24",
+        format="rgba" if has_alpha(picture) else "rgb24",
         src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
         src_color_range=_range_of(picture),
         dst_color_range=ColorRange.JPEG,
@@ -121,7 +123,7 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
         threads=1,
     )
     pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
-    shown = over_white(pixels) if pixels.shape[2] == 4 else pixels
+    shown = pixels if pixels.shape[2] == 3 and options.opacity != "matte" else as_frame(pixels, options)
     return _oriented(_cropped(shown, geometry) if geometry.crop else shown, geometry)
 
 
@@ -142,13 +144,13 @@ def _exactness(picture: av.VideoFrame) -> int:
 def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
     """The pixels of an RGB or RGBA picture that no decoder refers to, uint8 (h, w, 3 or 4); without a copy, if its rows
     follow one another in memory."""
-    plane, channels = picture.planes[0], 4 if _has_alpha(picture) else 3
+    plane, channels = picture.planes[0], 4 if has_alpha(picture) else 3
     if plane.line_size != channels * picture.width:
         return np.asarray(picture.to_ndarray(), np.uint8)
     return np.frombuffer(memoryview(plane), np.uint8).reshape(picture.height, picture.width, channels)
 
 
-def _has_alpha(picture: av.VideoFrame) -> bool:
+def has_alpha(picture: av.VideoFrame) -> bool:
     layout = picture.format
     return layout.name == "pal8" or any(component.is_alpha for component in layout.components)
 

@@ -76,8 +76,13 @@ class SourceIn(_Body):
         "everything, with this field first.",
     )
 
+    premultiplied: bool = Field(
+        default=False,
+        description="Whether colours are multiplied by their opacity, in formats that do not prescribe it.",
+    )
+
     def options(self) -> SourceOptions:
-        return SourceOptions(self.picture, self.sound, self.fields)
+        return SourceOptions(self.picture, self.sound, self.fields, self.premultiplied)
 
 
 class ExportIn(_Body):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from pipeline.formats import output_format
 from pipeline.video.media import SourceOptions
 
 Json = dict[str, Any]
@@ -49,6 +50,11 @@ class OutputSpec:
     """Encoding of the format, for example "4444": see `pipeline.formats`; "": its usual one."""
     alpha: Alpha = "auto"
     """Opacity of the film."""
+
+    @property
+    def keeps_opacity(self) -> bool:
+        """Whether the film has the opacity of its source, if that has any."""
+        return self.alpha in ("auto", "source") and output_format(self.format).profile(self.profile).has_alpha
 
 
 WARN, FAIL = "warn", "fail"

@@ -92,11 +92,16 @@ class Assembly:
 
     def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
         """Presentation times of these source frames, seconds, and the end of the job's piece of the source, if any."""
-        with self._decoders.reader(self._order.inputs["video"], 0, self._order.source) as reader:
-            self.notes += reader.notes
+        with self._decoders.reader(self._order.inputs["video"], 0, self._order.reading) as reader:
+            self.notes += [*reader.notes, *self._opacity_notes(reader.has_alpha)]
             index = window_index(reader.index, self._order.frames)
             end = None if self._order.frames is None else index.end * index.time_base
             return [index.time(frame) * index.time_base for frame in frames], end
+
+    def _opacity_notes(self, source_has_alpha: bool) -> list[Note]:
+        if self._order.output.alpha != "source" or source_has_alpha or self._method.opacity_of != "video":
+            return []
+        return [Note("left-out", "The video has no opacity: the film is opaque.")]
 
     def _describe(self, result: Path, tiles: Mapping[int, Frame]) -> TaskResult:
         with VideoReader(result) as reader:

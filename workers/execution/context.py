@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -32,7 +33,7 @@ from workers.contract.request import FAIL
 from workers.execution.arrays import read_arrays
 from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
-from workers.execution.emission import Emission, EmitError
+from workers.execution.emission import Emission, EmissionSource, EmitError
 from workers.execution.frame_cache import FrameCache
 from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
@@ -101,6 +102,10 @@ class AttemptContext:
         self._index: Index | None = None
         self._exit_stack = ExitStack()
         self._emission: Emission | None = None
+        self._has_alpha: dict[str, bool] = {}
+        """Whether the pictures of an input have opacity, by the inputs that were opened."""
+        self.opacity_of = "video"
+        """The input whose opacity the film gets."""
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
@@ -138,6 +143,7 @@ class AttemptContext:
         key, cache = self._input(name), self.frame_cache
         to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
         with self._decoders.reader(key, to_decode, self._options(name)) as reader:
+            self._has_alpha[name] = reader.has_alpha
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), start
             expected = within(reader.index, self._source_span(name, 0, None))
             self.damage.note(name, reader.notes)
@@ -157,7 +163,10 @@ class AttemptContext:
 
     def _options(self, name: str) -> SourceOptions:
         """How the input is read: as the job says, if it is the video."""
-        return self._order.source if name == "video" else SourceOptions()
+        options = self._order.reading if name == "video" else SourceOptions()
+        if name == self.opacity_of and self._order.output.keeps_opacity:
+            options = replace(options, opacity="straight")
+        return options
 
     def _cache_key(self, name: str) -> str:
         """Key of the input's frames in the frame cache."""
@@ -304,14 +313,30 @@ class AttemptContext:
         if self._order.emits is None:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
         index, output = self._video_index(), self._order.output
-        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality, output.profile)
-        return Emission(self._scratch / "segment", spec, index, self._order.emits, self.clock)
+        matte = self._matte(*self._order.emits) if output.keeps_opacity else None
+        spec = SegmentSpec(
+            output.format, self.size, index.time_base, index.fps, output.quality, output.profile, matte is not None
+        )
+        return Emission(self._scratch / "segment", spec, index, self._order.emits, EmissionSource(self.clock, matte))
+
+    def _matte(self, start: int, stop: int) -> Iterator[Frame] | None:
+        """The opacity of the frames [start, stop) of the film, gray; None if its source has none."""
+        key, options = self._input(self.opacity_of), self._options(self.opacity_of)
+        if self.opacity_of not in self._has_alpha:
+            with self._decoders.reader(key, 0, options) as reader:
+                self._has_alpha[self.opacity_of] = reader.has_alpha
+        if not self._has_alpha[self.opacity_of]:
+            return None
+        first, last = self._source_span(self.opacity_of, start, stop)
+        matte = replace(options, opacity="matte")
+        return self._exit_stack.enter_context(self._decoders.reader(key, first, matte)).read(first, last)
 
     def _video_index(self) -> Index:
         """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
-            with self._decoders.reader(self._input("video"), 0, self._order.source) as reader:
+            with self._decoders.reader(self._input("video"), 0, self._order.reading) as reader:
                 self._index = window_index(reader.index, self._order.frames)
+                self._has_alpha["video"] = reader.has_alpha
         return self._index
 
     def finish(self) -> str | None:
@@ -367,9 +392,9 @@ class AttemptContext:
 
     def close(self) -> None:
         self._writer.close()
-        self._exit_stack.close()
-        if self._emission:
+        if self._emission:  # it may still read the opacity from a decoder
             self._emission.close()
+        self._exit_stack.close()
 
 
 def _checked(name: str) -> str:

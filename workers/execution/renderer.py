@@ -164,7 +164,7 @@ class Renderer:
             aligned = {spec.name for spec in specs if spec.kind == "video"}
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled, aligned)
             context.report_pairs = report_pairs(order, chosen)
-            context.shown = self._overview
+            context.shown, context.opacity_of = self._overview, chosen.opacity_of
             if self._shared is not None:
                 context.handover = self._shared.handover
                 context.reads_again = chosen.reads_again

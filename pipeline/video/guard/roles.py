@@ -82,6 +82,7 @@ def _video(connection: ChildConnection) -> None:
         index = reader.index
         tick = index.time_base
         facts = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
+        facts["alpha"] = reader.has_alpha
         times = {"tick": (tick.numerator, tick.denominator), "end": index.end, "exact": index.exact}
         times |= {"missing": index.missing, "incomplete": sorted(index.incomplete)}
         times |= {"notes": reader.notes, "numbers": runs_of_numbers(index.numbers)}
