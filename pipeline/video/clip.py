@@ -19,6 +19,7 @@ from pipeline.video.geometry import Geometry, geometry_of, has_alpha, to_frame
 from pipeline.video.index import Index
 from pipeline.video.index_builder import build_index
 from pipeline.video.media import Limits, Note, SourceOptions, check_size, opacity_notes, unreadable
+from pipeline.video.wide_colour import described, wide_signal
 
 
 class Clip:
@@ -41,6 +42,7 @@ class Clip:
         """Whether a frame may depend on the one before it."""
         first = self._first()
         check_size(first.width, first.height, limits)
+        self._wide = wide_signal(first)
         self.pixel_format, self.has_alpha = first.format.name, has_alpha(first)
         self._stored_size = first.width, first.height
         assert self._pass is not None
@@ -70,6 +72,8 @@ class Clip:
         if self._stored_size != self.geometry.shown_of(self._stored_size):
             shown, whole = (f"{w}x{h}" for w, h in (self.geometry.shown_of(self._stored_size), self._stored_size))
             found.append(Note("cropped", f"The container crops the pictures: {shown} of {whole} px are shown."))
+        if self._wide is not None:
+            found.append(Note("assumed", described(self._wide)))
         return (*found, *opacity_notes(self.has_alpha, self._options))
 
     def _forget(self) -> None:

@@ -1,7 +1,7 @@
 """Conversion of decoded pictures to frames as displayed: colour matrix, range, alpha, square pixels, rotation.
 
 Colour: the stream's own matrix and range. Untagged streams are treated as players treat them: limited range, BT.709
-from 720 lines up and BT.601 below. Transfer functions are not converted (no tone mapping of HDR).
+from 720 lines up and BT.601 below. HDR and wide gamuts are converted to sRGB (`wide_colour`).
 Pictures of 8 bits are converted by swscale's fast path, which truncates: values are at most 3 of 255 levels below the
 exact result. Deeper ones are converted exactly.
 """
@@ -24,8 +24,13 @@ from pipeline.frames import Frame
 from pipeline.video.aperture import Crop
 from pipeline.video.media import SourceOptions
 from pipeline.video.opacity import as_frame
+from pipeline.video.wide_colour import to_srgb, wide_signal
 
 USUAL = SourceOptions()
+_LAYOUTS = {
+    (False, False): "rgb24", (True, False): "rgba", (False, True): "rgb48le", (True, True): "rgba64le"
+}  # fmt: skip
+"""(Has opacity, is converted to sRGB) -> FFmpeg's pixel format."""
 _HD_LINES = 720
 _SQUARE_TOLERANCE = Fraction(1, 200)
 EXACT = 0x40000 | 0x2000
@@ -112,17 +117,22 @@ def to_frame(picture: av.VideoFrame, geometry: Geometry, options: SourceOptions 
     whole = (picture.width, picture.height)
     width, height = whole if geometry.crop else geometry.scaled
     same = whole == (width, height)
+    wide = wide_signal(picture)
     made = picture.reformat(
         width=width,
         height=height,
-        format="rgba" if has_alpha(picture) else "rgb24",
+        format=_LAYOUTS[has_alpha(picture), wide is not None],
         src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
         src_color_range=_range_of(picture),
         dst_color_range=ColorRange.JPEG,
-        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | _exactness(picture),
+        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC)
+        | (EXACT if wide else _exactness(picture)),
         threads=1,
     )
-    pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
+    if wide is not None:
+        pixels = to_srgb(np.asarray(made.to_ndarray(), np.uint16), wide)
+    else:
+        pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
     shown = pixels if pixels.shape[2] == 3 and options.opacity != "matte" else as_frame(pixels, options)
     return _oriented(_cropped(shown, geometry) if geometry.crop else shown, geometry)
 

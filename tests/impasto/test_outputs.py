@@ -21,24 +21,26 @@ from impasto.delivery import deliver, target
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter
 from pipeline.formats.decoding import decode_raw
-from pipeline.methods.convert import RUN_FRAMES
+from pipeline.methods import convert
 from pipeline.video.media import Limits
 from workers.contract.request import JobRequest, OutputSpec
 from workers.farm import Farm, open_farm
 from workers.settings import FarmSettings
 
 SIZE = (320, 180)
-COUNT = RUN_FRAMES + 4
-"""So many frames that two tasks emit segments."""
+COUNT = 7
+"""Three tasks emit segments of at most three frames."""
 Y, X = np.mgrid[: SIZE[1], : SIZE[0]]
 
 
 @pytest.fixture(scope="module", params=[1, 2])
 def farm(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    convert.RUN_FRAMES, usual = 3, convert.RUN_FRAMES
     opened = open_farm(FarmSettings(home=tmp_path_factory.mktemp("farm"), pool="local", workers=request.param))
     opened.start()
     yield opened
     opened.stop()
+    convert.RUN_FRAMES = usual
 
 
 def disc(index: int) -> AnyArray:
