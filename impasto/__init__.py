@@ -11,18 +11,28 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from impasto.client import Client
-    from impasto.library import ImageSequence, SourceFile, render
+    from impasto.library import ImageSequence, OutputFile, SourceFile, render
     from impasto.live.client import LiveClient
     from impasto.settings import DEFAULT_SERVER
 
     __version__: str
 
-__all__ = ["DEFAULT_SERVER", "Client", "ImageSequence", "LiveClient", "SourceFile", "__version__", "render"]
+__all__ = [
+    "DEFAULT_SERVER",
+    "Client",
+    "ImageSequence",
+    "LiveClient",
+    "OutputFile",
+    "SourceFile",
+    "__version__",
+    "render",
+]
 _HOMES = {
     "DEFAULT_SERVER": "impasto.settings",
     "Client": "impasto.client",
     "ImageSequence": "impasto.library",
     "LiveClient": "impasto.live.client",
+    "OutputFile": "impasto.library",
     "SourceFile": "impasto.library",
     "render": "impasto.library",
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import re
 import shutil
 import tempfile
 import zipfile
@@ -13,11 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import BadInput, StorageError, StorageFull
-from pipeline.formats import OUTPUTS, output_of_suffix
+from pipeline.formats import OUTPUTS, output_format, output_of_suffix
+from pipeline.formats.base import OutputFormat, Profile
 from pipeline.video.media import MediaInfo
+from pipeline.video.numbering import has_place, name_by, number_by
 
-_FRAMES = next(form for form in OUTPUTS.values() if form.encode)
-FRAME_NAME = re.compile(rf"-?\d{{4,}}{re.escape(_FRAMES.folder_suffix)}")
+_ARCHIVE = ".zip"
+_FRAMES = next(form for form in OUTPUTS.values() if form.frame_suffixes)
+"""Format of numbered frames, if no other one is named."""
 
 
 @dataclass(frozen=True)
@@ -29,33 +31,58 @@ class Target:
     """Name of the output format."""
     kind: str
     """"file", "frames" (a folder) or "still" (one frame)."""
+    pattern: str = ""
+    """Names of frames in a folder, "name.####.tif"."""
 
 
-def target(text: str, field: str = "--output") -> Target:
+def target(text: str, field: str = "--output", form: str = "") -> Target:
     """Parse the name of an output, and check that it can be written.
 
     Args:
-        text: a file name with an extension of an output format, or a folder (an existing one, or with "/" at the end).
+        text: a file name with an extension of an output format; a folder (an existing one, or with "/" at the end); or
+            a folder and a pattern with a place for the frame number, "shot/name.####.tif".
         field: name of the option or argument, for errors.
+        form: name of the format; "": the one of the extension, PNG for folders and zips.
 
-    Raises: BadInput: an unknown extension, a missing permission, a folder with files that are not frames.
+    Raises: BadInput: an unknown extension, one of another format than `form`, a missing permission, a folder with files
+    that are not frames.
     """
     path = expanded(Path(text)).absolute()
+    wanted = output_format(form) if form else None
     if text.endswith(("/", "\\")) or path.is_dir():
-        _check_folder(path, field)
-        return Target(path, _FRAMES.name, "frames")
-    found = output_of_suffix(path.suffix.lower())
+        chosen = wanted or _FRAMES
+        if not chosen.frame_suffixes:
+            raise _other_format(text, field, chosen)
+        return _folder(path, chosen, f"####{chosen.frame_suffixes[0]}", field)
+    suffix = path.suffix.lower()
+    found = (wanted, False) if wanted and suffix == _ARCHIVE and wanted.frame_suffixes else output_of_suffix(suffix)
     if found is None:
-        known = sorted(suffix for form in OUTPUTS.values() for suffix in (*form.suffixes, form.folder_suffix) if suffix)
+        known = sorted(suffix for each in OUTPUTS.values() for suffix in (*each.suffixes, *each.frame_suffixes))
         raise BadInput(
             "The extension of the output is unknown.",
             field=field,
             value=text,
             remedy=f"End it with {', '.join(known)}, or with / for a folder of numbered frames.",
         )
+    made, is_frame = found
+    if wanted is not None and made is not wanted:
+        raise _other_format(text, field, wanted)
+    if is_frame and has_place(path.name):
+        return _folder(path.parent, made, path.name, field)
     _check_parent(path, field)
-    form, is_frame = found
-    return Target(path, form.name, "still" if is_frame else "file")
+    return Target(path, made.name, "still" if is_frame else "file")
+
+
+def _folder(path: Path, form: OutputFormat, pattern: str, field: str) -> Target:
+    where = Target(path, form.name, "frames", pattern)
+    _check_folder(where, field)
+    return where
+
+
+def _other_format(text: str, field: str, form: OutputFormat) -> BadInput:
+    frames = f"Name a {_ARCHIVE} file, or a folder with / at the end."
+    remedy = frames if form.frame_suffixes else f"End OUT with {' or '.join(form.suffixes)}."
+    return BadInput(f"OUT does not fit the format {form.name}.", field=field, value=text, remedy=remedy)
 
 
 def _check_parent(path: Path, field: str) -> None:
@@ -94,17 +121,17 @@ def same_file(one: Path, other: Path) -> bool:
 
 
 def check_still(where: Target, frames: int) -> None:
-    """Raise BadInput if a video of `frames` frames is to become a single PNG file."""
+    """Raise BadInput if a video of `frames` frames is to become a single image."""
     if where.kind == "still" and frames != 1:
         raise _not_a_still(frames, where.path)
 
 
-def check_space(where: Target, info: MediaInfo) -> None:
+def check_space(where: Target, info: MediaInfo, profile: Profile) -> None:
     """Raise StorageFull if the output's disk clearly lacks space for the result of a video.
 
-    The estimate is low (`OutputFormat.low_bytes_per_pixel`): a result that passes may still turn out larger.
+    The estimate is low (`Profile.low_bytes_per_pixel`): a result that passes may still turn out larger.
     """
-    need = round(info.frames * info.width * info.height * OUTPUTS[where.format].low_bytes_per_pixel)
+    need = round(info.frames * info.width * info.height * profile.low_bytes_per_pixel)
     free = shutil.disk_usage(_existing_folder(where.path)).free
     if free < need:
         raise StorageFull(
@@ -133,13 +160,14 @@ def output_faults(field: str, path: Path) -> Iterator[None]:
         ) from error
 
 
-def _check_folder(path: Path, field: str) -> None:
+def _check_folder(where: Target, field: str) -> None:
+    path = where.path
     _check_parent(path, field)
     if not path.exists():
         return
     if not path.is_dir():
         raise BadInput("A file has that name.", field=field, value=path, remedy="Name another folder.")
-    if other := next((p.name for p in path.iterdir() if not FRAME_NAME.fullmatch(p.name)), None):
+    if other := next((p.name for p in path.iterdir() if number_by(where.pattern, p.name) is None), None):
         raise BadInput(
             f"The folder contains files that are not numbered frames ({other}).",
             field=field,
@@ -177,26 +205,28 @@ def _write(result: Path | Iterable[bytes], part: Path) -> None:
 
 
 def _unpack(result: Path | Iterable[bytes], part: Path, where: Target) -> None:
-    """Extract frames from the zip of a "png" result: all into a folder, or the only one into a file."""
+    """Extract frames from the zip of a result: all into a folder, or the only one into a file."""
     archive = part.with_name(f"{part.name}.zip")
     try:
         _write(result, archive)
         with zipfile.ZipFile(archive) as frames:
-            names = [name for name in frames.namelist() if FRAME_NAME.fullmatch(name)]
+            stored = f"####{OUTPUTS[where.format].frame_suffixes[0]}"
+            found = {name: at for name in frames.namelist() if (at := number_by(stored, name)) is not None}
             if where.kind == "frames":
                 part.mkdir()
-                frames.extractall(part, names)
+                for name, number in found.items():
+                    part.joinpath(name_by(where.pattern, number)).write_bytes(frames.read(name))
                 return
-            if len(names) != 1:
-                raise _not_a_still(len(names), where.path)
-            part.write_bytes(frames.read(names[0]))
+            if len(found) != 1:
+                raise _not_a_still(len(found), where.path)
+            part.write_bytes(frames.read(*found))
     finally:
         archive.unlink(missing_ok=True)
 
 
 def _not_a_still(count: int, path: Path) -> BadInput:
     return BadInput(
-        f"The result has {count} frames, and a .png file holds one.",
+        f"The result has {count} frames, and a {path.suffix} file holds one.",
         field="--output",
         value=path,
         remedy=f"Use {path.with_suffix('')}/ for numbered frames, or a .mp4 file.",

@@ -12,7 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -23,21 +23,25 @@ import numpy as np
 from impasto.delivery import Target, deliver, expanded, output_faults, same_file, target
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
+from pipeline.formats.base import Encoding
 from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
 from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo, missing_inputs
 from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
+from pipeline.video.depth import with_opacity
 from pipeline.video.headers import sniff
 from pipeline.video.join import join
-from pipeline.video.media import SEQUENCE_FPS, SourceOptions
+from pipeline.video.media import SEQUENCE_FPS, Opacity, SourceOptions
 from pipeline.video.numbered import NumberedImages, by_frame
 from pipeline.video.reader import VideoReader
 from pipeline.video.sequence_options import SequenceOptions, options_of
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec, segment_writer
+from workers.contract.request import Alpha, OutputSpec
 from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.input_damage import InputDamage
+from workers.scheduling.outputs import check_output
 
 
 @dataclass(frozen=True)
@@ -64,11 +68,29 @@ class ImageSequence:
     missing: str = "fail"
     layer: str = ""
     view: str = ""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    """Whether the colours of pictures with opacity are premultiplied; the rest is for videos."""
 
     def options(self) -> SequenceOptions:
         """Raises BadParameter."""
         values = {"fps": self.fps, "missing": self.missing, "layer": self.layer, "view": self.view}
         return options_of(values, "source")
+
+
+@dataclass(frozen=True)
+class OutputFile:
+    """An output, and how it is encoded.
+
+    Attributes:
+        path: see `render`.
+        profile: encoding of the format, for example "4444" of .mov: see `impasto formats`; "": its usual one.
+        alpha: opacity of the output: "source", "none" (the source over white), or "auto": that of the source if the
+            profile has opacity.
+    """
+
+    path: str | Path
+    profile: str = ""
+    alpha: Alpha = "auto"
 
 
 Source = str | Path | SourceFile | ImageSequence | Iterable[Frame]
@@ -100,14 +122,14 @@ def render(
 
 @overload
 def render(
-    method: str, source: Source, output: str | Path, *, inputs: Mapping[str, object] | None = None,
+    method: str, source: Source, output: str | Path | OutputFile, *, inputs: Mapping[str, object] | None = None,
     seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
     **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
 def render(
-    method: str, source: Source, output: str | Path | None = None, *,
+    method: str, source: Source, output: str | Path | OutputFile | None = None, *,
     inputs: Mapping[str, object] | None = None, seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20,
     overwrite: bool = False, **params: Any,
 ) -> Iterator[Frame] | Path:  # fmt: skip
@@ -120,7 +142,8 @@ def render(
             of missing numbers; or an iterable of frames, arrays uint8 (height, width, 3), RGB, all of one size, at
             least 16 px on each side. Frames are read lazily.
         output: None, or a path with the extension of an output format (`pipeline.formats`: .mp4, .webm, .zip of PNG
-            frames, .png for one frame, ...), or a folder: "name/".
+            frames, .png for one frame, ...), a folder "name/", or a folder with names "folder/name.####.tif"; an
+            `OutputFile` also chooses codec, depth and opacity.
         inputs: further inputs by name: a path, or for pictures an array or an iterable of arrays, for a JSON document
             the parsed document, for numbered images a mapping from frame number to array.
         seed: seed of all random choices.
@@ -171,15 +194,20 @@ def render(
     _check_names(chosen, inputs or {})
     for found in chosen.ineffective(parsed, {"video", *(inputs or {})}, stream=False, piece=False):
         warnings.warn(found.message, NoEffect, stacklevel=2)
-    where = None if output is None else _checked_output(output, source, inputs or {}, overwrite)
+    file = output if isinstance(output, OutputFile) else OutputFile("" if output is None else output)
+    where = None if output is None else _checked_output(file.path, source, inputs or {}, overwrite)
     stack = ExitStack()
+    if where is not None:
+        spec = OutputSpec(where.format, quality, profile=file.profile, alpha=file.alpha)
+        check_output(chosen, spec)
+        source = _reading(source, "straight") if spec.keeps_opacity else source
     damage = InputDamage(fails=False)
     stack.callback(_warn, damage)
     frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
     if where is None:
         return frames
     with stack:
-        _write(frames, source, where, fps, quality)
+        _write(frames, source, SegmentSpec(where.format, (0, 0), Fraction(1), fps, quality, file.profile), where)
     return where.path
 
 
@@ -311,12 +339,20 @@ def _file(given: object) -> SourceFile | ImageSequence | None:
     return given if isinstance(given, SourceFile | ImageSequence) else None
 
 
+def _reading(source: Source, opacity: Opacity) -> Source:
+    """The source, read so that frames show this of its pictures."""
+    file = _file(source)
+    if isinstance(file, SourceFile):
+        return replace(file, options=replace(file.options, opacity=opacity))
+    return source if file is None else replace(file, source=replace(file.source, opacity=opacity))
+
+
 def opened(file: SourceFile | ImageSequence) -> VideoReader:
     """A reader of the file. Close it. Raises: as `VideoReader`."""
     path = expanded(Path(file.path))
     if isinstance(file, SourceFile):
         return VideoReader(path, options=file.options)
-    return VideoReader(path, sequence=file.options())
+    return VideoReader(path, options=file.source, sequence=file.options())
 
 
 def _many(value: Any) -> Source:
@@ -420,27 +456,43 @@ class _DiskContext(LocalContext[AnyParams]):
         return self._folder / f"{step}--{name.replace('/', '--')}"
 
 
-def _write(frames: Iterator[Frame], source: Source, where: Target, fps: float, quality: int) -> None:
-    """Encode the frames at the times of the source, add its sound, and put the file in its place."""
+def _matte(source: Source, stack: ExitStack) -> Iterator[Frame] | None:
+    """The opacity of the source's frames, gray, if the output gets it."""
+    file = _file(source)
+    options = file.options if isinstance(file, SourceFile) else None if file is None else file.source
+    if options is None or options.opacity != "straight":
+        return None
+    return stack.enter_context(opened(cast("SourceFile", _reading(source, "matte")))).read()
+
+
+def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: Target) -> None:
+    """Encode the frames at the times of the source, add its sound, and put the file in its place.
+
+    Args:
+        wanted: format, profile and quality, and the frame rate of a source without one.
+    """
     with tempfile.TemporaryDirectory(prefix="impasto-") as folder, ExitStack() as stack:
         segment, whole = Path(folder) / "segment", Path(folder) / "whole"
         file = _file(source)
         sound = None if file is None else expanded(Path(file.path))
-        times = None if file is None else stack.enter_context(opened(file)).index
-        rate = Fraction(fps).limit_denominator(1001)
+        reader = None if file is None else stack.enter_context(opened(file))
+        times = None if reader is None else reader.index
+        rate = Fraction(wanted.fps).limit_denominator(1001)
         first = next(frames, None)
         if first is None:
             raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
         size = (first.shape[1], first.shape[0])
-        base, shown = (1 / rate, fps) if times is None else (times.time_base, times.fps)
-        spec = SegmentSpec(where.format, size, base, shown, quality)
+        base, nominal = (1 / rate, wanted.fps) if times is None else (times.time_base, times.fps)
+        matte = _matte(source, stack) if reader is not None and reader.has_alpha else None
+        spec = replace(wanted, size=size, time_base=base, fps=nominal, alpha=matte is not None)
         with segment_writer(segment, spec) as writer:
             for index, frame in enumerate(chain([first], frames)):
                 start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
-                writer.write(index if times is None else times.number(index), frame, start, stop)
+                shown = frame if matte is None else with_opacity(frame, next(matte)[..., 0])
+                writer.write(index if times is None else times.number(index), shown, start, stop)
         origin = Fraction(0) if times is None else times.time(0) * base
         options = file.options if isinstance(file, SourceFile) else None
-        for note in join([(origin, segment)], whole, spec.format, sound, options=options):
+        for note in join([(origin, segment)], whole, Encoding(spec.format, spec.quality), sound, options=options):
             warnings.warn(note.message, SourceNotice, stacklevel=4)
         with output_faults("output", where.path):
             deliver(whole, where)

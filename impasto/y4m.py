@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
 from pipeline.video.fields import deinterlaced
-from pipeline.video.geometry import YuvConverter, customary_matrix, geometry_of, to_frame
+from pipeline.video.geometry import customary_matrix, geometry_of, to_frame
 from pipeline.video.media import Fields, Limits, check_size
+from pipeline.video.pixel_formats import YuvConverter
 
 MAGIC = b"YUV4MPEG2"
 MAX_LINE = 1024

@@ -7,7 +7,7 @@ A *flow* is `float32` (height, width, 2): (dx, dy) in pixels. A *label map* is `
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ Labels: TypeAlias = NDArray[np.int32]
 Mask: TypeAlias = NDArray[np.bool_]
 Plane: TypeAlias = NDArray[np.float32]
 """One scalar per pixel: `float32` (height, width)."""
+
+Pixels = TypeVar("Pixels", bound=NDArray[Any])
 
 MIN_SIDE_PX = 16
 """Minimum width and height that the methods accept; the neighbourhoods of the papers do not fit smaller images."""
@@ -50,7 +52,7 @@ def check_frame(array: object, field: str = "frame") -> Frame:
     return np.ascontiguousarray(array)
 
 
-def same_size(array: Frame, size: tuple[int, int], field: str = "frame") -> Frame:
+def same_size(array: Pixels, size: tuple[int, int], field: str = "frame") -> Pixels:
     """Return `array` unchanged; raises `BadFrame` if its (width, height) differs from `size`."""
     if (array.shape[1], array.shape[0]) != size:
         raise BadFrame(

@@ -6,7 +6,7 @@ import json
 import pathlib
 
 from pipeline.formats import IMAGES, OUTPUTS
-from pipeline.formats.base import OutputFormat
+from pipeline.formats.base import OutputFormat, Profile
 from workers.contract.request import Json
 
 FILE = pathlib.Path(__file__).parent / "web" / "src" / "api" / "formats.json"
@@ -25,8 +25,17 @@ def document() -> str:
 
 def _output(form: OutputFormat) -> Json:
     return {
-        "name": form.name, "title": form.title, "help": form.help, "file": "ZIP" if form.encode else form.title,
-        "hasQuality": form.has_quality, "lossy": form.lossy, "shownAs": form.shown_as,
+        "name": form.name, "title": form.title, "help": form.help, "file": "ZIP" if form.frame_suffixes else form.title,
+        "hasQuality": any(profile.has_quality for profile in form.profiles), "lossy": form.lossy,
+        "shownAs": form.shown_as,
+        "suffix": (*form.suffixes, ".zip")[0], "profiles": [_profile(profile) for profile in form.profiles],
+    }  # fmt: skip
+
+
+def _profile(profile: Profile) -> Json:
+    return {
+        "name": profile.name, "title": profile.title, "help": profile.help, "hasQuality": profile.has_quality,
+        "hasAlpha": profile.has_alpha,
     }  # fmt: skip
 
 

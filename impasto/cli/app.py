@@ -14,7 +14,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
-from impasto.cli import doctor, jobs, keys, live, methods, ops, render, report, scene, serve, worker
+from impasto.cli import doctor, formats, jobs, keys, live, methods, ops, render, report, scene, serve, worker
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
 from workers.process.starting import WARM_UP_THREAD
@@ -53,6 +53,7 @@ for _command, _epilog in jobs.COMMANDS:
     app.command(epilog=_epilog, rich_help_panel=REMOTE)(_command)
 app.add_typer(ops.app, name="ops", rich_help_panel=REMOTE)
 app.command(epilog=methods.EPILOG, rich_help_panel=INFORMATION)(methods.methods)
+app.command(rich_help_panel=INFORMATION)(formats.formats)
 app.command(rich_help_panel=INFORMATION)(doctor.doctor)
 app.command(rich_help_panel=INFORMATION)(doctor.version)
 

@@ -13,10 +13,12 @@ import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
 from impasto.cli.options import (
+    AlphaOption,
     DamageOption,
     DamagePolicy,
     FieldOrder,
     FieldsOption,
+    FormatOption,
     FpsOption,
     InputOption,
     JsonFlag,
@@ -24,8 +26,11 @@ from impasto.cli.options import (
     LayerOption,
     MethodOption,
     MissingOption,
+    OpacityChoice,
     ParamOption,
     PictureOption,
+    PremultipliedOption,
+    ProfileOption,
     QualityOption,
     QuietFlag,
     SeedOption,
@@ -48,7 +53,6 @@ from workers.errors import NotFound
 
 if TYPE_CHECKING:
     from impasto.client import Client
-    from impasto.delivery import Target
 
 
 SUBMIT_EPILOG = """[bold]Examples[/bold]
@@ -69,7 +73,10 @@ class SubmitOptions:
     method: MethodOption = DEFAULT
     param: ParamOption = None
     extra: InputOption = None
-    output_format: Annotated[str, typer.Option("--format", help="mp4, webm, or png (a zip of frames).")] = "mp4"
+    output_format: FormatOption = "mp4"
+    profile: ProfileOption = ""
+    alpha: AlphaOption = OpacityChoice.AUTO
+    premultiplied: PremultipliedOption = False
     artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None
     quality: QualityOption = 20
     report: Annotated[bool, typer.Option("--report", help="Measure the result: flicker, sharpness, faces.")] = False
@@ -114,6 +121,7 @@ def submit(options: SubmitOptions) -> None:
             output={
                 "format": options.output_format,
                 "quality": options.quality,
+                **_encoding(options),
                 "artefacts": options.artefact or [],
                 "report": options.report,
             },
@@ -128,9 +136,15 @@ def submit(options: SubmitOptions) -> None:
     _print_submitted(job, options.as_json)
 
 
+def _encoding(options: SubmitOptions) -> Json:
+    """Profile and opacity, if given: services of earlier versions do not know the fields."""
+    given = {"profile": options.profile, "alpha": options.alpha.value}
+    return {name: value for name, value in given.items() if value not in ("", "auto")}
+
+
 def _source(options: SubmitOptions) -> Json:
     """How the video is read, if not in the usual way: services of earlier versions do not know the field."""
-    source = source_of(options.video_stream, options.sound_track, options.fields)
+    source = source_of(options.video_stream, options.sound_track, options.fields, options.premultiplied)
     return {} if source == SourceOptions() else {"source": source.as_json()}
 
 
@@ -216,26 +230,16 @@ def get(
 
     with client_of(server, api_key) as client:
         job_id = find_id(client, job)
-        where = target(output) if file == "result" else Target(Path(output).expanduser().absolute(), "", "file")
         if file == "result":
-            _check_format(client.job(job_id), where)
+            where = target(output, form=client.job(job_id)["request"]["output"]["format"])
+        else:
+            where = Target(Path(output).expanduser().absolute(), "", "file")
         with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
             deliver(client.download(job_id, Path(scratch) / "file", file), where)
     if as_json:
         emit({"job": job_id, "file": file, "output": str(where.path)})
     else:
         out.print(str(where.path), markup=False)
-
-
-def _check_format(job: Json, where: Target) -> None:
-    made = job["request"]["output"]["format"]
-    if made != where.format:
-        raise BadInput(
-            f"The job's result is {made}, and OUT is {where.format}.",
-            field="--output",
-            value=where.path,
-            remedy="Name a .zip file, or a folder with / at the end." if made == "png" else f"End OUT with .{made}.",
-        )
 
 
 def cancel(job: JobArgument, server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:

@@ -15,6 +15,7 @@ from pydantic import JsonValue
 
 from impasto.delivery import expanded
 from pipeline.errors import BadInput, BadParameter
+from pipeline.formats import OUTPUTS
 from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
 
@@ -39,9 +40,20 @@ class FieldOrder(StrEnum):
     BOTTOM = "bottom"
 
 
-def source_of(picture: int | None, sound: Sequence[int] | None, fields: FieldOrder) -> SourceOptions:
+class OpacityChoice(StrEnum):
+    """Opacity of the film: see `workers.contract.request.Alpha`."""
+
+    AUTO = "auto"
+    SOURCE = "source"
+    PAINTED = "painted"
+    NONE = "none"
+
+
+def source_of(
+    picture: int | None, sound: Sequence[int] | None, fields: FieldOrder, premultiplied: bool = False
+) -> SourceOptions:
     """Options for reading the video."""
-    return SourceOptions(picture, tuple(sound) if sound else None, fields.value)
+    return SourceOptions(picture, tuple(sound) if sound else None, fields.value, premultiplied)
 
 
 class MissingPolicy(StrEnum):
@@ -68,6 +80,30 @@ InputOption = Annotated[
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of all random choices.", rich_help_panel=WHAT)]
 QualityOption = Annotated[
     int, typer.Option(min=0, max=51, help="Rate factor of the video codec: lower is better.", rich_help_panel=WHAT)
+]
+FormatOption = Annotated[
+    str, typer.Option("--format", help=f"Format of the film: {', '.join(OUTPUTS)}.", rich_help_panel=WHAT)
+]
+ProfileOption = Annotated[
+    str,
+    typer.Option(
+        help="Encoding of the format: 4444, dnxhr-hqx, hevc, 16, ... (`impasto formats`).", rich_help_panel=WHAT
+    ),
+]
+PremultipliedOption = Annotated[
+    bool,
+    typer.Option(
+        "--premultiplied",
+        help="The colours of IN are multiplied by its opacity (of some formats it always is).",
+        rich_help_panel=WHAT,
+    ),
+]
+AlphaOption = Annotated[
+    OpacityChoice,
+    typer.Option(
+        help="Opacity of the film: that of IN (source), none (IN over white), or source if the profile has opacity.",
+        rich_help_panel=WHAT,
+    ),
 ]
 DamageOption = Annotated[
     DamagePolicy,

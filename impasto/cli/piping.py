@@ -12,13 +12,13 @@ from itertools import chain
 from pathlib import Path
 
 from impasto.cli.console import print_warnings
-from impasto.library import DamagedSource, ImageSequence, SourceFile, opened, render
+from impasto.library import DamagedSource, ImageSequence, OutputFile, SourceFile, opened, render
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
 from pipeline.video.media import Limits, SourceOptions, check_size
 from pipeline.video.sequence_options import USUAL, SequenceOptions
-from workers.contract.request import FAIL, WARN, Json
+from workers.contract.request import FAIL, WARN, Alpha, Json
 
 PIPE = "-"
 DEFAULT_FPS = Fraction(25)
@@ -34,6 +34,7 @@ class PipeOrder:
         on_damage: "warn" or "fail", for files with frames that are missing or unreadable.
         options: how a video file, or interlaced YUV4MPEG2, is read.
         sequence: how a sequence of images is read.
+        profile, alpha: encoding and opacity of an output file.
         raw: "WIDTHxHEIGHT[@FPS]" if pipes carry raw RGB, "" if YUV4MPEG2.
     """
 
@@ -49,6 +50,8 @@ class PipeOrder:
     on_damage: str = WARN
     options: SourceOptions = field(default_factory=SourceOptions)
     sequence: SequenceOptions = USUAL
+    profile: str = ""
+    alpha: Alpha = "auto"
 
     def run(self) -> int:
         """Render; returns the number of frames written to stdout, 0 if the output is a file.
@@ -69,7 +72,8 @@ class PipeOrder:
         common: Json = {"inputs": self.inputs, "seed": self.seed, "fps": float(form.fps)}
         common |= self.params
         if self.output != PIPE:
-            render(self.method, frames, self.output, quality=self.quality, overwrite=self.overwrite, **common)
+            file = OutputFile(self.output, self.profile, self.alpha)
+            render(self.method, frames, file, quality=self.quality, overwrite=self.overwrite, **common)
             return 0
         return self._write(render(self.method, frames, **common), form)
 
@@ -87,7 +91,7 @@ class PipeOrder:
         given = self.sequence
         if not given.given:
             return SourceFile(self.source, self.options)
-        return ImageSequence(self.source, given.fps, given.missing, given.layer, given.view)
+        return ImageSequence(self.source, given.fps, given.missing, given.layer, given.view, self.options)
 
     def _write(self, frames: Iterator[Frame], form: StreamFormat) -> int:
         """Write each frame as soon as it is finished."""

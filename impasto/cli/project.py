@@ -46,7 +46,9 @@ def project_order(
         }
     submission = _submission(document, assets, Selection(frames=frames))
     inputs = {name: _input(name, submission, assets, files, scratch) for name in submission.inputs}
-    output = OutputSpec(where.format, submission.output.quality, tuple(sorted(artefacts)))
+    wished = submission.output
+    profile = wished.profile if wished.format == where.format else ""
+    output = OutputSpec(where.format, wished.quality, tuple(sorted(artefacts)), profile=profile, alpha=wished.alpha)
     request = JobRequest(
         submission.method, {}, submission.params, submission.seed, output, name=submission.name,
         frames=submission.frames, on_damage=submission.on_damage,

@@ -12,10 +12,12 @@ import typer
 
 from impasto.cli.console import emit, out, print_status, print_warnings, progress
 from impasto.cli.options import (
+    AlphaOption,
     DamageOption,
     DamagePolicy,
     FieldOrder,
     FieldsOption,
+    FormatOption,
     FpsOption,
     HomeOption,
     InputOption,
@@ -23,8 +25,11 @@ from impasto.cli.options import (
     LayerOption,
     MethodOption,
     MissingOption,
+    OpacityChoice,
     ParamOption,
     PictureOption,
+    PremultipliedOption,
+    ProfileOption,
     QualityOption,
     QuietFlag,
     SeedOption,
@@ -45,6 +50,7 @@ from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
+    from pipeline.video.media import SourceOptions
     from pipeline.video.sequence_options import SequenceOptions
 
 EPILOG = f"""[bold]Examples[/bold]
@@ -69,6 +75,10 @@ impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
 impasto render clip.mp4 -o start.mp4 --frames 0:50
 
+impasto render clip.mov -o painted.mov --profile 4444
+
+impasto render plate.####.png -o "comp/painted.####.tif"
+
 impasto render clip.mp4 --estimate       time, memory and disk space, without rendering
 
 impasto render project.zip -o film.mp4     (a project that a service exported)
@@ -91,7 +101,7 @@ class RenderOptions:
             "--output",
             "-o",
             metavar="OUT",
-            help="A video file, a .png, a .zip, or a folder DIR/.",
+            help="A video file, an image, a .zip, a folder DIR/, or DIR/name.####.tif.",
         ),
     ] = ""
     estimate: Annotated[
@@ -109,6 +119,10 @@ class RenderOptions:
             help="Also save an artefact, beside OUT or at PATH.",
         ),
     ] = None
+    output_format: FormatOption = ""
+    profile: ProfileOption = ""
+    alpha: AlphaOption = OpacityChoice.AUTO
+    premultiplied: PremultipliedOption = False
     quality: QualityOption = 20
     seed: SeedOption = 0
     frames: Annotated[
@@ -161,7 +175,8 @@ def _render_pipe(options: RenderOptions) -> None:
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
-        options.on_damage.value, source_of(options.video_stream, None, options.fields), _sequence(options),
+        options.on_damage.value, _source(options, None), _sequence(options),
+        options.profile, options.alpha.value,
     )  # fmt: skip
     count = pipe.run()
     print_status(f"{count} frames" if options.output == "-" else options.output)
@@ -217,16 +232,23 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     from workers.projects.archive import is_project
 
     output = options.output or str(scratch / "estimate.mp4")
-    where, artefacts, frames = target(output), artefacts_of(options.artefact or []), frames_of(options.frames)
-    spec = OutputSpec(format=where.format, quality=options.quality, artefacts=tuple(sorted(artefacts)))
+    where = target(output, form=options.output_format)
+    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames)
+    spec = OutputSpec(
+        where.format, options.quality, tuple(sorted(artefacts)), profile=options.profile, alpha=options.alpha.value
+    )
     request = JobRequest(
         options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),
-        frames=frames, source=source_of(options.video_stream, options.sound_track, options.fields),
+        frames=frames, source=_source(options, options.sound_track),
     )  # fmt: skip
     paths = {"video": options.source, **inputs_of(options.extra or [])}
     if is_project(options.source):
         return project_order(options.source, scratch, where, artefacts, options.overwrite, frames)
     return RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+
+
+def _source(options: RenderOptions, sound: list[int] | None) -> SourceOptions:
+    return source_of(options.video_stream, sound, options.fields, options.premultiplied)
 
 
 def _sequence(options: RenderOptions) -> SequenceOptions:

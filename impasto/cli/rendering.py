@@ -16,6 +16,7 @@ from impasto.cli.input_files import InputFile, gather
 from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
 from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
+from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, missing_inputs
 from pipeline.video.media import MediaInfo
@@ -143,7 +144,8 @@ def _check_result_fits(order: RenderOrder, video: MediaInfo) -> None:
     """Refuse an output that cannot hold the frames of the video."""
     first, end = order.request.frames or (0, video.frames)
     check_still(order.where, end - first)
-    check_space(order.where, dataclasses.replace(video, frames=end - first))
+    profile = OUTPUTS[order.where.format].profile(order.request.output.profile)
+    check_space(order.where, dataclasses.replace(video, frames=end - first), profile)
 
 
 def _check_consent(order: RenderOrder, place: Workspace) -> None:

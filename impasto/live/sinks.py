@@ -8,6 +8,7 @@ from impasto.live.sources import Source
 from pipeline.errors import BadInput
 from pipeline.formats import OUTPUTS
 from pipeline.frames import Frame
+from pipeline.video.numbering import number_by
 from pipeline.video.stills import encode_png
 
 
@@ -32,10 +33,11 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
 
         return Broadcast(text, source.size, source.fps)
     where = target(text)
-    if where.kind != "frames" and not OUTPUTS[where.format].carries.sound:
+    png_frames = where.kind == "frames" and number_by(where.pattern, "0000.png") is not None
+    if not png_frames and OUTPUTS[where.format].sound is None:
         remedy = "Use a .mp4 or .webm file, or DIR/ for numbered frames."
         raise BadInput("The output is not a known sink.", field="--output", value=text, remedy=remedy)
-    if where.kind == "frames":
+    if png_frames:
         return Frames(where)
     from impasto.live.video_file import VideoFileSink
 

@@ -14,19 +14,25 @@ from pipeline.errors import BadParameter
 from pipeline.formats.base import ImageFormat, OutputFormat
 from pipeline.formats.bmp import BMP
 from pipeline.formats.dpx import DPX
-from pipeline.formats.exr import EXR
+from pipeline.formats.exr import EXR, EXR_FRAMES
 from pipeline.formats.gif import GIF, GIF_FILM
-from pipeline.formats.iso_images import AVIF, HEIF
+from pipeline.formats.iso_images import AVIF, AVIF_FILM, HEIF
 from pipeline.formats.jpeg import JPEG
+from pipeline.formats.mkv import MKV
+from pipeline.formats.mov import MOV
 from pipeline.formats.mp4 import MP4
+from pipeline.formats.mxf import MXF
 from pipeline.formats.png import PNG, PNG_FRAMES
 from pipeline.formats.rare import RARE
-from pipeline.formats.tiff import TIFF
+from pipeline.formats.tiff import TIFF, TIFF_FRAMES
 from pipeline.formats.webm import WEBM
-from pipeline.formats.webp import WEBP
+from pipeline.formats.webp import WEBP, WEBP_FILM
 
 IMAGES: tuple[ImageFormat, ...] = (PNG, JPEG, WEBP, AVIF, HEIF, GIF, BMP, TIFF, EXR, DPX, *RARE)
-OUTPUTS: Mapping[str, OutputFormat] = {form.name: form for form in (MP4, WEBM, PNG_FRAMES, GIF_FILM)}
+OUTPUTS: Mapping[str, OutputFormat] = {
+    form.name: form
+    for form in (MP4, WEBM, MOV, MKV, MXF, PNG_FRAMES, TIFF_FRAMES, EXR_FRAMES, GIF_FILM, WEBP_FILM, AVIF_FILM)
+}
 IMAGE_SUFFIXES = frozenset(suffix for form in IMAGES for suffix in form.suffixes)
 IMAGE_NAMES = ", ".join(form.title for form in IMAGES if form not in RARE)
 """For messages."""
@@ -73,6 +79,6 @@ def output_of_suffix(suffix: str) -> tuple[OutputFormat, bool] | None:
     for form in OUTPUTS.values():
         if suffix in form.suffixes:
             return form, False
-        if suffix and form.folder_suffix == suffix:
+        if suffix in form.frame_suffixes:
             return form, True
     return None

@@ -18,7 +18,8 @@ import cv2
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.frames import Frame, Plane
+from pipeline.errors import BadParameter
+from pipeline.frames import Plane
 from pipeline.video.media import Limits
 
 _SQUARE_TOLERANCE = 0.005
@@ -104,6 +105,8 @@ class ImageFormat(ABC):
     media_type: str
     suffixes: tuple[str, ...]
     carries = Carries()
+    premultiplied = False
+    """Whether stored colours are multiplied by the opacity; `read` divides them."""
 
     @abstractmethod
     def sniff(self, head: bytes) -> bool:
@@ -152,6 +155,83 @@ class Animation(ABC):
     def close(self) -> None: ...
 
 
+Quality = Callable[[int], dict[str, str]]
+"""Options of an encoder for a quality, 0 to 51."""
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """Name of an output format, and the quality of those that are encoded when segments are joined, 0 to 51."""
+
+    format: str
+    quality: int = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profile:
+    """One encoding of an output format: codec, chroma, depth.
+
+    Attributes:
+        name: its name in requests, for example "4444".
+        title, help: shown in forms.
+        depth_bits: bits of a colour channel; 16 and 32 with `is_float`: half and single floating point.
+        is_float: whether the colours are scene-linear floating point with premultiplied opacity.
+        has_quality: whether the request's quality has an effect.
+        codec: FFmpeg's encoder.
+        tag: four-character code of the codec in QuickTime files, if the codec has several.
+        codec_options: options of the encoder.
+        pixel_format: FFmpeg's pixel format of encoded pictures.
+        alpha_format: that of pictures with opacity; "" = the codec has none.
+        even: whether sides must be even.
+        always_709: whether the matrix is BT.709 in small pictures too.
+        min_size: least (width, height), px.
+        segment_container, alpha_container: muxer of segments, if not the film's; of those with opacity, if another.
+        low_bytes_per_pixel: least size of a film, bytes per pixel and frame, for checks of free space.
+        bytes_per_pixel: usual size while the job runs, for estimates.
+        encode: encodes one picture as an image, for films of numbered images: (h, w, 3) or (h, w, 4) with straight
+            opacity, sRGB-encoded; uint8, uint16, or float32 with white at 1.
+    """
+
+    name: str
+    title: str
+    help: str = ""
+    depth_bits: int = 8
+    is_float: bool = False
+    has_quality: bool = True
+    codec: str = ""
+    tag: str = ""
+    codec_options: Quality = lambda quality: {}
+    pixel_format: str = "yuv420p"
+    alpha_format: str = ""
+    even: bool = False
+    always_709: bool = False
+    min_size: tuple[int, int] = (0, 0)
+    segment_container: str = ""
+    alpha_container: str = ""
+    low_bytes_per_pixel: float = 0.005
+    bytes_per_pixel: float = 0.05
+    encode: Callable[[AnyArray], bytes] | None = None
+
+    @property
+    def has_alpha(self) -> bool:
+        return self.encode is not None or bool(self.alpha_format)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoundCodecs:
+    """Sound of a container.
+
+    Attributes:
+        copied: codecs whose packets are copied.
+        encoder: FFmpeg's encoder of all others.
+        sample_format: of the encoder; "" = its usual one.
+    """
+
+    copied: frozenset[str]
+    encoder: str
+    sample_format: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class OutputFormat:
     """A format that films are written in.
@@ -160,22 +240,19 @@ class OutputFormat:
         name: its name in requests, for example "mp4".
         title, help: shown in forms.
         suffixes: extensions of the file, the first one for new files.
-        folder_suffix: extension of the files if the film is a folder or zip of numbered images; "" = one file.
-        has_quality: whether the request's quality has an effect.
+        profiles: its encodings, the usual one first.
+        frame_suffixes: extensions of the files if the film is a folder or zip of numbered images; () = one file.
         lossy: whether a film in this format is too coarse to be converted to another one.
         shown_as: how a browser shows the film: "video", "image", or "sheet" (a contact sheet instead).
-        low_bytes_per_pixel: least size of a film, bytes per pixel and frame, for checks of free space.
-        bytes_per_pixel: usual size while the job runs, for estimates.
-        container: FFmpeg's name of the muxer of segments and of the film; "" = a zip of images.
-        segment_container: muxer of segments, if another one.
-        codec: FFmpeg's encoder of segments.
-        codec_options: options of the encoder for a quality, 0 to 51.
-        pixel_format: FFmpeg's pixel format of encoded pictures.
+        container: FFmpeg's name of the muxer of the film; "" = a zip of images.
         mux_options: options of the film's muxer.
-        even: whether sides must be even.
+        sound: None: the film has no sound.
+        subtitles: codecs of subtitles that are copied.
+        timecode: whether the film has a timecode.
+        rates: frame rates that it knows, frames per second, if all frames must have one duration; () = any times.
         max_side_px: longest side; larger frames are scaled down.
-        encode: encodes one frame as an image, for films of numbered images.
-        join: makes the film from its segments, if that is more than to copy packets: (segments, out, progress).
+        join: makes the film from its segments, if that is more than to copy packets; arguments: segments, out,
+            progress, quality.
     """
 
     name: str
@@ -183,28 +260,47 @@ class OutputFormat:
     help: str
     media_type: str
     suffixes: tuple[str, ...]
-    carries: Carries = Carries()
-    folder_suffix: str = ""
-    has_quality: bool = True
+    profiles: tuple[Profile, ...]
+    frame_suffixes: tuple[str, ...] = ()
     lossy: bool = False
     shown_as: str = "video"
-    low_bytes_per_pixel: float = 0.005
-    bytes_per_pixel: float = 0.05
     container: str = ""
-    segment_container: str = ""
-    codec: str = ""
-    codec_options: Callable[[int], dict[str, str]] = lambda quality: {}
-    pixel_format: str = "yuv420p"
     mux_options: Mapping[str, str] | None = None
-    even: bool = False
+    sound: SoundCodecs | None = None
+    subtitles: frozenset[str] = frozenset()
+    timecode: bool = False
+    rates: tuple[Fraction, ...] = ()
     max_side_px: int = 0
-    encode: Callable[[Frame], bytes] | None = None
-    join: Callable[[Segments, Path, Progress], None] | None = None
+    join: Callable[[Segments, Path, Progress, int], None] | None = None
 
-    def coded_size(self, size: tuple[int, int]) -> tuple[int, int]:
+    def profile(self, name: str = "") -> Profile:
+        """The profile of this name; "": the usual one. Raises BadParameter."""
+        found = next((profile for profile in self.profiles if name in ("", profile.name)), None)
+        if found is None:
+            raise BadParameter(f"{self.title} has no profile of this name.", field="output.profile", value=name,
+                               remedy=f"Use one of: {', '.join(p.name for p in self.profiles)}.")  # fmt: skip
+        return found
+
+    def check(self, profile: Profile, size: tuple[int, int], fps: float) -> None:
+        """Raise BadParameter if the profile cannot hold frames of this (width, height) px, or this rate per second."""
+        least, held = profile.min_size, f"{size[0]}x{size[1]} px, {fps:g} frames/s"
+        if size[0] < least[0] or size[1] < least[1]:
+            others = ", ".join(other.name for other in self.profiles if other.min_size < least)
+            raise BadParameter(
+                f"{profile.title} needs at least {least[0]}x{least[1]} px.", field="output.profile", value=held,
+                remedy=f"Use another profile: {others}." if others else "Use another format.",
+            )  # fmt: skip
+        if self.rates and not any(abs(float(rate) - fps) < rate / 2000 for rate in self.rates):
+            known = ", ".join(f"{float(rate):.6g}" for rate in self.rates)
+            raise BadParameter(
+                f"{self.title} has no such frame rate.", field="output.format", value=held,
+                remedy=f"Use a video of {known} frames/s, or another format.",
+            )  # fmt: skip
+
+    def coded_size(self, size: tuple[int, int], profile: Profile) -> tuple[int, int]:
         """(width, height) of the encoded film, px, for frames of this size."""
         width, height = size
         if self.max_side_px:
             scale = min(1.0, self.max_side_px / max(size))
             width, height = max(1, round(scale * width)), max(1, round(scale * height))
-        return (width + width % 2, height + height % 2) if self.even else (width, height)
+        return (width + width % 2, height + height % 2) if profile.even else (width, height)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
@@ -10,13 +11,21 @@ from pipeline.formats import IMAGE_NAMES, IMAGES, image_format
 from pipeline.formats.base import Choice, ImageFormat, PlaneImage
 from pipeline.formats.pillow import eight_bit
 from pipeline.frames import Frame
-from pipeline.video.media import Limits, check_size, unreadable
-from pipeline.video.stills import as_rgb
+from pipeline.video.media import Limits, SourceOptions, check_size, unreadable
+from pipeline.video.opacity import as_frame
 
 
 def decode_rgb(data: bytes, limits: Limits, name: str = "image", choice: Choice = Choice()) -> Frame:
     """Decode an image to a frame, alpha over white. Raises UnreadableMedia, MediaTooLarge, BadParameter."""
-    return as_rgb(eight_bit(decode_raw(data, limits, name, choice)))
+    return as_frame(eight_bit(decode_raw(data, limits, name, choice)), SourceOptions())
+
+
+def decode_shown(data: bytes, limits: Limits, name: str, choice: Choice, options: SourceOptions) -> tuple[Frame, bool]:
+    """Decode an image to a frame as `options` say, and whether it has opacity. Raises as `decode_rgb`."""
+    picture = eight_bit(decode_raw(data, limits, name, choice))
+    if options.premultiplied and format_of(data, name).premultiplied:
+        options = replace(options, premultiplied=False)  # the reader has divided
+    return as_frame(picture, options), picture.ndim == 3 and picture.shape[2] == 4
 
 
 def decode_raw(data: bytes, limits: Limits, name: str = "image", choice: Choice = Choice()) -> AnyArray:

@@ -13,8 +13,19 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
-from pipeline.formats.base import Carries, Choice, ImageFormat, ImageHeader, PlaneImage, aspect_notes, square_pixels
+from pipeline.formats.base import (
+    Carries,
+    Choice,
+    ImageFormat,
+    ImageHeader,
+    OutputFormat,
+    PlaneImage,
+    Profile,
+    aspect_notes,
+    square_pixels,
+)
 from pipeline.frames import Plane
+from pipeline.video.depth import as_float, linear
 from pipeline.video.media import Limits, check_window, unreadable
 from pipeline.video.passes import picture, picture_choice
 
@@ -26,6 +37,7 @@ class Exr(ImageFormat):
     name, title, media_type = "exr", "OpenEXR", "image/x-exr"
     suffixes = (".exr",)
     carries = Carries(alpha=True, depth_bits=32, planes=True)
+    premultiplied = True
 
     def sniff(self, head: bytes) -> bool:
         return head.startswith(b"\x76\x2f\x31\x01")
@@ -195,3 +207,40 @@ def write_exr(path: Path, planes: Mapping[str, Plane], half: bool = False) -> No
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, {name: np.ascontiguousarray(plane, kind) for name, plane in planes.items()}) as file:
         file.write(str(path))
+
+
+_CHROMATICITIES_709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+
+
+def encode_exr(picture: AnyArray, half: bool = True) -> bytes:
+    """Encode a picture, sRGB-encoded (h, w, 3) or (h, w, 4) with straight opacity, as a scene-linear Rec. 709 EXR with
+    premultiplied colours, as compositing programs expect them; float16 if `half`, else float32."""
+    values = as_float(picture)
+    light = linear(values[..., :3])
+    if values.shape[2] == 4:
+        light = np.dstack([light * values[..., 3:], values[..., 3]])
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "chromaticities": _CHROMATICITIES_709,
+        "colorInteropID": _LINEAR_709,
+    }  # fmt: skip
+    name, out = "RGBA"[: light.shape[2]], io.BytesIO()
+    with OpenEXR.File(header, {name: np.ascontiguousarray(light, np.float16 if half else np.float32)}) as file:
+        file.write(out)
+    return out.getvalue()
+
+
+EXR_FRAMES = OutputFormat(
+    name="exr", title="OpenEXR frames", help="The film's frames as linear half-float pictures, in a zip",
+    media_type="application/zip", suffixes=(), frame_suffixes=(".exr",), shown_as="sheet",
+    profiles=(
+        Profile(
+            name="half", title="Half float", help="Linear Rec. 709, premultiplied opacity", depth_bits=16,
+            is_float=True, has_quality=False, low_bytes_per_pixel=0.6, bytes_per_pixel=5, encode=encode_exr,
+        ),
+        Profile(
+            name="float", title="Single float", help="Linear Rec. 709, premultiplied opacity", depth_bits=32,
+            is_float=True, has_quality=False, low_bytes_per_pixel=1, bytes_per_pixel=10,
+            encode=lambda picture: encode_exr(picture, half=False),
+        ),
+    ),
+)  # fmt: skip

@@ -16,7 +16,8 @@ from av.filter import Graph
 from av.filter.context import FilterContext
 from av.video.stream import VideoStream
 
-from pipeline.formats.base import Carries, OutputFormat, Progress, Segments
+from pipeline.formats.animations import LOSSLESS_PICTURES
+from pipeline.formats.base import Carries, OutputFormat, Profile, Progress, Segments
 from pipeline.formats.pillow import PillowFormat
 from pipeline.video.container import finished, open_container
 from pipeline.video.media import Limits
@@ -30,12 +31,13 @@ _DITHER = "dither=bayer:bayer_scale=3"
 _SHARE_OF_PALETTE = 0.3
 
 
-def join_gif(segments: Segments, out: Path, progress: Progress = lambda done: None) -> None:
+def join_gif(segments: Segments, out: Path, progress: Progress = lambda done: None, quality: int = 0) -> None:
     """Write a GIF that is repeated without end.
 
     Args:
         segments: (start time in seconds, file) of each segment, in order, at least one; the first start becomes 0.
         progress: called with the fraction done, 0..1; may raise an exception to abort.
+        quality: has no effect.
     """
     palette, count = _palette(segments, progress)
     with av.open(f"file:{out}", "w", format="gif", options={"loop": "0"}) as target:
@@ -140,8 +142,11 @@ class Gif(PillowFormat):
 GIF = Gif()
 GIF_FILM = OutputFormat(
     name="gif", title="GIF", help="At most 720 px, 256 colours, without sound", media_type="image/gif",
-    suffixes=(".gif",), carries=Carries(animation=True, metadata=False), has_quality=False, lossy=True,
-    shown_as="image", low_bytes_per_pixel=0.1, bytes_per_pixel=0.5, container="gif", segment_container="mov",
-    codec="png", codec_options=lambda quality: {"compression_level": "1"}, pixel_format="rgb24", max_side_px=720,
-    join=join_gif,
+    suffixes=(".gif",), lossy=True, shown_as="image", container="gif", max_side_px=720, join=join_gif,
+    profiles=(
+        Profile(
+            name="256", title="256 colours", has_quality=False, low_bytes_per_pixel=0.1, bytes_per_pixel=0.5,
+            **LOSSLESS_PICTURES,
+        ),
+    ),
 )  # fmt: skip

@@ -20,6 +20,7 @@ from PIL import Image, ImageCms, ImageOps
 from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
 from pipeline.formats.base import Animation, Choice, ImageFormat, ImageHeader, aspect_notes, square_pixels
+from pipeline.video.depth import as_uint8
 from pipeline.video.media import Limits, check_size, unreadable
 
 Image.MAX_IMAGE_PIXELS = None  # `check_size` refuses by the header, with the limits of the caller
@@ -209,12 +210,8 @@ def _aspect(image: Image.Image) -> float:
 
 
 def eight_bit(image: AnyArray) -> NDArray[np.uint8]:
-    """Convert uint16 by its high byte, and floating point of 0..1 with rounding, to uint8."""
-    if image.dtype == np.uint8:
-        return np.asarray(image, np.uint8)
-    if image.dtype == np.uint16:
-        return np.asarray(image >> 8, np.uint8)
-    return np.asarray(np.clip(np.nan_to_num(image), 0, 1) * 255 + 0.5, np.uint8)
+    """Convert uint16, and floating point of 0..1, to uint8, rounded to nearest."""
+    return as_uint8(image if image.dtype in (np.uint8, np.uint16) else image.astype(np.float32))
 
 
 def _profile(data: bytes) -> ImageCms.ImageCmsProfile | None:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import BinaryIO
 
+import av
 import cv2
 import numpy as np
+from av.video.codeccontext import VideoCodecContext
 from PIL import ExifTags, TiffImagePlugin
 
 from pipeline.arrays import AnyArray
-from pipeline.formats.base import Carries, Choice, ImageHeader
+from pipeline.formats.base import Carries, Choice, ImageHeader, OutputFormat, Profile
 from pipeline.formats.pillow import PillowFormat, faults
+from pipeline.video.depth import as_uint8, as_uint16
 from pipeline.video.media import Limits, check_window, unreadable
 
 _TAG = ExifTags.Base
@@ -84,3 +88,33 @@ def _turned(pixels: AnyArray, orientation: int) -> AnyArray:
     if orientation in (3, 4, 7, 8):
         pixels = pixels[::-1]
     return np.ascontiguousarray(pixels)
+
+
+def encode_tiff(picture: AnyArray) -> bytes:
+    """Encode a picture, uint8 or uint16 (h, w, 3 or 4), as TIFF with Deflate compression. FFmpeg's encoder, because
+    OpenCV's does not mark the fourth channel as opacity."""
+    layout = {(1, 3): "rgb24", (1, 4): "rgba", (2, 3): "rgb48le", (2, 4): "rgba64le"}
+    frame = av.VideoFrame.from_ndarray(picture, format=layout[picture.itemsize, picture.shape[2]])
+    context = av.CodecContext.create("tiff", "w")
+    assert isinstance(context, VideoCodecContext)
+    context.width, context.height, context.pix_fmt = frame.width, frame.height, frame.format.name
+    context.time_base, frame.pts = Fraction(1, 25), 0
+    context.options = {"compression_algo": "deflate", "flags": "+bitexact"}
+    context.thread_count = 1
+    return b"".join(bytes(packet) for packet in (*context.encode(frame), *context.encode(None)))
+
+
+TIFF_FRAMES = OutputFormat(
+    name="tiff", title="TIFF frames", help="The film's frames as 16-bit pictures, in a zip",
+    media_type="application/zip", suffixes=(), frame_suffixes=(".tif", ".tiff"), shown_as="sheet",
+    profiles=(
+        Profile(
+            name="16", title="16 bit", depth_bits=16, has_quality=False, low_bytes_per_pixel=0.6, bytes_per_pixel=4,
+            encode=lambda picture: encode_tiff(as_uint16(picture)),
+        ),
+        Profile(
+            name="8", title="8 bit", has_quality=False, low_bytes_per_pixel=0.3, bytes_per_pixel=2,
+            encode=lambda picture: encode_tiff(as_uint8(picture)),
+        ),
+    ),
+)  # fmt: skip

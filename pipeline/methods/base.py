@@ -180,6 +180,7 @@ class Method:
         part_documents: input of kind "json" -> the document that is made from its part, whose type is the part's;
             None: no input. An input without an entry is the part itself.
         studio: what the studio offers for layers of the method.
+        opacity_of: the input whose opacity the film gets.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
         clusters_params: values of parameters without which it finds none.
@@ -214,6 +215,7 @@ class Method:
     part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = MappingProxyType({})
     studio: ClassVar[Studio] = Studio()
     palette_input: ClassVar[str] = ""
+    opacity_of: ClassVar[str] = "video"
     cpu_s_per_megapixel: ClassVar[float] = 1.0
     cpu_growth: ClassVar[float] = 1.0
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})

@@ -53,6 +53,7 @@ class Convert(Method):
     summary: ClassVar[str] = "A finished film in another format."
     paper: ClassVar[str] = ""
     Params: ClassVar[type[Params]] = ConvertParams
+    opacity_of: ClassVar[str] = FILM
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec("video", "video", True, "Video", "The source of the film: its times and its sound."),
         InputSpec(FILM, "image-or-video", True, "Film", "The finished film, from its first frame on."),

@@ -11,10 +11,10 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.formats.base import ImageFormat
 from pipeline.frames import Frame
-from pipeline.video.geometry import Geometry
+from pipeline.video.geometry import USUAL, Geometry
 from pipeline.video.index import Index
-from pipeline.video.media import Limits, Note
-from pipeline.video.stills import as_rgb
+from pipeline.video.media import Limits, Note, SourceOptions, opacity_notes
+from pipeline.video.opacity import as_frame
 
 
 class AnimatedImage:
@@ -24,11 +24,11 @@ class AnimatedImage:
     Raises: UnreadableMedia, MediaTooLarge.
     """
 
-    def __init__(self, path: Path, form: ImageFormat, limits: Limits) -> None:
+    def __init__(self, path: Path, form: ImageFormat, limits: Limits, options: SourceOptions = USUAL) -> None:
+        self._options = options
         self._pictures = form.animation(path, limits)
         self.errors: list[str] = []
         self.unreadable: list[int] = []
-        self.notes: tuple[Note, ...] = ()
         self.pixel_format = "rgba"
         starts = np.asarray(self._pictures.starts, np.int64)
         self.index = Index(
@@ -37,7 +37,9 @@ class AnimatedImage:
         )  # fmt: skip
         self.position: int | None = 0
         self._frames: Iterator[AnyArray] = self._pictures.frames(0)
-        first = as_rgb(next(self._frames))
+        first = next(self._frames)
+        self.has_alpha = first.ndim == 3 and first.shape[2] == 4
+        self.notes: tuple[Note, ...] = opacity_notes(self.has_alpha, options)
         self.geometry = Geometry((first.shape[1], first.shape[0]))
         self.position = 1
 
@@ -54,4 +56,4 @@ class AnimatedImage:
             if at in self.index.incomplete:
                 self.unreadable.append(at)
             width, height = self.geometry.size
-            yield as_rgb(picture[:height, :width])  # pictures of a GIF can reach beyond its screen
+            yield as_frame(picture[:height, :width], self._options)  # pictures of a GIF can reach beyond its screen

@@ -1,8 +1,8 @@
 """Sound tracks of the source for the output.
 
-A track is copied if players of the container play its codec, its packets follow one another without holes, and the
-muxer accepts it. Any other track is decoded, made continuous by FFmpeg's `aresample=async=1` (holes become silence,
-overlaps are cut), and encoded. Both keep the times of the file.
+A track is copied if its codec is usual in the container (`SoundCodecs`), its packets follow one another without holes,
+and the muxer accepts it. Any other track is decoded, made continuous by FFmpeg's `aresample=async=1` (holes become
+silence, overlaps are cut), and encoded. Both keep the times of the file.
 """
 
 from __future__ import annotations
@@ -24,18 +24,16 @@ from av.filter import Graph
 from av.packet import Packet
 
 from pipeline.errors import BadParameter
+from pipeline.formats.base import SoundCodecs
 from pipeline.video.container import finished, open_container, sound_streams
 from pipeline.video.media import Limits, Note
 from pipeline.video.timeline import Timeline, timed_packets
 
-_COPIED = {"mp4": frozenset({"aac", "mp3"}), "webm": frozenset({"opus", "vorbis"})}
-"""Codecs that browsers play in the container."""
-_ENCODER = {"mp4": "aac", "webm": "libopus"}
 _RATE = 48000
 _LAYOUTS = {1: "mono", 2: "stereo", 6: "5.1", 8: "7.1"}
-"""Channels -> layout that both encoders accept; other numbers are mixed to stereo."""
+"""Channels -> layout that all encoders accept; other numbers are mixed to stereo."""
 _BITS_PER_S = 80_000
-"""Bit rate of one channel that is encoded."""
+"""Bit rate of one channel that is encoded with loss."""
 _HOLE_S = Fraction(1, 20)
 """A hole of this length is filled, so the track is encoded."""
 _SILENCE_S = 1
@@ -143,25 +141,27 @@ class TrackWriter:
     zero_s: Fraction
     notes: list[Note] = field(default_factory=list)
 
-    def add(self, out: OutputContainer, container: str, stack: ExitStack, copies: bool) -> Iterator[Timed]:
+    def add(self, out: OutputContainer, codecs: SoundCodecs, stack: ExitStack, copies: bool) -> Iterator[Timed]:
         """Add the stream to `out` and return its packets.
 
         Args:
-            container: "mp4" or "webm".
+            codecs: of the container.
             stack: closes the file.
             copies: whether the track may be copied.
         """
         source = stack.enter_context(open_container(self.path, Limits()))
         stream = next(s for s in sound_streams(source) if s.index == self.track.index)
         context = stream.codec_context
-        if copies and self.track.regular and _can_copy(stream, container):
+        if copies and self.track.regular and _can_copy(stream, codecs.copied, out.format.name):
             target = out.add_stream_from_template(stream)
             packets = self._copied(source, stream, target)
         else:
             layout = _LAYOUTS.get(context.layout.nb_channels, "stereo")
-            made = out.add_stream(_ENCODER[container], rate=_RATE, layout=layout)
+            made = out.add_stream(codecs.encoder, rate=_RATE, layout=layout)
             assert isinstance(made, AudioStream)
             target = made
+            if codecs.sample_format:
+                target.codec_context.format = codecs.sample_format
             target.codec_context.bit_rate = _BITS_PER_S * target.codec_context.layout.nb_channels
             packets = self._encoded(source, stream, target)
         for name in ("language", "title", "handler_name"):
@@ -280,11 +280,11 @@ def _silence(target: AudioStream, first: int, samples: int) -> AudioFrame:
     return piece
 
 
-def _can_copy(stream: AudioStream, container: str) -> bool:
-    """Whether players play the codec in the container and the muxer accepts its header."""
+def _can_copy(stream: AudioStream, copied: frozenset[str], container: str) -> bool:
+    """Whether the codec is usual in the container and the muxer accepts its header."""
     name = stream.codec_context.codec.canonical_name
     # AAC from transport streams (without extradata) cannot be copied into MP4 unchanged.
-    if name not in _COPIED[container] or (name == "aac" and not stream.codec_context.extradata):
+    if name not in copied or (name == "aac" and not stream.codec_context.extradata):
         return False
     try:
         with av.open(io.BytesIO(), "w", format=container) as trial:

@@ -18,19 +18,19 @@ from av.subtitles.subtitle import AssSubtitle, SubtitleSet
 from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
+from pipeline.formats.base import OutputFormat
 from pipeline.video.audio import Timed
 from pipeline.video.container import film_streams, open_container
 from pipeline.video.media import Limits, Note
 from pipeline.video.timeline import timed_packets
 
-_SUBTITLES = {"mp4": "mov_text", "webm": "webvtt"}
-"""The codec of subtitles that the container holds; other texts are converted to it."""
+_TEXT_CODECS = ("mov_text", "ass", "webvtt")
+"""Codecs to which other texts are converted: the first one that the format holds."""
 _TEXTS = frozenset({"mov_text", "webvtt", "subrip", "srt", "ass", "ssa", "text"})
 _OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "encoder", "duration", "timecode"})
 """Tags that describe the source's file, not the film."""
 _TIMECODE = ("timecode", "reel_name")
 _TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
-_NAMES = {"mp4": "MP4", "webm": "WebM"}
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class Carried:
     whole: bool = True
     """Whether the output shows the whole film: a timecode counts from its first frame."""
 
-    def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, container: str) -> list[Note]:
+    def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, form: OutputFormat) -> list[Note]:
         """Set tags, chapters and timecode of `out`, and name what is left out or converted."""
         out.metadata.update({k: v for k, v in source.metadata.items() if k.lower() not in _OF_THE_FILE})
         out.set_chapters(self._chapters(source))
-        return [*self._timecode(source, film, container), *self._left_out(source, container)]
+        return [*self._timecode(source, film, form), *left_out(source, form)]
 
-    def subtitles(self, source: InputContainer, out: OutputContainer, container: str) -> Iterator[Timed]:
-        """Add the subtitles that the container holds, or that are texts; their packets."""
-        kept = {s.index: _Text.added(out, s, _SUBTITLES[container]) for s in _held(source, container)}
+    def subtitles(self, source: InputContainer, out: OutputContainer, form: OutputFormat) -> Iterator[Timed]:
+        """Add the subtitles that the format holds, or that are texts; their packets."""
+        kept = {s.index: _Text.added(out, s, form) for s in _held(source, form)}
         return self._packets(source, kept) if kept else iter(())
 
     def _packets(self, source: InputContainer, kept: Mapping[int, _Text]) -> Iterator[Timed]:
@@ -88,38 +88,40 @@ class Carried:
                 found.append({**chapter, "start": start, "end": end})
         return found
 
-    def _timecode(self, source: InputContainer, film: VideoStream, container: str) -> list[Note]:
+    def _timecode(self, source: InputContainer, film: VideoStream, form: OutputFormat) -> list[Note]:
         """Hand on the timecode of the first frame, and the reel."""
         tags = [source.metadata, *(stream.metadata for stream in source.streams)]
         found = {k.lower(): v for each in reversed(tags) for k, v in each.items() if k.lower() in _TIMECODE}
         if "timecode" not in found:
             return []
         rate = _timecode_rate(film_streams(source))
-        if container == "mp4" and self.whole and rate is not None:
+        if form.timecode and self.whole and rate is not None:
             film.metadata.update(found)
             film.codec_context.framerate = rate
             return []
-        where = _NAMES[container] if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
+        where = form.title if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
         return [Note("left-out", f"The timecode {found['timecode']} was left out: {where} cannot hold it.")]
 
-    def _left_out(self, source: InputContainer, container: str) -> list[Note]:
-        held = _held(source, container)
-        kept = {stream.index for stream in held}
-        lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles if s.index not in kept]
-        told = bool(source.chapters())
-        lost += [
-            f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))
-        ]
-        lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
-        covers = len(source.streams.video) - len(film_streams(source))
-        lost += ["a cover picture"] * covers
-        changed = [_described(s) for s in held if _codec(s) != _SUBTITLES[container]]
-        notes = []
-        if lost:
-            notes.append(f"Left out, because {_NAMES[container]} cannot hold it: {_listed(lost)}.")
-        if changed:
-            notes.append(f"Subtitles were converted to {_SUBTITLES[container]}: {_listed(changed)}.")
-        return [Note("left-out", message) for message in notes]
+
+def left_out(source: InputContainer, form: OutputFormat) -> list[Note]:
+    """What of a source the format cannot hold, and subtitles that are converted."""
+    held = _held(source, form)
+    kept = {stream.index for stream in held}
+    lost = [f"subtitles ({_described(s)})" for s in source.streams.subtitles if s.index not in kept]
+    if form.sound is None:
+        lost += [f"sound ({_described(s)})" for s in source.streams.audio]
+    told = bool(source.chapters())
+    lost += [f"data ({_described(s)})" for s in source.streams.data if not (_is_timecode(s) or (told and _is_text(s)))]
+    lost += [f"an attachment ({s.name or 'unnamed'})" for s in source.streams.attachments]
+    covers = len(source.streams.video) - len(film_streams(source))
+    lost += ["a cover picture"] * covers
+    changed = [_described(s) for s in held if _codec(s) not in form.subtitles]
+    notes = []
+    if lost:
+        notes.append(f"Left out, because {form.title} cannot hold it: {_listed(lost)}.")
+    if changed:
+        notes.append(f"Subtitles were converted to {_text_codec(form)}: {_listed(changed)}.")
+    return [Note("left-out", message) for message in notes]
 
 
 def _timecode_rate(streams: list[VideoStream]) -> Fraction | None:
@@ -137,10 +139,15 @@ def open_source(path: Path) -> InputContainer | None:
         return None
 
 
-def _held(source: InputContainer, container: str) -> list[SubtitleStream]:
-    """The subtitles that go along: those of the container's codec, and texts that can be converted to it."""
-    wanted = _SUBTITLES.get(container)
-    return [s for s in source.streams.subtitles if wanted and (_codec(s) == wanted or _is_decodable(s))]
+def _held(source: InputContainer, form: OutputFormat) -> list[SubtitleStream]:
+    """The subtitles that go along: those of the format's codecs, and texts that can be converted to one of them."""
+    texts = bool(_text_codec(form))
+    return [s for s in source.streams.subtitles if _codec(s) in form.subtitles or (texts and _is_decodable(s))]
+
+
+def _text_codec(form: OutputFormat) -> str:
+    """The codec to which texts are converted; empty: the format holds none."""
+    return next((codec for codec in _TEXT_CODECS if codec in form.subtitles), "")
 
 
 def _is_decodable(stream: SubtitleStream) -> bool:
@@ -161,9 +168,9 @@ class _Text:
     target: SubtitleStream
 
     @classmethod
-    def added(cls, out: OutputContainer, stream: SubtitleStream, codec: str) -> _Text:
-        copied = _codec(stream) == codec
-        target = out.add_stream_from_template(stream) if copied else out.add_stream(codec)
+    def added(cls, out: OutputContainer, stream: SubtitleStream, form: OutputFormat) -> _Text:
+        copied = _codec(stream) in form.subtitles
+        target = out.add_stream_from_template(stream) if copied else out.add_stream(_text_codec(form))
         assert isinstance(target, SubtitleStream)
         if not copied:
             target.time_base = target.codec_context.time_base = Fraction(1, 1000)

@@ -15,10 +15,11 @@ import av
 from pipeline.frames import Frame
 from pipeline.video.decoder import DamagedPass, NotAKey, Pass
 from pipeline.video.fields import EarlierNeeded, Numbered, is_interlaced
-from pipeline.video.geometry import Geometry, geometry_of, to_frame
+from pipeline.video.geometry import Geometry, geometry_of, has_alpha, to_frame
 from pipeline.video.index import Index
 from pipeline.video.index_builder import build_index
-from pipeline.video.media import Limits, Note, SourceOptions, check_size, unreadable
+from pipeline.video.media import Limits, Note, SourceOptions, check_size, opacity_notes, unreadable
+from pipeline.video.wide_colour import described, wide_signal
 
 
 class Clip:
@@ -41,7 +42,8 @@ class Clip:
         """Whether a frame may depend on the one before it."""
         first = self._first()
         check_size(first.width, first.height, limits)
-        self.pixel_format = first.format.name
+        self._wide = wide_signal(first)
+        self.pixel_format, self.has_alpha = first.format.name, has_alpha(first)
         self._stored_size = first.width, first.height
         assert self._pass is not None
         self.geometry: Geometry = geometry_of(first, self._pass.aspect, self._pass.crop)
@@ -70,7 +72,9 @@ class Clip:
         if self._stored_size != self.geometry.shown_of(self._stored_size):
             shown, whole = (f"{w}x{h}" for w, h in (self.geometry.shown_of(self._stored_size), self._stored_size))
             found.append(Note("cropped", f"The container crops the pictures: {shown} of {whole} px are shown."))
-        return tuple(found)
+        if self._wide is not None:
+            found.append(Note("assumed", described(self._wide)))
+        return (*found, *opacity_notes(self.has_alpha, self._options))
 
     def _forget(self) -> None:
         self._pass: Pass | None = None
@@ -99,7 +103,7 @@ class Clip:
                 return
             if not self._is_intact(at):
                 self.unreadable.append(at)
-            yield to_frame(picture, self.geometry)
+            yield to_frame(picture, self.geometry, self._options)
 
     def _is_intact(self, at: int) -> bool:
         """Whether nothing of frame `at`, whose picture was just found, is lost."""

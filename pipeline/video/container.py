@@ -137,6 +137,12 @@ def finished(sink: FilterContext) -> Iterator[Any]:
             return
 
 
+def has_alpha_plane(stream: VideoStream) -> bool:
+    """Whether a Matroska track says that its packets have an alpha plane of their own. Muxers write the key of this tag
+    in lower or upper case."""
+    return any(name.lower() == "alpha_mode" and value == "1" for name, value in stream.metadata.items())
+
+
 def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecContext:
     """Create a decoder for the stream that rejects pictures far above the limits.
 
@@ -145,7 +151,7 @@ def decoder_of(stream: VideoStream, limits: Limits, threads: int) -> VideoCodecC
     """
     context = stream.codec_context
     name = _WITH_ALPHA.get(context.name)
-    if name and stream.metadata.get("alpha_mode") == "1":
+    if name and has_alpha_plane(stream):
         context = CodecContext.create(name, "r")
     context.options = {"max_pixels": _most_pixels(limits)}
     context.thread_type = "AUTO"

@@ -1,7 +1,7 @@
 """Conversion of decoded pictures to frames as displayed: colour matrix, range, alpha, square pixels, rotation.
 
 Colour: the stream's own matrix and range. Untagged streams are treated as players treat them: limited range, BT.709
-from 720 lines up and BT.601 below. Transfer functions are not converted (no tone mapping of HDR).
+from 720 lines up and BT.601 below. HDR and wide gamuts are converted to sRGB (`wide_colour`).
 Pictures of 8 bits are converted by swscale's fast path, which truncates: values are at most 3 of 255 levels below the
 exact result. Deeper ones are converted exactly.
 """
@@ -23,10 +23,17 @@ from numpy.typing import NDArray
 from pipeline.formats.base import square_size
 from pipeline.frames import Frame
 from pipeline.video.aperture import Crop
-from pipeline.video.stills import over_white
+from pipeline.video.media import SourceOptions
+from pipeline.video.opacity import as_frame
+from pipeline.video.wide_colour import to_srgb, wide_signal
 
+USUAL = SourceOptions()
+_LAYOUTS = {
+    (False, False): "rgb24", (True, False): "rgba", (False, True): "rgb48le", (True, True): "rgba64le"
+}  # fmt: skip
+"""(Has opacity, is converted to sRGB) -> FFmpeg's pixel format."""
 _HD_LINES = 720
-_EXACT = 0x40000 | 0x2000
+EXACT = 0x40000 | 0x2000
 """SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT of libswscale/swscale.h, which PyAV does not export."""
 _MATRICES = {
     1: Colorspace.ITU709,
@@ -96,24 +103,28 @@ def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
     return a, b, c, d
 
 
-def to_frame(picture: av.VideoFrame, geometry: Geometry) -> Frame:
+def to_frame(picture: av.VideoFrame, geometry: Geometry, options: SourceOptions = USUAL) -> Frame:
     """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
     whole = (picture.width, picture.height)
     width, height = whole if geometry.crop else geometry.scaled
     same = whole == (width, height)
-    exact = _EXACT if picture.format.components[0].bits > 8 else 0  # the fast path truncates deeper pictures
+    wide = wide_signal(picture)
+    deep = wide is not None or picture.format.components[0].bits > 8  # the fast path truncates deeper pictures
     made = picture.reformat(
         width=width,
         height=height,
-        format="rgba" if _has_alpha(picture) else "rgb24",
+        format=_LAYOUTS[has_alpha(picture), wide is not None],
         src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
         src_color_range=_range_of(picture),
         dst_color_range=ColorRange.JPEG,
-        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | exact,
+        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | (EXACT if deep else 0),
         threads=1,
     )
-    pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
-    shown = over_white(pixels) if pixels.shape[2] == 4 else pixels
+    if wide is not None:
+        pixels = to_srgb(np.asarray(made.to_ndarray(), np.uint16), wide)
+    else:
+        pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
+    shown = pixels if pixels.shape[2] == 3 and options.opacity != "matte" else as_frame(pixels, options)
     return _oriented(_cropped(shown, geometry) if geometry.crop else shown, geometry)
 
 
@@ -129,40 +140,13 @@ def _cropped(pixels: Frame, geometry: Geometry) -> Frame:
 def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
     """The pixels of an RGB or RGBA picture that no decoder refers to, uint8 (h, w, 3 or 4); without a copy, if its rows
     follow one another in memory."""
-    plane, channels = picture.planes[0], 4 if _has_alpha(picture) else 3
+    plane, channels = picture.planes[0], 4 if has_alpha(picture) else 3
     if plane.line_size != channels * picture.width:
         return np.asarray(picture.to_ndarray(), np.uint8)
     return np.frombuffer(memoryview(plane), np.uint8).reshape(picture.height, picture.width, channels)
 
 
-class YuvConverter:
-    """Converts frames, uint8 (h, w, 3), to YUV of limited range, as encoders take it. Not thread-safe.
-
-    FFmpeg converts RGB with an alpha channel in two thirds of the time that it takes without one, to the same bytes.
-    The picture with the alpha channel is kept from frame to frame, and FFmpeg's tables with it.
-    """
-
-    def __init__(self, matrix: Colorspace, pixel_format: str = "yuv420p") -> None:
-        self._matrix, self._pixel_format = matrix, pixel_format
-        self._opaque = av.VideoFrame(2, 2, "rgba")
-
-    def __call__(self, frame: Frame) -> av.VideoFrame:
-        height, width = frame.shape[:2]
-        if (self._opaque.width, self._opaque.height) != (width, height):
-            self._opaque = av.VideoFrame(width, height, "rgba")
-        rows = np.frombuffer(memoryview(self._opaque.planes[0]), np.uint8).reshape(height, -1)
-        cv2.cvtColor(frame, cv2.COLOR_RGB2RGBA, dst=rows[:, : 4 * width].reshape(height, width, 4))
-        return self._opaque.reformat(
-            format=self._pixel_format,
-            dst_colorspace=self._matrix,
-            src_color_range=ColorRange.JPEG,
-            dst_color_range=ColorRange.MPEG,
-            interpolation=Interpolation.BILINEAR,
-            threads=1,
-        )
-
-
-def _has_alpha(picture: av.VideoFrame) -> bool:
+def has_alpha(picture: av.VideoFrame) -> bool:
     layout = picture.format
     return layout.name == "pal8" or any(component.is_alpha for component in layout.components)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import takewhile
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,10 @@ from av.video.stream import VideoStream
 
 from pipeline.errors import UnreadableMedia
 from pipeline.formats import output_format
-from pipeline.formats.base import OutputFormat
+from pipeline.formats.base import Encoding, OutputFormat
 from pipeline.video.audio import Timed, Track, TrackWriter, tracks_of
-from pipeline.video.carried import Carried, open_source
-from pipeline.video.container import open_container
+from pipeline.video.carried import Carried, left_out, open_source
+from pipeline.video.container import has_alpha_plane, open_container
 from pipeline.video.media import Limits, Note, SourceOptions
 from pipeline.video.numbering import has_gaps
 from pipeline.video.sequence_options import OPTIONS_FILE, SequenceOptions
@@ -40,7 +40,7 @@ _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 def join(
     segments: Sequence[tuple[Fraction, Path]],
     out: Path,
-    container: str,
+    container: str | Encoding,
     sound: Path | None = None,
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
@@ -53,7 +53,7 @@ def join(
         segments: (start time, file) of each segment, in order, at least one. The files are written by `segment_writer`
             with the same spec. A start time is the time of the segment's first frame in the source, seconds; the first
             one becomes time 0 of the output, unless the sound begins before it.
-        container: name of an output format, see `pipeline.formats`.
+        container: an output format, see `pipeline.formats`, or only its name.
         sound: the source, whose sound tracks, subtitles, chapters and tags go along. Ignored for formats without sound.
         end_s: time in the source at which the output ends, seconds; None: where the source ends.
         progress: called with the fraction done, 0..1, after each segment; may raise an exception to abort.
@@ -63,15 +63,16 @@ def join(
     Returns:
         What was left out or changed.
 
-    Raises: BadParameter (the source has no such sound track).
+    Raises: BadParameter (the source has no such sound track; the format needs a constant frame rate).
     """
-    form = output_format(container)
-    if form.encode:
+    encoding = Encoding(container) if isinstance(container, str) else container
+    form = output_format(encoding.format)
+    if form.frame_suffixes:
         _join_images([path for _start, path in segments], out, progress)
-        return ()
+        return _pictures_only(form, sound)
     if form.join:
-        form.join(segments, out, progress)
-        return ()
+        form.join(segments, out, progress, encoding.quality)
+        return _pictures_only(form, sound)
     film = _Film(segments, out, form, sound, progress, end_s, whole and end_s is None)
     tracks = () if sound is None else _tracks(sound, (options or SourceOptions()).sound)
     refused: list[Note] = []
@@ -82,9 +83,8 @@ def join(
             if not kept or getattr(error, "errno", None) in _DISK:
                 raise
             why = getattr(error, "strerror", None) or error
-            refused = [Note("sound", f"The sound could not be copied and was encoded: {why}.")]
-            if not copies:
-                refused = [Note("sound", f"The sound was left out, because it could not be written: {why}.")]
+            what = "could not be copied and was encoded" if copies else "was left out, because it could not be written"
+            refused = [Note("sound", f"The sound {what}: {why}.")]
     return (*film.write((), False), *refused)
 
 
@@ -115,16 +115,21 @@ class _Film:
             options = MUXER_OPTIONS | dict(self.form.mux_options or {})
             target = stack.enter_context(av.open(f"file:{self.out}", "w", format=self.form.container, options=options))
             template = stack.enter_context(open_container(first, Limits()))
-            stream = target.add_stream_from_template(template.streams.video[0])
+            rate, uneven = _steady_rate(self.form, self.segments)
+            stream = _film_stream(target, template.streams.video[0], self.form, rate)
             packets = [_pictures(self.segments, stream, lead_s, self.progress)]
-            writers = [TrackWriter(self.source, track, origin_s - lead_s) for track in tracks if self.source]
-            packets += [writer.add(target, self.form.container, stack, copies) for writer in writers]
+            writers = [
+                TrackWriter(self.source, track, origin_s - lead_s)
+                for track in tracks
+                if self.source and self.form.sound
+            ]
+            packets += [writer.add(target, self.form.sound, stack, copies) for writer in writers]
             notes = self._carry(stack, target, stream, origin_s - lead_s, packets)
             if self.end_s is not None:
                 length_s = self.end_s - origin_s
                 packets[1:] = [takewhile(lambda timed: timed[0] < length_s, each) for each in packets[1:]]
             _interleave(target, *packets)
-        return (*notes, *(note for writer in writers for note in writer.notes))
+        return (*uneven, *notes, *(note for writer in writers for note in writer.notes))
 
     def _lead_s(self, tracks: Sequence[Track]) -> Fraction:
         """Duration of the sound before the first picture, seconds; 0 for a piece of a film. Encoders put a few silent
@@ -143,9 +148,53 @@ class _Film:
             return []
         stack.enter_context(source)
         carried = Carried(self.source, zero_s, self.end_s, self.whole)
-        notes = carried.add(source, target, film, self.form.container)
-        packets.append(carried.subtitles(source, target, self.form.container))
+        notes = carried.add(source, target, film, self.form)
+        packets.append(carried.subtitles(source, target, self.form))
         return notes
+
+
+def _steady_rate(
+    form: OutputFormat, segments: Sequence[tuple[Fraction, Path]]
+) -> tuple[Fraction | None, tuple[Note, ...]]:
+    """The rate of a film in a format that has one frame rate, with a warning if frames have different durations."""
+    if not form.rates:
+        return None, ()
+    times: list[Fraction] = []
+    for start_s, path in segments:
+        with open_container(path, Limits()) as source:
+            packets = source.demux(source.streams.video[0])
+            times += [start_s + (packet.pts or 0) * packet.time_base for packet in packets if packet.size]
+    lengths = [later - earlier for earlier, later in pairwise(times)]
+    mean = len(lengths) / (times[-1] - times[0]) if lengths else form.rates[0]
+    rate = min(form.rates, key=lambda known: abs(known - mean))
+    if not lengths or max(lengths) <= Fraction(3, 2) * min(lengths):
+        return rate, ()
+    message = f"{form.title} has one frame rate: the frames of this video of variable rate are shown evenly."
+    return rate, (Note("corrected-times", message),)
+
+
+def _film_stream(
+    target: OutputContainer, template: VideoStream, form: OutputFormat, rate: Fraction | None
+) -> VideoStream:
+    """A stream of the film's codec. Its header is copied without asking for an encoder: decoders have other names."""
+    stream = target.add_stream_from_template(template, opaque=True)
+    tag = template.codec_context.codec_tag
+    if tag in {profile.tag for profile in form.profiles if profile.tag}:
+        stream.codec_context.codec_tag = tag
+    if has_alpha_plane(template):
+        stream.metadata["alpha_mode"] = "1"
+    if rate is not None:
+        stream.codec_context.framerate = rate
+    return stream
+
+
+def _pictures_only(form: OutputFormat, path: Path | None) -> tuple[Note, ...]:
+    """What of the source a format of pictures leaves out."""
+    source = None if path is None else open_source(path)
+    if source is None:
+        return ()
+    with source:
+        return tuple(left_out(source, form))
 
 
 def _interleave(target: OutputContainer, *tracks: Iterator[Timed]) -> None:

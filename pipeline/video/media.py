@@ -47,6 +47,7 @@ class Note(NamedTuple):
 
 
 Fields = Literal["auto", "progressive", "top", "bottom"]
+Opacity = Literal["white", "straight", "matte"]
 
 
 @dataclass(frozen=True)
@@ -58,14 +59,23 @@ class SourceOptions:
         sound: which of its sound tracks are delivered, counted from 0; None: all.
         fields: "auto": pictures that the file marks as interlaced are deinterlaced; "progressive": none are;
             "top", "bottom": all are, and this field is the first one.
+        premultiplied: whether the colours of pictures with opacity are multiplied by it, in formats that do not
+            prescribe it.
+        opacity: what frames show of pictures with opacity: "white": the picture over white; "straight": its colours,
+            continued where it is transparent; "matte": the opacity, as a gray frame. Chosen by the job, not the user.
     """
 
     picture: int | None = None
     sound: tuple[int, ...] | None = None
     fields: Fields = "auto"
+    premultiplied: bool = False
+    opacity: Opacity = "white"
 
     def as_json(self) -> dict[str, JsonValue]:
-        return {"picture": self.picture, "sound": None if self.sound is None else [*self.sound], "fields": self.fields}
+        return {
+            "picture": self.picture, "sound": None if self.sound is None else [*self.sound], "fields": self.fields,
+            "premultiplied": self.premultiplied, **({} if self.opacity == "white" else {"opacity": self.opacity}),
+        }  # fmt: skip
 
     @classmethod
     def from_json(cls, value: dict[str, Any] | None) -> Self:
@@ -73,7 +83,9 @@ class SourceOptions:
         if value is None:
             return cls()
         sound = value.get("sound")
-        return cls(value.get("picture"), None if sound is None else tuple(sound), value.get("fields", "auto"))
+        sounds = None if sound is None else tuple(sound)
+        fields, premultiplied = value.get("fields", "auto"), bool(value.get("premultiplied", False))
+        return cls(value.get("picture"), sounds, fields, premultiplied, value.get("opacity", "white"))
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,8 @@ class MediaInfo:
     """What was chosen, corrected, assumed or left out when the file was read, one sentence each."""
     streams: tuple[dict[str, JsonValue], ...] = ()
     """Width, height, frames and so on of each video stream, if there are several: see `SourceOptions.picture`."""
+    alpha: bool = False
+    """Whether its pictures have opacity."""
     numbers: Sequence[Sequence[int]] = ()
     """Numbers of the images of a sequence or archive, as runs (first, last, step); empty: frames are counted from 0."""
     fault: Mapping[str, str] = field(default_factory=dict)
@@ -107,6 +121,13 @@ class MediaInfo:
 
     def as_json(self) -> dict[str, JsonValue]:
         return asdict(self)
+
+
+def opacity_notes(has_alpha: bool, options: SourceOptions) -> tuple[Note, ...]:
+    """A note if the opacity of a file is not used."""
+    if not has_alpha or options.opacity != "white":
+        return ()
+    return (Note("left-out", "The pictures have opacity: they were put over white."),)
 
 
 def unreadable(message: str, value: object = None, remedy: str = "") -> NoReturn:

@@ -205,6 +205,20 @@ def number_by(pattern: str, path: str) -> int | None:
     return number if bounds is None or bounds[0] <= number <= bounds[1] else None
 
 
+def name_by(pattern: str, number: int) -> str:
+    """The name of the image of this number by a pattern with "####" or "%04d"; a sign needs one place more."""
+    place = _PLACEHOLDER.search(pattern)
+    if place is None:
+        raise ValueError(f"no place for a number: {pattern}")
+    digits = len(place[0]) if place[0].startswith("#") else int(place[1] or 1)
+    return f"{pattern[: place.start()]}{number:0{digits + (number < 0)}d}{pattern[place.end() :]}"
+
+
+def has_place(name: str) -> bool:
+    """Whether a file name is a pattern, with a place for a number."""
+    return _PLACEHOLDER.search(name) is not None
+
+
 def _least_digits(place: re.Match[str]) -> int:
     if place[0].startswith("%"):
         return int(place[1] or 1) - 1  # a sign takes one of the places

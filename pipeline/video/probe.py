@@ -39,6 +39,8 @@ from pipeline.video.shot_files import ShotFiles, is_shot
 if TYPE_CHECKING:
     from pydantic import JsonValue
 
+_COLOURS = SourceOptions(opacity="straight")
+"""A job, not a file, has a note about opacity that is not used."""
 _STREAM_FACTS = (
     "width", "height", "frames", "fps", "duration_s", "codec", "pixel_format", "rotation_deg", "damage", "notes",
 )  # fmt: skip
@@ -60,7 +62,7 @@ def probe(path: Path, limits: Limits | None = None, options: SourceOptions | Non
             header = form.header(stream)
             kind: Kind = "video" if header.animated else "image"
             found = MediaInfo(kind, form.media_type, codec=form.name)
-            return _described(open_source(path, limits), found, limits)
+            return _described(open_source(path, limits, _COLOURS), found, limits)
         media_type = sniff(stream)
     if media_type == "application/json":
         return _probe_json(path, limits)
@@ -82,7 +84,7 @@ def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
     found = MediaInfo("archive", "application/zip", codec="images")
     size = _check_members(path, limits)
     try:
-        return _described(open_zip(path, limits), found, limits)
+        return _described(open_zip(path, limits, source=_COLOURS), found, limits)
     except NotASequence as fault:
         why = {"message": fault.message, "value": fault.value or "", "remedy": fault.remedy}
         return replace(_loose(path, limits, size, found), fault=why)
@@ -173,7 +175,7 @@ def _probe_stream(path: Path, media_type: str, limits: Limits, options: SourceOp
             has_audio=bool(sounds := len(sound_streams(container))),
             sounds=sounds,
         )
-    return _described(Clip(path, limits, options), found, limits)
+    return _described(Clip(path, limits, replace(options or _COLOURS, opacity="straight")), found, limits)
 
 
 def _media_type(demuxer: str) -> str:
@@ -200,6 +202,7 @@ def _described(source: Source, found: MediaInfo, limits: Limits) -> MediaInfo:
             rotation_deg=source.geometry.rotation_deg,
             damage=damage_of(index, index.incomplete).describe("The file"),
             notes=tuple(note.message for note in source.notes),
+            alpha=source.has_alpha,
             numbers=[list(run) for run in runs_of_numbers(index.numbers)],
         )
     finally:

@@ -24,9 +24,10 @@ class VideoReader(FrameReader):
     """Reads a video container, an animated image, a folder or zip of numbered images, or one still image (a video of
     one frame).
 
-    Frames are as displayed: rotated according to the metadata, with square pixels, composited over white, converted to
-    sRGB with the stream's matrix and range. If the size changes within the stream, pictures are scaled to the first
-    one's size. A read that starts where the last one stopped never seeks. Holds a few frames in memory. Not
+    Frames are as displayed: rotated according to the metadata, with square pixels, over white (or as `options.opacity`
+    says), converted to sRGB with the stream's matrix and range. If the size changes within the stream, pictures are
+    scaled to the first one's size. A read that starts where the last one stopped never seeks. Holds a few frames in
+    memory. Not
     thread-safe. The caller closes it.
 
     Args:
@@ -60,6 +61,11 @@ class VideoReader(FrameReader):
     def pixel_format(self) -> str:
         """Pixel format of the stored pictures (FFmpeg's name)."""
         return self._source.pixel_format
+
+    @property
+    def has_alpha(self) -> bool:
+        """Whether pictures have opacity."""
+        return self._source.has_alpha
 
     @property
     def index(self) -> Index:
@@ -103,19 +109,22 @@ def open_source(
     path: Path, limits: Limits, options: SourceOptions | None = None, sequence: SequenceOptions = USUAL
 ) -> Source:
     """The source of frames at a path. Raises: as `VideoReader`."""
+    options = options or SourceOptions()
     if path.is_dir() or (not path.exists() and is_pattern(path.name)):
-        return open_folder(path, limits, sequence)
+        return open_folder(path, limits, sequence, options)
     check_bytes(path.stat().st_size, limits.size_bytes)
     with path.open("rb") as stream:
         if form := image_format_of(stream):
             header = form.header(stream)
             check_size(header.width, header.height, limits)
-            return AnimatedImage(path, form, limits) if header.animated else open_still(path, limits, sequence)
+            if header.animated:
+                return AnimatedImage(path, form, limits, options)
+            return open_still(path, limits, sequence, options)
         media_type = sniff(stream)
     if media_type == "application/json":
         unreadable("The file is JSON, not pictures.")
     if media_type == "application/zip":
-        return open_zip(path, limits, sequence)
+        return open_zip(path, limits, sequence, options)
     if sequence.given:
         raise BadParameter(
             "Options of image sequences are given for a video.", field=", ".join(sequence.given), value=path.name,

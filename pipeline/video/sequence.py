@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.formats import IMAGE_NAMES, IMAGE_SUFFIXES
-from pipeline.formats.decoding import decode_rgb, format_of
+from pipeline.formats.decoding import decode_shown, format_of
 from pipeline.frames import Frame, same_size
 from pipeline.video.archive import DESKTOP_FILES, MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.geometry import Geometry
 from pipeline.video.index import Index
-from pipeline.video.media import READING, Limits, Note, check_bytes, unreadable
+from pipeline.video.media import READING, Limits, Note, SourceOptions, check_bytes, opacity_notes, unreadable
 from pipeline.video.numbering import frames_of, number_by, range_of, sequence_numbers
 from pipeline.video.sequence_options import OPTIONS_FILE, USUAL, SequenceOptions
 from pipeline.video.shot_files import FRAMES, is_shot, pictures_of
@@ -36,10 +36,11 @@ class Sequence:
 
     def __init__(
         self, images: List[tuple[int | None, Loader]], limits: Limits, close: Callable[[], None],
-        options: SequenceOptions = USUAL,
+        options: SequenceOptions = USUAL, source: SourceOptions = SourceOptions(),
     ) -> None:  # fmt: skip
         self._loaders = [loader for _, loader in images]
-        self._limits, self._close, self._options = limits, close, options
+        self._limits, self._close, self._options, self._source = limits, close, options, source
+        self.has_alpha = False
         self.errors: list[str] = []
         self.unreadable: list[int] = []
         self.position: int | None = 0
@@ -48,12 +49,12 @@ class Sequence:
         self._shown = frames.shown if frames else (0,)
         ticks = np.arange(len(self._shown), dtype=np.int64)
         self.index = Index(ticks, ticks, len(ticks), 1 / options.rate, True, numbers=frames.numbers if frames else ())
-        first = self._load(0)
+        first, self.has_alpha = self._shown_image(0)
         self.geometry = Geometry((first.shape[1], first.shape[0]))
         self.pixel_format = "rgb24"
         name, load = self._loaders[0]
         notes = (*(frames.notes if frames else ()), *format_of(data := load(), name).notes(data, options.choice))
-        self.notes = tuple(Note(READING, message) for message in notes)
+        self.notes = (*(Note(READING, message) for message in notes), *opacity_notes(self.has_alpha, source))
 
     def close(self) -> None:
         self._close()
@@ -66,17 +67,24 @@ class Sequence:
             yield same_size(self._load(shown), self.geometry.size, self._loaders[shown][0])
 
     def _load(self, at: int) -> Frame:
+        return self._shown_image(at)[0]
+
+    def _shown_image(self, at: int) -> tuple[Frame, bool]:
         name, load = self._loaders[at]
-        return decode_rgb(load(), self._limits, name, self._options.choice)
+        return decode_shown(load(), self._limits, name, self._options.choice, self._source)
 
 
-def open_still(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Sequence:
+def open_still(
+    path: Path, limits: Limits, options: SequenceOptions = USUAL, source: SourceOptions = SourceOptions()
+) -> Sequence:
     """Open one image as a video of one frame."""
     check_bytes(path.stat().st_size, min(limits.size_bytes, _IMAGE_BYTES))
-    return Sequence([(None, ("image", path.read_bytes))], limits, lambda: None, options)
+    return Sequence([(None, ("image", path.read_bytes))], limits, lambda: None, options, source)
 
 
-def open_folder(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Sequence:
+def open_folder(
+    path: Path, limits: Limits, options: SequenceOptions = USUAL, source: SourceOptions = SourceOptions()
+) -> Sequence:
     """Open the images of a folder, or those that fit a pattern in it, by the numbers in their names; for a shot, the
     images in `frames`.
 
@@ -94,7 +102,7 @@ def open_folder(path: Path, limits: Limits, options: SequenceOptions = USUAL) ->
         check_bytes(file.stat().st_size, min(limits.size_bytes, _IMAGE_BYTES), file.name)
     images = sequence_numbers(files, options.pattern)
     loaders = [(number, (name, files[name].read_bytes)) for number, name in images]
-    sequence = Sequence(loaders, limits, lambda: None, options)
+    sequence = Sequence(loaders, limits, lambda: None, options, source)
     sequence.notes += left_out(others)
     return sequence
 
@@ -121,7 +129,9 @@ def image_files(folder: Path, pattern: str = "") -> tuple[list[Path], list[Path]
     return images, [p for p in others if p.name.lower() not in DESKTOP_FILES]
 
 
-def open_zip(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Sequence:
+def open_zip(
+    path: Path, limits: Limits, options: SequenceOptions = USUAL, source: SourceOptions = SourceOptions()
+) -> Sequence:
     """Open the images of a zip by the numbers in their names; for a shot, the images in `frames`.
 
     Args:
@@ -133,7 +143,7 @@ def open_zip(path: Path, limits: Limits, options: SequenceOptions = USUAL) -> Se
         frames = {member.filename: member for member in members}
         images = sequence_numbers(pictures_of(frames), options.pattern)
         loaders = [(number, (name, partial(read_entry, archive, frames[name]))) for number, name in images]
-        return Sequence(loaders, limits, archive.close, options)
+        return Sequence(loaders, limits, archive.close, options, source)
     except BaseException:
         archive.close()
         raise

@@ -7,8 +7,8 @@ in display order and segments can be joined without reordering.
 
 Containers, codecs and their options are those of `pipeline.formats`.
 
-H.264 in 4:2:0, the only variant that all browsers play, requires even sides and can crop only by multiples of two.
-An odd side is therefore extended by one repeated row or column. VP9 and PNG keep odd sizes.
+Codecs in 4:2:0 such as H.264 require even sides and can crop only by multiples of two. An odd side is therefore
+extended by one repeated row or column. VP9 and images keep odd sizes.
 """
 
 from __future__ import annotations
@@ -29,15 +29,18 @@ from av.video.codeccontext import VideoCodecContext
 from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 from av.video.stream import VideoStream
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.formats import output_format
-from pipeline.frames import Frame, same_size
-from pipeline.video.geometry import YuvConverter, customary_matrix
+from pipeline.formats.base import Profile
+from pipeline.frames import same_size
+from pipeline.video.geometry import customary_matrix
+from pipeline.video.pixel_formats import converter_of
 
 MUXER_OPTIONS = {"fflags": "+bitexact"}
 _THREADS = 2
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)
-_BT601_TAG = 6
+_BT601_TAG, _RGB_TAG = 6, 0
 
 
 @dataclass(frozen=True)
@@ -53,12 +56,30 @@ class SegmentSpec:
     fps: float
     """Nominal frame rate: a hint for the encoder's rate control and for players."""
     quality: int = 20
-    """Constant rate factor, 0 (lossless) to 51; formats without a quality ignore it."""
+    """Constant rate factor, 0 (lossless) to 51; profiles without a quality ignore it."""
+    profile_name: str = ""
+    """Name of a profile of the format; "": its usual one."""
+    alpha: bool = False
+    """Whether frames have opacity."""
+
+    @property
+    def profile(self) -> Profile:
+        return output_format(self.format).profile(self.profile_name)
+
+    @property
+    def pixel_format(self) -> str:
+        """FFmpeg's pixel format of encoded pictures."""
+        return self.profile.alpha_format if self.alpha else self.profile.pixel_format
+
+    @property
+    def matrix(self) -> Colorspace:
+        """Colour matrix of encoded pictures: that which players assume for their height, unless the codec has one."""
+        return Colorspace.ITU709 if self.profile.always_709 else customary_matrix(self.size[1])
 
     @property
     def coded_size(self) -> tuple[int, int]:
         """(width, height) of the encoded video, px."""
-        return output_format(self.format).coded_size(self.size)
+        return output_format(self.format).coded_size(self.size, self.profile)
 
 
 class SegmentWriter(ABC):
@@ -68,16 +89,18 @@ class SegmentWriter(ABC):
         self.spec = spec
         self.frames = 0
 
-    def write(self, index: int, frame: Frame, start: int, stop: int) -> None:
+    def write(self, index: int, frame: AnyArray, start: int, stop: int) -> None:
         """Append frame `index` of the video (or its number, for names of images), shown over the ticks [start, stop).
 
-        `start` must equal the `stop` of the frame before.
+        Args:
+            frame: uint8, uint16 or float32 (h, w, 3), or (h, w, 4) with straight opacity if the spec has `alpha`.
+            start: must equal the `stop` of the frame before.
         """
         self._write(index, same_size(frame, self.spec.size), start, stop)
         self.frames += 1
 
     @abstractmethod
-    def _write(self, index: int, frame: Frame, start: int, stop: int) -> None: ...
+    def _write(self, index: int, frame: AnyArray, start: int, stop: int) -> None: ...
 
     @abstractmethod
     def finish(self) -> None: ...
@@ -99,11 +122,15 @@ class SegmentWriter(ABC):
 
 
 def segment_writer(path: Path, spec: SegmentSpec) -> SegmentWriter:
-    """Create the writer of one segment at `path`. Raises BadParameter for an unknown format or an invalid quality."""
-    form = output_format(spec.format)
+    """Create the writer of one segment at `path`. Raises BadParameter for an unknown format or profile, an invalid
+    quality, or a size or opacity that the profile cannot hold."""
+    profile = spec.profile
     if not 0 <= spec.quality <= 51:
         raise BadParameter("The quality is out of range.", field="output.quality", value=spec.quality, remedy="0..51.")
-    return ImageSegment(path, spec) if form.encode else VideoSegment(path, spec)
+    output_format(spec.format).check(profile, spec.size, spec.fps)
+    if spec.alpha and not profile.has_alpha:
+        raise BadParameter(f"{profile.title} has no opacity.", field="output.alpha", value=profile.name)
+    return ImageSegment(path, spec) if profile.encode else VideoSegment(path, spec)
 
 
 class VideoSegment(SegmentWriter):
@@ -111,38 +138,39 @@ class VideoSegment(SegmentWriter):
 
     def __init__(self, path: Path, spec: SegmentSpec) -> None:
         super().__init__(spec)
-        form = output_format(spec.format)
-        container = form.segment_container or form.container
+        profile = spec.profile
+        container = profile.segment_container or output_format(spec.format).container
+        if spec.alpha and profile.alpha_container:
+            container = profile.alpha_container
         self._file = av.open(f"file:{path}", "w", format=container, options=dict(MUXER_OPTIONS))
         rate = Fraction(spec.fps).limit_denominator(1001)
         stream = self._file.add_stream(
-            form.codec, rate=max(rate, Fraction(1, 1001)), options=form.codec_options(spec.quality)
+            profile.codec, rate=max(rate, Fraction(1, 1001)), options=profile.codec_options(spec.quality)
         )
         assert isinstance(stream, VideoStream)
         _describe(stream.codec_context, spec)
-        self._stream, self._to_yuv = stream, YuvConverter(customary_matrix(spec.size[1]))
+        self._stream, self._convert = stream, converter_of(spec.pixel_format, spec.matrix)
         self._durations: deque[int] = deque()
         self._origin: int | None = None
 
-    def _write(self, index: int, frame: Frame, start: int, stop: int) -> None:
+    def _write(self, index: int, frame: AnyArray, start: int, stop: int) -> None:
         self._origin = start if self._origin is None else self._origin
         picture = self._picture(frame)
         picture.pts, picture.time_base = start - self._origin, self.spec.time_base
+        context = self._stream.codec_context  # ProRes takes its colour tags from the pictures
+        picture.color_primaries, picture.color_trc = context.color_primaries, context.color_trc
         self._durations.append(stop - start)
         self._encode(picture)
 
-    def _picture(self, frame: Frame) -> av.VideoFrame:
+    def _picture(self, frame: AnyArray) -> av.VideoFrame:
         size = self.spec.coded_size
         if size[0] < self.spec.size[0] or size[1] < self.spec.size[1]:
-            frame = np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)
-        even = _even(frame, size)
-        if self._stream.codec_context.pix_fmt == "rgb24":
-            return av.VideoFrame.from_ndarray(even, format="rgb24")
-        return self._to_yuv(even)
+            frame = np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA))
+        return self._convert(_even(frame, size))
 
     def _encode(self, picture: av.VideoFrame | None) -> None:
         for packet in self._stream.encode(picture):
-            packet.duration = self._durations.popleft()
+            packet.duration = round(self._durations.popleft() * self.spec.time_base / packet.time_base)
             self._file.mux(packet)
 
     def finish(self) -> None:
@@ -156,24 +184,30 @@ class VideoSegment(SegmentWriter):
 def _describe(context: VideoCodecContext, spec: SegmentSpec) -> None:
     context.width, context.height = spec.coded_size
     context.time_base = spec.time_base
-    context.pix_fmt = output_format(spec.format).pixel_format
-    if context.pix_fmt == "rgb24":
+    context.pix_fmt = spec.pixel_format
+    if spec.profile.tag:
+        context.codec_tag = spec.profile.tag
+    if context.pix_fmt in ("rgb24", "rgba"):  # lossless pictures between this step and the next
         return
     # Slice threads finish a frame within the call that submits it, so its cost does not appear in a method's timings.
     context.thread_type = "SLICE"
     context.thread_count = _THREADS
-    hd = customary_matrix(spec.size[1]) == Colorspace.ITU709
+    if context.format.is_rgb:
+        context.color_range, context.colorspace = ColorRange.JPEG, _RGB_TAG
+        context.color_primaries, context.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
+        return
+    hd = spec.matrix == Colorspace.ITU709
     context.color_range = ColorRange.MPEG
     context.colorspace = Colorspace.ITU709 if hd else _BT601_TAG
     context.color_primaries = ColorPrimaries.BT709 if hd else ColorPrimaries.SMPTE170M
     context.color_trc = ColorTrc.BT709 if hd else ColorTrc.SMPTE170M
 
 
-def _even(frame: Frame, size: tuple[int, int]) -> Frame:
+def _even(frame: AnyArray, size: tuple[int, int]) -> AnyArray:
     right, bottom = size[0] - frame.shape[1], size[1] - frame.shape[0]
     if not right and not bottom:
         return np.ascontiguousarray(frame)
-    return np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE), np.uint8)
+    return np.asarray(cv2.copyMakeBorder(frame, 0, bottom, 0, right, cv2.BORDER_REPLICATE))
 
 
 class ImageSegment(SegmentWriter):
@@ -182,11 +216,10 @@ class ImageSegment(SegmentWriter):
     def __init__(self, path: Path, spec: SegmentSpec) -> None:
         super().__init__(spec)
         self._zip = zipfile.ZipFile(path, "w", zipfile.ZIP_STORED)
-        form = output_format(spec.format)
-        assert form.encode is not None
-        self._encode, self._suffix = form.encode, form.folder_suffix
+        assert spec.profile.encode is not None
+        self._encode, self._suffix = spec.profile.encode, output_format(spec.format).frame_suffixes[0]
 
-    def _write(self, index: int, frame: Frame, start: int, stop: int) -> None:
+    def _write(self, index: int, frame: AnyArray, start: int, stop: int) -> None:
         name = f"{index:0{4 if index >= 0 else 5}d}{self._suffix}"
         self._zip.writestr(zip_entry(name), self._encode(frame))
 

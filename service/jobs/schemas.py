@@ -19,6 +19,7 @@ from workers.contract.request import (
     MAX_QUALITY,
     MAX_SEED,
     MAX_URL,
+    Alpha,
     JobRequest,
     Json,
     OutputSpec,
@@ -28,6 +29,17 @@ from workers.projects.document import Reading
 Name = Annotated[str, Field(min_length=1, max_length=MAX_LABEL_NAME, pattern=r"^[A-Za-z0-9._-]+$")]
 Frame = Annotated[int, Field(ge=0, le=10_000_000)]
 AssetRef = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+PROFILE: str = Field(
+    default="", max_length=32, description="Encoding of the format, for example `4444`; empty: its usual one."
+)
+ALPHA: Alpha = Field(
+    default="auto",
+    description="Opacity of the film. `source`: that of the video, whose colours are painted without a background; "
+    "`painted`: that of the method, if it makes one; `none`: the video is painted over white; `auto`: `source` if the "
+    "profile has opacity, else `none`.",
+)
 
 
 class _Body(BaseModel):
@@ -43,16 +55,22 @@ class OutputIn(_Body):
         description="Measure flicker, detail, structure, edge width and faces on sampled frames; see `report.json`.",
     )
 
+    profile: str = PROFILE
+    alpha: Alpha = ALPHA
+
     def spec(self) -> OutputSpec:
-        return OutputSpec(self.format, self.quality, self.artefacts, self.report)
+        return OutputSpec(self.format, self.quality, self.artefacts, self.report, self.profile, self.alpha)
 
 
 class ExportIn(_Body):
     format: OutputName = Field(description="The film's frames, times and sound, converted: not rendered again.")
     quality: int = Field(default=20, ge=0, le=MAX_QUALITY, description="Constant rate factor, 0 (lossless) to 51.")
 
+    profile: str = PROFILE
+    alpha: Alpha = ALPHA
+
     def spec(self) -> OutputSpec:
-        return OutputSpec(self.format, self.quality)
+        return OutputSpec(self.format, self.quality, profile=self.profile, alpha=self.alpha)
 
 
 class Work(_Body):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from pipeline.methods.base import Resources
@@ -72,6 +72,11 @@ class TaskOrder:
     """Whether later jobs may use the result: the task records its reads, and artefacts are named after their values."""
     versions: tuple[tuple[str, int], ...] = ()
     """(Name, version) of the job's steps up to this one: see `workers.jobs.plan_versions`."""
+
+    @property
+    def reading(self) -> SourceOptions:
+        """How the video is read: as its colours alone, if the film gets its opacity."""
+        return replace(self.source, opacity="straight") if self.output.keeps_opacity else self.source
 
 
 @dataclass(frozen=True)

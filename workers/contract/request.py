@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
+from pipeline.formats import output_format
 from pipeline.video.media import SourceOptions
 
 Json = dict[str, Any]
@@ -27,6 +28,12 @@ MAX_QUALITY = 51
 """Largest constant rate factor."""
 
 
+Alpha = Literal["auto", "source", "painted", "none"]
+"""Opacity of a film: "source": that of the source, whose colours are painted without their background; "painted": that
+of the method, if it makes one; "none": the source is painted over white; "auto": "source" if the profile has opacity,
+else "none"."""
+
+
 @dataclass(frozen=True)
 class OutputSpec:
     """The output of a job."""
@@ -39,6 +46,15 @@ class OutputSpec:
     """Optional artefacts of the method, for example "svg"."""
     report: bool = False
     """Whether the result is measured against the source (`pipeline.quality`)."""
+    profile: str = ""
+    """Encoding of the format, for example "4444": see `pipeline.formats`; "": its usual one."""
+    alpha: Alpha = "auto"
+    """Opacity of the film."""
+
+    @property
+    def keeps_opacity(self) -> bool:
+        """Whether the film has the opacity of its source, if that has any."""
+        return self.alpha in ("auto", "source") and output_format(self.format).profile(self.profile).has_alpha
 
 
 WARN, FAIL = "warn", "fail"

@@ -51,6 +51,8 @@ class Assembly:
         self._scratch, self._overview = scratch, overview
         self._prefix = f"jobs/{order.job_id}/{order.step}/{order.key}/{order.attempt_id}"
         self._format = output_format(order.output.format)
+        self._suffix = (*self._format.suffixes, ".zip")[0]
+        self._profile = self._format.profile(order.output.profile).name
         self.files: Files = {}
         self.missing: list[str] = []
         """Requested artefacts of which no task has made a part."""
@@ -65,7 +67,7 @@ class Assembly:
         if quality is not None:
             result["quality"] = quality.summary()
         progress(0.9)
-        self._put("result", f"result{self._format.suffixes[0]}", joined, self._format.media_type)
+        self._put("result", f"result{self._suffix}", joined, self._format.media_type)
         for artefact in self._order.output.artefacts:
             self._pack(artefact)
         facts = self._report(result) | ({"quality": quality.as_json()} if quality is not None else {})
@@ -78,23 +80,30 @@ class Assembly:
         segments = sorted(s for s in self._order.segments if s[2])
         if not segments:
             raise UnreadableMedia("The video has no frames.", field="inputs.video", remedy="Use another video.")
-        out = self._scratch / f"result{self._format.suffixes[0]}"
+        out = self._scratch / f"result{self._suffix}"
         with ExitStack() as stack:
             first = self._order.frames[0] if self._order.frames else 0
             starts, end = self._times_s([max(start, first) for start, _stop, _key in segments])
             paths = [stack.enter_context(self._blobs.local(key)) for _start, _stop, key in segments]
             sound = stack.enter_context(self._blobs.local(self._order.inputs["video"]))
             pieces = list(zip(starts, paths, strict=True))
-            self.notes += guarded_join(pieces, out, self._format.name, sound, progress, end, self._order.source)
+            self.notes += guarded_join(
+                pieces, out, self._format.name, sound, progress, end, self._order.source, self._order.output.quality
+            )
         return out
 
     def _times_s(self, frames: list[int]) -> tuple[list[Fraction], Fraction | None]:
         """Presentation times of these source frames, seconds, and the end of the job's piece of the source, if any."""
-        with self._decoders.reader(self._order.inputs["video"], 0, self._order.source) as reader:
-            self.notes += reader.notes
+        with self._decoders.reader(self._order.inputs["video"], 0, self._order.reading) as reader:
+            self.notes += [*reader.notes, *self._opacity_notes(reader.has_alpha)]
             index, piece = reader.index, self._order.frames
             end = None if piece is None else index.time(min(piece[1], len(index.pts))) * index.time_base
             return [index.time(frame) * index.time_base for frame in frames], end
+
+    def _opacity_notes(self, source_has_alpha: bool) -> list[Note]:
+        if self._order.output.alpha != "source" or source_has_alpha or self._method.opacity_of != "video":
+            return []
+        return [Note("left-out", "The video has no opacity: the film is opaque.")]
 
     def _describe(self, result: Path, tiles: Mapping[int, Frame]) -> TaskResult:
         with VideoReader(result) as reader:
@@ -102,7 +111,9 @@ class Assembly:
                 self._put("poster", "poster.jpg", poster(reader), "image/jpeg")
                 self._put("sheet", "sheet.jpg", contact_sheet(reader, known=tiles), "image/jpeg")
             width, height = reader.size
-            fps, seconds = (reader.fps, reader.index.duration_s) if not self._format.encode else self._source_pace()
+            fps, seconds = (
+                (reader.fps, reader.index.duration_s) if not self._format.frame_suffixes else self._source_pace()
+            )
             return {
                 "frames": reader.frames,
                 "width": width,
@@ -127,7 +138,7 @@ class Assembly:
             "method": order.method,
             "params": order.params,
             "seed": order.seed,
-            "output": {"format": order.output.format, "quality": order.output.quality},
+            "output": {"format": order.output.format, "profile": self._profile, "quality": order.output.quality},
             "result": result,
             "steps": order.results,
             "seconds": {step: _stages(measures) for step, measures in order.stages.items()},

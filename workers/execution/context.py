@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -33,7 +34,7 @@ from workers.contract.request import FAIL
 from workers.execution.arrays import read_arrays
 from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
-from workers.execution.emission import Emission, EmitError
+from workers.execution.emission import Emission, EmissionSource, EmitError
 from workers.execution.frame_cache import FrameCache
 from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
@@ -102,6 +103,10 @@ class AttemptContext:
         self._index: Index | None = None
         self._exit_stack = ExitStack()
         self._emission: Emission | None = None
+        self._has_alpha: dict[str, bool] = {}
+        """Whether the pictures of an input have opacity, by the inputs that were opened."""
+        self.opacity_of = "video"
+        """The input whose opacity the film gets."""
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = Reads(order, self._images, {})
         self.handover: Handover | None = None
@@ -139,6 +144,7 @@ class AttemptContext:
         key, cache = self._input(name), self.frame_cache
         to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
         with self._decoders.reader(key, to_decode, self._options(name)) as reader:
+            self._has_alpha[name] = reader.has_alpha
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), first
             expected = within(reader.index, self._span(name, None, None))
             self.damage.note(name, reader.notes)
@@ -158,7 +164,10 @@ class AttemptContext:
 
     def _options(self, name: str) -> SourceOptions:
         """Reading options of the input: those of the job for the video, otherwise the defaults."""
-        return self._order.source if name == "video" else SourceOptions()
+        options = self._order.reading if name == "video" else SourceOptions()
+        if name == self.opacity_of and self._order.output.keeps_opacity:
+            options = replace(options, opacity="straight")
+        return options
 
     def _cache_key(self, name: str) -> str:
         """Key of the input's frames in the frame cache."""
@@ -308,8 +317,11 @@ class AttemptContext:
         if (run := self._delivered_run()) is None:
             raise EmitError("This task announced no frames.", field="emit", value=self._order.key)
         index, output = self._video_index(), self._order.output
-        spec = SegmentSpec(output.format, self.size, index.time_base, index.fps, output.quality)
-        return Emission(self._scratch / "segment", spec, index, run, self.clock)
+        matte = self._matte(*run) if output.keeps_opacity else None
+        spec = SegmentSpec(
+            output.format, self.size, index.time_base, index.fps, output.quality, output.profile, matte is not None
+        )
+        return Emission(self._scratch / "segment", spec, index, run, EmissionSource(self.clock, matte))
 
     def _delivered_run(self) -> tuple[int, int] | None:
         """Frames [start, stop) of those that the task announced that are part of the result; None: none."""
@@ -319,11 +331,24 @@ class AttemptContext:
         start, stop = max(self._order.emits[0], piece[0]), min(self._order.emits[1], piece[1])
         return (start, stop) if start < stop else None
 
+    def _matte(self, start: int, stop: int) -> Iterator[Frame] | None:
+        """The opacity of the frames [start, stop) of the film, gray; None if its source has none."""
+        key, options = self._input(self.opacity_of), self._options(self.opacity_of)
+        if self.opacity_of not in self._has_alpha:
+            with self._decoders.reader(key, 0, options) as reader:
+                self._has_alpha[self.opacity_of] = reader.has_alpha
+        if not self._has_alpha[self.opacity_of]:
+            return None
+        first, last = self._span(self.opacity_of, start, stop)
+        matte = replace(options, opacity="matte")
+        return self._exit_stack.enter_context(self._decoders.reader(key, first, matte)).read(first, last)
+
     def _video_index(self) -> Index:
         """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
-            with self._decoders.reader(self._input("video"), 0, self._order.source) as reader:
+            with self._decoders.reader(self._input("video"), 0, self._order.reading) as reader:
                 self._index = reader.index
+                self._has_alpha["video"] = reader.has_alpha
         return self._index
 
     def finish(self) -> str | None:
@@ -378,9 +403,9 @@ class AttemptContext:
 
     def close(self) -> None:
         self._writer.close()
-        self._exit_stack.close()
-        if self._emission:
+        if self._emission:  # it may still read the opacity from a decoder
             self._emission.close()
+        self._exit_stack.close()
 
 
 def _checked(name: str) -> str:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods.tasks import Clock, no_clock
 from pipeline.video.contact import fit
+from pipeline.video.depth import with_opacity
 from pipeline.video.index import Index
 from pipeline.video.stills import encode_jpeg
 from pipeline.video.writer import SegmentSpec, SegmentWriter, segment_writer
@@ -27,23 +33,36 @@ class EmitError(ImpastoError):
     code = "bad-emission"
 
 
+@dataclass(frozen=True)
+class EmissionSource:
+    """What an emission uses besides frames: a clock, and the opacity of each frame, gray; None: all are opaque."""
+
+    clock: Clock = no_clock
+    matte: Iterator[Frame] | None = None
+
+
 class Emission:
     """Takes the frames [start, stop) of one task, each once and in order, and writes the segment at `path`.
 
     Large frames are encoded on a thread of their own, while the method works on the next ones.
 
     Args:
-        clock: times the encoding, as the stage "encode".
+        source: the clock of the encoding (stage "encode"), and the opacity of the frames.
     """
 
     def __init__(
-        self, path: Path, spec: SegmentSpec, index: Index, span: tuple[int, int], clock: Clock = no_clock
+        self,
+        path: Path,
+        spec: SegmentSpec,
+        index: Index,
+        span: tuple[int, int],
+        source: EmissionSource = EmissionSource(),
     ) -> None:
         self._path = path
         self._spec = spec
         self._index = index
         self._start, self._stop = span
-        self._clock = clock
+        self._clock, self._matte = source.clock, source.matte
         self._shown: Frame | None = None
         self._writer: SegmentWriter | None = None
         large = spec.size[0] * spec.size[1] >= _THREAD_PX
@@ -75,7 +94,17 @@ class Emission:
     def _encode(self, index: int, frame: Frame) -> None:
         with self._clock("encode"):
             self._writer = self._writer or segment_writer(self._path, self._spec)
-            self._writer.write(self._index.number(index), frame, self._index.time(index), self._index.time(index + 1))
+            times = self._index.time(index), self._index.time(index + 1)
+            self._writer.write(self._index.number(index), self._with_opacity(frame), *times)
+
+    def _with_opacity(self, frame: Frame) -> AnyArray:
+        """The frame as painted, with the opacity of the source; opaque where the source has ended."""
+        if self._matte is None:
+            return frame
+        height, width = frame.shape[:2]
+        matte = next(self._matte, None)
+        opacity = np.full((height, width), 255, np.uint8) if matte is None else matte[:height, :width, 0]
+        return with_opacity(frame, opacity)
 
     def _wait_until(self, most: int) -> None:
         """Wait until at most this many frames wait for the encoder. Raises its errors."""

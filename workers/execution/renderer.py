@@ -162,7 +162,7 @@ class Renderer:
             params = None if order.step == ASSEMBLE else parse_params(chosen, order.params)
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled)
             context.report_pairs = report_pairs(order, chosen)
-            context.shown = self._overview
+            context.shown, context.opacity_of = self._overview, chosen.opacity_of
             if self._shared is not None:
                 context.handover = self._shared.handover
                 context.reads_again = chosen.reads_again

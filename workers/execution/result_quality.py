@@ -82,7 +82,7 @@ class ResultQuality:
             arrays = read_arrays(self._blobs.get(key))
             return arrays["before"], arrays["now"]
         first = self._order.frames[0] if self._order.frames else 0
-        with self._decoders.reader(self._order.inputs["video"], 0, self._order.source) as source:
+        with self._decoders.reader(self._order.inputs["video"], 0, self._order.reading) as source:
             return tuple(source.read(first + frame - 1, first + frame + 1))
 
     def _painted_alone(self, frame: int, source: FramePair, params: AnyParams) -> FramePair | None:

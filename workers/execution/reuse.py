@@ -52,7 +52,8 @@ def signature(order: TaskOrder) -> str:
     output = order.output
     return _digest(
         [order.versions, order.method, order.step, order.key, order.args, order.after, order.emits, order.params,
-         order.seed, order.input_info.get("video"), output.format, output.quality, order.frames, order.on_damage,
+         order.seed, order.input_info.get("video"), output.format, output.quality,
+         output.profile, output.alpha, order.frames, order.on_damage,
          asdict(order.source)]
     )  # fmt: skip
 

@@ -109,7 +109,13 @@ def estimate_from(request: JobRequest, info: Json | None, history: Sequence[Meas
     if frames is None or not pixels:
         return Estimate(frames, None, 0)
     work = frames * pixels
-    disk = round(work * (2 * output_format(request.output.format).bytes_per_pixel + BYTES_PER_PIXEL_SAVED))
+    disk = round(
+        work
+        * (
+            2 * output_format(request.output.format).profile(request.output.profile).bytes_per_pixel
+            + BYTES_PER_PIXEL_SAVED
+        )
+    )
     nearest = _nearest(request, frames, pixels, history)
     if not nearest:
         cpu_s = round(STARTED_S + method(request.method).cpu_s_per_megapixel * work / 1e6, 2)

@@ -22,7 +22,8 @@ from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTr
 from pipeline.errors import BadFrame, ImpastoError
 from pipeline.formats import image_format
 from pipeline.frames import Frame
-from pipeline.video.geometry import Geometry, YuvConverter, customary_matrix, to_frame
+from pipeline.video.geometry import Geometry, customary_matrix, to_frame
+from pipeline.video.pixel_formats import YuvConverter
 from workers.live.model import Size, WireFormat
 
 BUILT_ON = frozenset({"h264", "vp8"})

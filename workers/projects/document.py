@@ -19,7 +19,7 @@ from pipeline.formats import OutputName
 from pipeline.methods import layer_parts
 from pipeline.methods.parts import AssetName, FrameNumber, FrameRange, Id, LayerPart, Member, Picture, Ratio, Title, Ui
 from pipeline.video.media import Fields, SourceOptions
-from workers.contract.request import MAX_SEED, Json
+from workers.contract.request import MAX_SEED, Alpha, Json
 
 SCHEMA = 2
 MAX_DOCUMENT_BYTES = 4 << 20
@@ -93,8 +93,13 @@ class Reading(Member):
         "everything, with this field first.",
     )
 
+    premultiplied: bool = Field(
+        default=False,
+        description="Whether colours are multiplied by their opacity, in formats that do not prescribe it.",
+    )
+
     def options(self) -> SourceOptions:
-        return SourceOptions(self.picture, self.sound, self.fields)
+        return SourceOptions(self.picture, self.sound, self.fields, self.premultiplied)
 
 
 class Shot(Member):
@@ -127,6 +132,8 @@ class Output(Member):
 
     format: OutputName = "mp4"
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
+    profile: str = Field(default="", max_length=32, description="Encoding of the format; empty: its usual one.")
+    alpha: Alpha = Field(default="auto", description="Opacity of the film, as in a job.")
     artefacts: tuple[InputName, ...] = Field(default=(), max_length=32)
     report: bool = Field(default=False, description="Measure the film against the video, see `report.json`.")
     on_damage: Literal["warn", "fail"] = Field(

@@ -118,7 +118,7 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
         params=work.params,
         seed=work.seed,
         inputs=work.inputs,
-        output=OutputSpec(output.format, output.quality, output.artefacts, output.report),
+        output=OutputSpec(output.format, output.quality, output.artefacts, output.report, output.profile, output.alpha),
         name=_film_name(document, pick),
         frames=frames,
         priority=selection.priority,

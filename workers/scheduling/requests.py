@@ -9,7 +9,6 @@ from urllib.parse import urlsplit
 from pydantic import JsonValue
 
 from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, together
-from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputFacts, InputKind, InputSpec, Method, Params, missing_inputs
 from pipeline.methods.input_check import input_faults
@@ -23,15 +22,14 @@ from workers.contract.request import (
     MAX_LABELS,
     MAX_NAME,
     MAX_PRIORITY,
-    MAX_QUALITY,
     MAX_SEED,
     MAX_URL,
     WARN,
     JobRequest,
-    OutputSpec,
 )
 from workers.jobs.frame_window import check_source, window_info
 from workers.jobs.job_warnings import DAMAGE_REMEDY, no_effect_warning
+from workers.scheduling.outputs import output_faults
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
 
@@ -65,7 +63,7 @@ def check_request(
     parsed = chosen.Params() if faults else params
     faults += check_inputs(chosen, assets, parsed)
     faults += input_faults(chosen, parsed, _facts(chosen, parsed, request, assets, read, faults))
-    faults += _output_faults(chosen, request.output)
+    faults += output_faults(chosen, request.output, assets.get("video"))
     for check in (
         lambda: check_source(request.source, assets["video"].info if "video" in assets else None),
         lambda: check_frames(request.frames, assets.get("video")),
@@ -192,20 +190,6 @@ def check_frames(frames: tuple[int, int] | None, video: Asset | None) -> None:
     if not 0 <= frames[0] < frames[1] or (count and frames[1] > count):
         end = f"The video has {count} frames." if count else "Frames are counted from 0."
         _refuse("frames", list(frames), f"Use [first, end) with first < end. {end}")
-
-
-def _output_faults(chosen: Method, output: OutputSpec) -> list[BadInput]:
-    """Faults of the output settings."""
-    known = ", ".join(chosen.artefacts) or "none"
-    found = [
-        _fault("output.artefacts", artefact, f"The method {chosen.name!r} makes: {known}.")
-        for artefact in output.artefacts if artefact not in chosen.artefacts
-    ]  # fmt: skip
-    if output.format not in OUTPUTS:
-        found.append(_fault("output.format", output.format, f"Use one of: {', '.join(OUTPUTS)}."))
-    if not 0 <= output.quality <= MAX_QUALITY:
-        found.append(_fault("output.quality", output.quality, f"Use 0 (lossless) to {MAX_QUALITY}."))
-    return found
 
 
 def _check_damage(request: JobRequest, assets: Mapping[str, Asset]) -> None:

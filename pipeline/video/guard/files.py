@@ -59,10 +59,11 @@ def guarded_join(
     progress: Callable[[float], None] = lambda done: None,
     end_s: Fraction | None = None,
     options: SourceOptions | None = None,
+    quality: int = 20,
 ) -> tuple[Note, ...]:
     """`join.join` in a decoder process, because `sound` is a user's file."""
     rows = [(start.numerator, start.denominator, str(path.absolute())) for start, path in segments]
-    task: Message = {"segments": rows, "out": str(out.absolute()), "format": container}
+    task: Message = {"segments": rows, "out": str(out.absolute()), "format": container, "quality": quality}
     task["sound"] = "" if sound is None else str(sound.absolute())
     task["end"] = None if end_s is None else (end_s.numerator, end_s.denominator)
     task["options"] = (options or SourceOptions()).as_json()

@@ -45,6 +45,8 @@ class GuardedReader(FrameReader):
         """(width, height) of every frame, px."""
         self.rotation_deg = int(about["rotation_deg"])
         self.pixel_format = str(about["pixel_format"])
+        self.has_alpha = bool(about["alpha"])
+        """Whether pictures have opacity."""
         self._index = _index(about, data)
         self.errors: list[str] = []
         """Decoding errors so far."""

@@ -21,6 +21,7 @@ import psutil
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
+from pipeline.formats.base import Encoding
 from pipeline.formats.decoding import decode_planes, decode_raw
 from pipeline.frames import Frame
 from pipeline.kernels.allocator import keep_freed_memory, limit_arenas
@@ -81,6 +82,7 @@ def _video(connection: ChildConnection) -> None:
         index = reader.index
         tick = index.time_base
         facts = {"size": reader.size, "rotation_deg": reader.rotation_deg, "pixel_format": reader.pixel_format}
+        facts["alpha"] = reader.has_alpha
         times = {"tick": (tick.numerator, tick.denominator), "end": index.end, "exact": index.exact}
         times |= {"missing": index.missing, "incomplete": sorted(index.incomplete)}
         times |= {"notes": reader.notes, "numbers": runs_of_numbers(index.numbers)}
@@ -173,7 +175,8 @@ def _join(connection: ChildConnection) -> None:
     def tell(done: float) -> None:
         connection.answer({"progress": done})
 
-    notes = join(segments, Path(task["out"]), task["format"], sound, tell, end_s, _options(task))
+    encoding = Encoding(task["format"], int(task["quality"]))
+    notes = join(segments, Path(task["out"]), encoding, sound, tell, end_s, _options(task))
     connection.answer({"notes": notes})
 
 

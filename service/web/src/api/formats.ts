@@ -10,6 +10,10 @@ export interface OutputFormat {
   /** Short name of the file, for buttons. */
   file: string;
   hasQuality: boolean;
+  /** Extension of the file. */
+  suffix: string;
+  /** Its encodings, the usual one first. */
+  profiles: { name: string; title: string; help: string; hasQuality: boolean; hasAlpha: boolean }[];
   /** Whether a film in this format is too coarse to be converted. */
   lossy: boolean;
   /** How a browser shows the film: "video", "image", or "sheet" (the contact sheet). */

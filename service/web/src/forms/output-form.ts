@@ -1,18 +1,15 @@
 /** The output of the job: the same kind of form as parameters have, from a schema of the page. */
 
 import type { JobBody } from "../api/api";
-import { outputs } from "../api/formats";
+import { outputOf as formatOf, outputs } from "../api/formats";
 import type { Asset, Output, Params, Schema } from "../api/schemas";
 import { artefactTitle } from "../ui/format";
 
 const GROUP = "Film";
-const withoutQuality = outputs
-  .filter(({ hasQuality }) => !hasQuality)
-  .map(({ title }) => title)
-  .join(" and ");
 
-/** Schema of the form, with the optional artefacts that a method offers. */
-export function outputSchema(artefacts: string[]): Schema {
+/** Schema of the form for a format, with its profiles and the optional artefacts that a method offers. */
+export function outputSchema(artefacts: string[], format?: string): Schema {
+  const { profiles } = formatOf(format);
   const more: Schema = {
     title: "Also make",
     type: "array",
@@ -31,13 +28,34 @@ export function outputSchema(artefacts: string[]): Schema {
         description: outputs.map(({ title, help }) => `${title}: ${help}.`).join(" "),
         group: GROUP,
       },
+      profile: {
+        title: "Encoding",
+        default: "",
+        oneOf: profiles.map(({ name, title, help }, at) => ({
+          const: at ? name : "",
+          title: help ? `${title}: ${help}` : title,
+        })),
+        description: "Codec, colour resolution and depth.",
+        group: GROUP,
+      },
+      alpha: {
+        title: "Opacity",
+        default: "auto",
+        oneOf: [
+          { const: "auto", title: "of the video, if the encoding has opacity" },
+          { const: "source", title: "of the video" },
+          { const: "none", title: "none: the video is painted over white" },
+        ],
+        description: "For videos with transparent parts.",
+        group: GROUP,
+      },
       quality: {
         title: "Compression",
         type: "integer",
         minimum: 0,
         maximum: 51,
         default: 20,
-        description: `Lower is finer and larger; 0 loses nothing. Not used for ${withoutQuality}.`,
+        description: "Lower is finer and larger; 0 loses nothing. Only encodings with loss use it.",
         group: GROUP,
       },
       seed: {
@@ -67,13 +85,19 @@ export function outputSchema(artefacts: string[]): Schema {
   };
 }
 
+/** The values of the form without a profile of another format, after the format was changed. */
+export function fitting<T extends Params>(values: T): T {
+  const known = formatOf(values.format as string | undefined).profiles.some(({ name }) => name === values.profile);
+  return known || !values.profile ? values : ({ ...values, profile: "" } as T);
+}
+
 /** Those parts of a job request that the form's changed values set; the job is named after the file if it has no name. */
 export function outputOf(values: Params, asset: Asset): Pick<JobBody, "output" | "name" | "seed"> {
   const output = {
     format: "mp4",
     quality: 20,
     artefacts: [],
-    ...pick(values, ["format", "quality", "artefacts", "report"]),
+    ...pick(fitting(values), ["format", "profile", "alpha", "quality", "artefacts", "report"]),
   } as Output;
   const name = typeof values.name === "string" && values.name ? values.name : asset.filename.replace(/\.[^.]+$/, "");
   return { output, name, seed: typeof values.seed === "number" ? values.seed : 0 };

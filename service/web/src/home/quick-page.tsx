@@ -56,7 +56,10 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
     ({ name, applies_when }) =>
       name !== "video" && (name in set.inputs || applies(applies_when, values, { inputs: Object.keys(set.inputs) })),
   );
-  const output = useMemo(() => outputSchema(set.method.artefacts), [set.method]);
+  const output = useMemo(
+    () => outputSchema(set.method.artefacts, set.film.format as string),
+    [set.method, set.film.format],
+  );
   const made = outputOf(set.film, asset);
   const request = {
     method: set.method.name,

@@ -1,7 +1,7 @@
 /** A job as text that makes it again: with curl, in Python, or by the command. */
 
 import { outputOf } from "../api/formats";
-import type { Job } from "../api/schemas";
+import type { Job, Output } from "../api/schemas";
 
 /** The body of POST /v1/jobs. */
 function body(job: Job): Record<string, unknown> {
@@ -26,9 +26,13 @@ export function pythonLine(job: Job, origin: string): string {
     `with Client(${JSON.stringify(origin)}) as impasto:`,
     `    job = impasto.submit(${JSON.stringify(method)}, ${literal(inputs)}, ${literal(params)}, seed=${seed}${piece}${wanted})`,
     '    impasto.wait(job["id"])',
-    `    impasto.download(job["id"], "film.${outputOf(output?.format).file.toLowerCase()}")`,
+    `    impasto.download(job["id"], "film${outputOf(output?.format).suffix}")`,
   ].join("\n");
 }
+
+/** Whether the film is a zip whose extension does not tell the format of its pictures. */
+const isArchive = (output: Output | undefined): boolean =>
+  output?.format !== "png" && outputOf(output?.format).suffix === ".zip";
 
 /** A JSON value as a Python expression. */
 const literal = (value: unknown): string => `json.loads(${JSON.stringify(JSON.stringify(value))})`;
@@ -39,7 +43,10 @@ export function commandLine(job: Job): string {
   const files = Object.keys(inputs).filter((name) => name !== "video");
   return [
     "impasto render VIDEO",
-    `-o film.${outputOf(output?.format).file.toLowerCase()}`,
+    `-o film${outputOf(output?.format).suffix}`,
+    ...(isArchive(output) ? [`--format ${output?.format}`] : []),
+    ...(output?.profile ? [`--profile ${output.profile}`] : []),
+    ...(output?.alpha && output.alpha !== "auto" ? [`--alpha ${output.alpha}`] : []),
     `--method ${method}`,
     ...files.map((name) => `--input ${name}=${name.toUpperCase()}`),
     ...Object.entries(params).map(

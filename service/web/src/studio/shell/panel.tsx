@@ -4,7 +4,7 @@ import { useMemo } from "preact/hooks";
 import type { Method, Params, Section } from "../../api/schemas";
 import { Inputs } from "../../forms/inputs";
 import { MethodCards, Presets } from "../../forms/method-cards";
-import { outputSchema } from "../../forms/output-form";
+import { fitting, outputSchema } from "../../forms/output-form";
 import { Form } from "../../forms/schema-form";
 import { notify } from "../../ui/notices";
 import type { Clusters } from "../clusters/clusters";
@@ -178,16 +178,16 @@ function OutputSettings({ store, method }: { store: Store; method: Method }) {
   const { seed } = store.layer.value;
   const { output } = store.document.value;
   const schema = useMemo(() => {
-    const { properties: { name: _name, ...properties } = {} } = outputSchema(method.artefacts);
+    const { properties: { name: _name, ...properties } = {} } = outputSchema(method.artefacts, output?.format);
     return { properties };
-  }, [method]);
+  }, [method, output?.format]);
   const values = useMemo(() => ({ ...(output as Params | undefined), ...(seed && { seed }) }), [output, seed]);
   const change = ({ seed = 0, ...output }: Params) => {
     const { place } = store;
     const withSeed = (layer: Layer): Layer => ({ ...layer, seed: Number(seed) });
     store.editDocument(
       "Change the output",
-      (document) => changeLayer({ ...document, output }, place, withSeed),
+      (document) => changeLayer({ ...document, output: fitting(output) }, place, withSeed),
       "output",
     );
   };
