@@ -30,13 +30,11 @@ from pipeline.methods import parse_params
 from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo, missing_inputs
 from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
 from pipeline.video.depth import with_opacity
-from pipeline.video.headers import sniff
 from pipeline.video.join import join
 from pipeline.video.media import SEQUENCE_FPS, Opacity, SourceOptions
 from pipeline.video.numbered import NumberedImages, by_frame
 from pipeline.video.reader import VideoReader
 from pipeline.video.sequence_options import SequenceOptions, options_of
-from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec, segment_writer
 from workers.contract.request import Alpha, OutputSpec
 from workers.execution.arrays import read_arrays, write_arrays
@@ -320,16 +318,7 @@ class _Rendering:
             return {spec.name: by_frame(value, numbers, field)}
         images = NumberedImages(Path(value), field)
         self._stack.callback(images.close)
-        found: dict[str, Any] = {spec.name: by_frame(images, numbers, field)}
-        if Path(value).is_dir():
-            return found
-        with Path(value).open("rb") as stream:
-            zipped = sniff(stream) == "application/zip"
-        if zipped:
-            files = ShotFiles(Path(value))
-            self._stack.callback(files.close)
-            found[f"{spec.name}.entries"] = files
-        return found
+        return {spec.name: by_frame(images, numbers, field)}
 
 
 def _file(given: object) -> SourceFile | ImageSequence | None:

@@ -193,9 +193,9 @@ def _texture(seed: int, side: int) -> NDArray[np.uint8]:
 
 def _scene(seed: int, index: int) -> Frame:
     """Frame `index` of a shot: uint8 (HEIGHT, WIDTH, 3)."""
-    x = 8 + index
+    x = 8 + index % 50
     frame = np.ascontiguousarray(_texture(seed, 128)[10 : 10 + HEIGHT, x : x + WIDTH])
-    left = 6 + 2 * index
+    left = 6 + 2 * index % (WIDTH - 24)
     frame[16:34, left : left + 18] = _texture(seed + 7, 64)[8:26, 8:26]
     return frame
 

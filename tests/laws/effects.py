@@ -78,5 +78,6 @@ def _plain(name: str, seed: int) -> Case:
     case = generated(seed, name)
     required = tuple(spec.name for spec in method(name).inputs[1:] if spec.required)
     scale, light = _LOOKS[seed % len(_LOOKS)]
-    film = {"frames": 6, "cut": 4 * (seed % 2), "piece": (3, 5), "scale": scale, "light": light}
+    frames = 24 if seed == len(_LOOKS) - 2 else 6
+    film = {"frames": frames, "cut": 4 * (seed % 2), "piece": (3, 5), "scale": scale, "light": light}
     return replace(case, params={}, inputs=required, **film)
