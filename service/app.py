@@ -12,13 +12,15 @@ from starlette.staticfiles import StaticFiles
 
 from service import bundle, errors, openapi
 from service.access.admission import Admission, classes
-from service.access.depends import ServiceContext, Streams
 from service.access.gate import Gate
 from service.access.rates import Rates
 from service.artefacts.routes import router as artefacts
 from service.assets.routes import router as assets
+from service.assets.styles import router as styles
 from service.background import background
 from service.bodies import JsonBodies
+from service.context.depends import ServiceContext, Streams
+from service.jobs.deliveries import router as webhooks
 from service.jobs.events import router as events
 from service.jobs.exports import router as exports
 from service.jobs.files import router as files
@@ -51,9 +53,7 @@ from service.projects.versions import router as project_versions
 from service.scenes.routes import router as scenes
 from service.settings import Settings
 from service.styles.library import StyleLibrary
-from service.styles.routes import router as styles
 from service.uploads.routes import router as uploads
-from service.webhooks.routes import router as webhooks
 from service.webhooks.secrets import WebhookSecrets
 from workers.contract.request import Json
 from workers.farm import Farm

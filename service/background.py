@@ -10,10 +10,10 @@ from functools import partial
 
 from starlette.concurrency import run_in_threadpool
 
-from service.access.depends import ServiceContext
+from service.assets.upload_store import UploadStore
+from service.context.depends import ServiceContext
 from service.live.register import register
 from service.live.sessions import Sessions
-from service.uploads.store import UploadStore
 from service.webhooks.sender import Sender
 
 log = logging.getLogger(__name__)

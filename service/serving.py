@@ -10,7 +10,7 @@ from starlette.datastructures import Headers
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
-from service.access.depends import ServiceContext
+from service.context.depends import ServiceContext
 from service.errors import RangeNotSatisfiable
 from service.streaming import StreamedResponse, in_threads
 from workers.farm_parts.stored_file import StoredFile

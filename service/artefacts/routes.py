@@ -15,7 +15,7 @@ from typing import Annotated
 from fastapi import Path, Response
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, ServiceContext
+from service.context.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.prefix import Address
 from service.routing import Router

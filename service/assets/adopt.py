@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from pipeline.errors import StorageFull
-from service.access.depends import ServiceContext
 from service.access.keys import Principal
-from service.uploads.store import UploadStore
+from service.assets.upload_store import UploadStore
+from service.context.depends import ServiceContext
 from workers.contract.record import Asset
 from workers.errors import NotFound, QuotaExceeded
 

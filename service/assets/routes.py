@@ -10,12 +10,12 @@ from fastapi import Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import adopt, disk_faults, upload_folder
 from service.assets.multipart import FileReceiver
 from service.assets.sequences import SequenceQuery, with_options
 from service.bodies import chunks
+from service.context.depends import Context, Reader, ServiceContext, Submitter
 from service.routing import Router
 from service.schemas import AssetId, Cursor, Download, Limit, Listing, Responses, binary
 from service.serving import serve

@@ -22,8 +22,8 @@ from anyio.to_thread import run_sync
 from fastapi import Header, Response
 from starlette.responses import StreamingResponse
 
-from service.access.depends import Context, Reader, ServiceContext
 from service.access.keys import Principal
+from service.context.depends import Context, Reader, ServiceContext
 from service.errors import Busy, retry_after
 from service.jobs.lookup import find_job
 from service.routing import Router

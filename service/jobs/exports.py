@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fastapi import Response
 
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job, max_active_jobs
 from service.jobs.schemas import ExportIn, JobOut, job_out
 from service.routing import Router

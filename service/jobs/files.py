@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from fastapi import Request, Response
 
-from service.access.depends import Context, Reader, ServiceContext
+from service.context.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.jobs.schemas import FileOut
 from service.routing import Router

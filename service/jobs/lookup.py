@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pipeline.errors import BadParameter
-from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.routes import visible
+from service.context.depends import ServiceContext
 from service.jobs.schemas import Work
 from workers.contract.record import Job, TaskView
 from workers.errors import NotFound

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from service.access.depends import Context, Reader, ServiceContext
+from service.context.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from fastapi import Header, Query, Response
 
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.jobs.lookup import check_inputs, find_job, max_active_jobs, max_reopened_jobs, parse_label
 from service.jobs.schemas import JobIn, JobOut, job_out
 from service.routing import Router

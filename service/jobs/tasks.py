@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job, find_task, max_reopened_jobs
 from service.jobs.schemas import LogOut
 from service.routing import Router

@@ -23,9 +23,9 @@ from starlette.websockets import WebSocket
 from pipeline.errors import BadFrame, BadParameter
 from pipeline.frames import MIN_SIDE_PX
 from pipeline.methods import methods
-from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.routes import visible
+from service.context.depends import ServiceContext
 from service.errors import BadMessage
 from service.live.changes import Changes, ordered_filter, shown_filter
 from service.live.closing import NORMAL, Ending, Left, Lost

@@ -9,8 +9,8 @@ from fastapi import Response
 from starlette.websockets import WebSocket
 
 from pipeline.errors import ImpastoError
-from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import Scope
+from service.context.depends import Context, ServiceContext, Submitter
 from service.errors import Busy, respond, retry_after
 from service.live.connection import Connection
 from service.live.handshake import caller, subprotocol

@@ -6,8 +6,8 @@ import asyncio
 
 from starlette.websockets import WebSocket
 
-from service.access.depends import ServiceContext
 from service.access.keys import Principal
+from service.context.depends import ServiceContext
 from service.errors import BadMessage
 from service.live.closing import NORMAL, Ending, Left, Lost
 from service.live.frames import pack

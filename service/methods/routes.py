@@ -13,7 +13,7 @@ from starlette.responses import Response
 from pipeline.errors import did_you_mean
 from pipeline.methods import methods
 from pipeline.methods.base import Method
-from service.access.depends import Reader
+from service.context.depends import Reader
 from service.methods.schemas import MethodOut, MethodsOut, method_out
 from service.methods.thumbnail import thumbnail
 from service.routing import Router

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.depends import Admin, Context
+from service.context.depends import Admin, Context
 from service.routing import Router
 from service.schemas import ID, Cursor, JobId, Limit, Listing
 from workers.operations import AttemptLogView, Drain, DrainScope, Failure, LiveView, NodeView, TimelineBar, WorkerView

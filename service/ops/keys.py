@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.access.depends import Admin, Context
 from service.access.keys import Scope
+from service.context.depends import Admin, Context
 from service.routing import Router
 from service.schemas import ID, Listing
 from workers.contract.record import ApiKey

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import psutil
 
 from pipeline.kernels.processors import usable_processors
-from service.access.depends import Admin, Context
-from service.ops.load_history import LoadSample
+from service.context.depends import Admin, Context
+from service.context.load_history import LoadSample
 from service.ops.machine import existing, work_places
 from service.routing import Router
 

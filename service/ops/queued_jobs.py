@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.errors import ImpastoError
 from service.access.admission import Cost, costs
-from service.access.depends import Admin, Context, ServiceContext
 from service.access.keys import Principal
+from service.context.depends import Admin, Context, ServiceContext
 from service.jobs.lookup import find_job, max_reopened_jobs
 from service.jobs.schemas import JobOut, job_out
 from service.routing import Router

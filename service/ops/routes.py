@@ -9,7 +9,7 @@ from fastapi import Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from service.access.admission import Cost, costs
-from service.access.depends import Admin, Context, Reader
+from service.context.depends import Admin, Context, Reader
 from service.routing import Router
 from service.schemas import Cursor
 from workers.contract.request import Json

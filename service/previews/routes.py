@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import Response
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Submitter
+from service.context.depends import Context, Submitter
 from service.jobs.lookup import check_inputs, find_job
 from service.jobs.schemas import PreviewIn
 from service.routing import Router

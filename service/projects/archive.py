@@ -11,10 +11,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import FileResponse
 
 from service.access.admission import Cost
-from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults, upload_folder
 from service.bodies import chunks
+from service.context.depends import Context, Reader, ServiceContext, Submitter
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import document_quota, etag, find_project
 from service.projects.schemas import ProjectId, ProjectOut, project_out

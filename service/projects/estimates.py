@@ -8,8 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.methods.parts import FrameRange, Id
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, ServiceContext
 from service.access.keys import Principal
+from service.context.depends import Context, Reader, ServiceContext
 from service.jobs.lookup import check_inputs
 from service.jobs.schemas import JobIn
 from service.projects.lookup import find_project

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.jobs.lookup import max_active_jobs
 from service.jobs.routes import IdempotencyKey
 from service.projects.lookup import find_project

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from fastapi import Header
 
-from service.access.depends import ServiceContext
 from service.access.keys import Principal
+from service.context.depends import ServiceContext
 from service.errors import BadRequest, Gone, PreconditionRequired
 from workers.contract.project import Project
 from workers.errors import NotFound

@@ -20,8 +20,8 @@ from starlette.responses import StreamingResponse
 from pipeline.errors import BadParameter, Cancelled, ImpastoError
 from pipeline.methods.parts import FrameNumber, FrameRange, Id
 from service.access.admission import Cost
-from service.access.depends import Context, ServiceContext, Submitter
 from service.access.keys import Principal
+from service.context.depends import Context, ServiceContext, Submitter
 from service.errors import internal_error, problem
 from service.jobs.lookup import find_job
 from service.projects.lookup import find_project

@@ -10,7 +10,7 @@ from fastapi import Body, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.errors import UnsupportedMediaType
 from service.projects.lookup import IfMatch, document_quota, etag, expected_version, find_project
 from service.projects.schemas import ProblemsOut, ProjectId, ProjectIn, ProjectOut, project_out

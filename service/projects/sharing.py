@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import Path, Request, Response
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, ServiceContext, Sharer, Submitter
 from service.access.keys import OPERATOR, Principal
+from service.context.depends import Context, ServiceContext, Sharer, Submitter
 from service.errors import Gone
 from service.projects.lookup import find_project
 from service.projects.schemas import (

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from fastapi import Response
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.projects.lookup import IfMatch, document_quota, etag, expected_version, find_project
 from service.projects.schemas import LabelIn, ProjectId, ProjectOut, Version, VersionOut, project_out
 from service.routing import Router

@@ -12,8 +12,8 @@ from fastapi import Path
 from pipeline.scenes import scene
 from pipeline.video.join import join
 from pipeline.video.writer import SegmentSpec, segment_writer
-from service.access.depends import Context, Submitter
 from service.assets.adopt import adopt_made
+from service.context.depends import Context, Submitter
 from service.routing import Router
 from workers.contract.record import Asset
 

@@ -15,13 +15,13 @@ from starlette.requests import Request
 
 from pipeline.errors import BadInput
 from pipeline.video.sequence_options import embed
-from service.access.depends import ServiceContext
 from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults, upload_folder
+from service.assets.upload_store import Upload, UploadStore
 from service.bodies import chunks
+from service.context.depends import ServiceContext
 from service.errors import OffsetMismatch
 from service.uploads.headers import Checksum, sequence_options
-from service.uploads.store import Upload, UploadStore
 from workers.contract.record import Asset
 from workers.errors import NotFound
 

@@ -14,9 +14,10 @@ from fastapi import Path, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.admission import Cost
-from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.access.keys import Principal
 from service.assets.adopt import check_free_space, check_quota, disk_faults
+from service.assets.upload_store import Upload, UploadStore
+from service.context.depends import Context, Reader, ServiceContext, Submitter
 from service.errors import BodyTooLarge, Locked
 from service.routing import Router
 from service.uploads.headers import (
@@ -32,7 +33,6 @@ from service.uploads.headers import (
     whole_number,
 )
 from service.uploads.receive import append, finish
-from service.uploads.store import Upload, UploadStore
 from workers.errors import NotFound, QuotaExceeded
 
 router = Router(prefix="/v1/uploads", tags=["uploads"])

@@ -15,7 +15,7 @@ from fastapi.testclient import TestClient
 from starlette.routing import WebSocketRoute
 from starlette.testclient import WebSocketDenialResponse
 
-from service.access.depends import Context, Reader
+from service.context.depends import Context, Reader
 from service.live.sessions import LiveSession
 from tests.privacy.actors import service
 from tests.privacy.matrix import BECOMES_AN_INPUT, LINK, OPERATORS, Operation, Undescribed, operations

@@ -13,8 +13,8 @@ import httpx
 import pytest
 from fastapi.testclient import TestClient
 
-from service.access.depends import Streams
 from service.access.keys import Principal
+from service.context.depends import Streams
 from service.settings import Settings
 from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm

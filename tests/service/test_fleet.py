@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.ops.load_history import KEPT, LoadHistory
+from service.context.load_history import KEPT, LoadHistory
 from service.settings import Settings
 from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm

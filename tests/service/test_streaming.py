@@ -17,7 +17,7 @@ import pytest
 from starlette.types import Message
 
 from pipeline.errors import Cancelled
-from service.access.depends import DOWNLOADS
+from service.context.depends import DOWNLOADS
 from service.settings import Settings
 from service.streaming import StreamedResponse
 from tests.service.driven_farm import MAGIC, DrivenFarm

@@ -15,8 +15,8 @@ import pytest
 from fastapi.testclient import TestClient
 from tusclient.exceptions import TusCommunicationError, TusUploadFailed
 
+from service.assets.upload_store import Upload, UploadStore
 from service.settings import Settings
-from service.uploads.store import Upload, UploadStore
 from tests.service.conftest import CLIP, open_client
 from tests.service.driven_farm import DrivenFarm
 from tests.service.live import running

@@ -10,8 +10,8 @@ from starlette.concurrency import run_in_threadpool
 
 from pipeline.errors import BadParameter
 from pipeline.method_names import DEFAULT
-from service.access.depends import Context, Reader, ServiceContext, Submitter
 from service.bodies import chunks
+from service.context.depends import Context, Reader, ServiceContext, Submitter
 from service.errors import NotInstalled, UnsupportedMediaType
 from service.live.messages import MAX_VALUES
 from service.live.sessions import Sessions

@@ -16,8 +16,8 @@ from prometheus_client import CollectorRegistry
 
 from service.access.admission import Admission
 from service.access.keys import EVERYONE, Principal, Scope
+from service.context.load_history import LoadHistory
 from service.errors import Forbidden
-from service.ops.load_history import LoadHistory
 from service.settings import Settings
 from service.styles.library import StyleLibrary
 from service.webhooks.secrets import WebhookSecrets

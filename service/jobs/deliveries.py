@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from service.access.depends import Context, Reader, Submitter
+from service.context.depends import Context, Reader, Submitter
 from service.jobs.lookup import find_job
 from service.routing import Router
 from service.schemas import JobId, Listing

@@ -8,8 +8,8 @@ from typing import Annotated
 from fastapi import Path, Query, Response
 
 from service.access.admission import Cost, costs
-from service.access.depends import Context, Reader, Submitter
 from service.assets.adopt import check_quota
+from service.context.depends import Context, Reader, Submitter
 from service.routing import Router
 from service.schemas import Listing, Responses
 from service.styles.library import StyleOut

@@ -1,0 +1,1 @@
+"""What all routes share: the service's objects, the caller of a request, and the load of the machine."""
