@@ -186,11 +186,15 @@ class FrameAnalyzer:
     def _begins_shot(self, frame: Frame) -> bool:
         """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""
         before, self.thumbnail = self.thumbnail, thumbnail(frame)
-        cut = before is not None and is_cut(before, self.thumbnail, self.params.cut_sensitivity)
+        self.light_steadiness = 1.0
+        if before is None:
+            return True
+        cut = is_cut(before, self.thumbnail, self.params.cut_sensitivity)
         self.shot += cut
-        alone = before is None or self.params.temporal == "off"
-        self.light_steadiness = 1.0 if alone else light_steadiness(before, self.thumbnail)
-        return cut or alone
+        if self.params.temporal == "off":
+            return True
+        self.light_steadiness = light_steadiness(before, self.thumbnail)
+        return cut
 
     def _contrast(self, fresh: bool) -> float:
         """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `contrast_adaptation=0`.

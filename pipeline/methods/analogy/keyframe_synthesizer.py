@@ -222,8 +222,9 @@ class KeyframeSynthesizer(Synthesizer):
 def _images(saved: AnyArray) -> dict[int, AtlasImage]:
     """Images of an atlas, as `paint` saves them."""
     return {
-        int(name): AtlasImage(*map(int, place), (int(width), int(height))) for name, *place, width, height in saved
-    }  # fmt: skip
+        int(name): AtlasImage(int(left), int(top), int(width), int(height), (int(across), int(down)))
+        for name, left, top, width, height, across, down in saved
+    }
 
 
 def _without_inputs(state: FrameState[Any]) -> FrameState[Any]:

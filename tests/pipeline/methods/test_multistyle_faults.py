@@ -56,7 +56,8 @@ def test_elements_of_everything_else_follow_nothing() -> None:
 # -- tubes
 
 
-Sums, Touch = dict[int, np.ndarray], dict[tuple[int, int], int]
+Sums = dict[int, np.ndarray]
+Touch = dict[tuple[int, int], int]
 
 
 def statistics(count: int, hub: bool) -> tuple[Sums, Touch]:
