@@ -118,7 +118,8 @@ def project(case: Case, folder: Path) -> Frames:
         shot = {"id": "s1", "video": "video", "layers": [layer]}
         assets = {name: {"id": asset} for name, asset in ids.items()}
         output = {"format": "png"}
-        made = client.post("/v1/projects", json={"schema": 1, "assets": assets, "output": output, "shots": [shot]})
+        document = {"schema": 1, "assets": assets, "output": output, "shots": [shot]}
+        made = client.post("/v1/projects", json={"document": document})
         assert made.status_code == 201, made.text
         jobs = client.post(f"/v1/projects/{made.json()['id']}/jobs", json={})
         assert jobs.status_code == 201, jobs.text
@@ -143,10 +144,12 @@ class _Service:
         self._client = TestClient(create_app(Settings(home=folder / "farm"), self._farm), "http://127.0.0.1:8420")
 
     def __enter__(self) -> TestClient:
+        self._farm.start()
         return self._client.__enter__()
 
     def __exit__(self, *error: object) -> None:
         self._client.__exit__(None, None, None)
+        self._farm.stop()
 
 
 def _uploaded(client: TestClient, files: Mapping[str, Path]) -> dict[str, str]:
