@@ -17,7 +17,8 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -238,7 +239,8 @@ def without(correction: Correction | None) -> Iterator[None]:
 
 def _changed(constants: Any, name: str, value: Any) -> Any:
     """Constants with another value of one field."""
-    return replace(constants, **{name: value}) if is_dataclass(constants) else constants._replace(**{name: value})
+    changed = getattr(constants, "_replace", partial(replace, constants))  # a named tuple or a dataclass
+    return changed(**{name: value})
 
 
 def render(method: str, frames: Sequence[Frame]) -> tuple[list[Frame], float]:
@@ -281,7 +283,7 @@ class Scale:
         """For each frame but the first: places of its pixels in the frame before, and those that count."""
         height, width = self.source[0].shape[:2]
         grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(np.float32)
-        dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        dis: Any = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
         grays = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in self.source]
         for before, gray in pairwise(grays):
             back, forth = dis.calc(gray, before, None), dis.calc(before, gray, None)
