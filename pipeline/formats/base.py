@@ -90,6 +90,8 @@ class PlaneImage:
     pixel_aspect: float = 1.0
     views: tuple[str, ...] = ()
     """Names of its views (stereo), the usual one first."""
+    to_709: tuple[tuple[float, ...], ...] = ()
+    """Matrix from the picture's linear light to that of Rec. 709; () = it is Rec. 709."""
 
 
 class ImageFormat(ABC):

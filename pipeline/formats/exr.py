@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,6 +32,8 @@ from pipeline.video.passes import picture, picture_choice
 
 _DEEP = (OpenEXR.deepscanline, OpenEXR.deeptile)
 _LINEAR_709 = "lin_rec709_scene"
+_CHROMATICITIES_709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
 class Exr(ImageFormat):
@@ -88,7 +91,7 @@ class Exr(ImageFormat):
             except Exception as error:  # the binding raises what OpenEXR's C++ does
                 raise _unreadable(name, error) from error
         aspect = float(headers[0].get("pixelAspectRatio", 1.0))
-        return PlaneImage(_extent(headers[0]["displayWindow"]), planes, aspect, _views(headers))
+        return PlaneImage(_extent(headers[0]["displayWindow"]), planes, aspect, _views(headers), _to_709(headers[0]))
 
 
 EXR = Exr()
@@ -186,8 +189,35 @@ def _facts(header: Mapping[str, Any]) -> Iterator[str]:
         yield f"The data window ({sizes[0]}) is smaller than the display window ({sizes[1]}): the rest is empty."
     yield from aspect_notes(float(header.get("pixelAspectRatio", 1.0)))
     space = _colour_space(header)
-    if space != _LINEAR_709:
+    if _to_709(header):
+        yield f"The colours are {space}; they are converted to Rec. 709, and light above 1 is white."
+    elif space != _LINEAR_709:
         yield f"The colours are {space}; they are read as linear Rec. 709, without conversion."
+
+
+def _to_709(header: Mapping[str, Any]) -> tuple[tuple[float, ...], ...]:
+    """Matrix from linear light in the primaries of the header, by its chromaticities or colour interop id, to that of
+    Rec. 709; () if they are those, or unknown. White is adapted by the Bradford transform."""
+    found = header.get("chromaticities")
+    interop = str(header.get("colorInteropID") or "")
+    if found is None and interop.startswith("lin_"):
+        with suppress(Exception):  # an id that OpenEXR does not know
+            found = OpenEXR.colorInteropIDToChromaticities(interop)
+    if found is None or np.allclose(np.ravel(found), _CHROMATICITIES_709, atol=1e-3):
+        return ()
+    source, target = _to_xyz(np.ravel(found)), _to_xyz(np.array(_CHROMATICITIES_709))
+    cones = [_BRADFORD @ each.sum(1) for each in (source, target)]
+    adapted = np.linalg.inv(_BRADFORD) @ np.diag(cones[1] / cones[0]) @ _BRADFORD
+    matrix = np.linalg.inv(target) @ adapted @ source
+    return tuple(map(tuple, matrix.tolist())) if np.isfinite(matrix).all() else ()
+
+
+def _to_xyz(chromaticities: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Matrix from linear RGB to CIE XYZ; arguments: x and y of red, green, blue and white. Source: SMPTE RP 177."""
+    xy = np.asarray(chromaticities, np.float64).reshape(4, 2)
+    xyz = np.column_stack([xy[:, 0], xy[:, 1], 1 - xy.sum(1)]).T
+    white = xyz[:, 3] / xyz[1, 3]
+    return np.asarray(xyz[:, :3] * np.linalg.solve(xyz[:, :3], white))
 
 
 def _colour_space(header: Mapping[str, Any]) -> str:
@@ -207,9 +237,6 @@ def write_exr(path: Path, planes: Mapping[str, Plane], half: bool = False) -> No
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with OpenEXR.File(header, {name: np.ascontiguousarray(plane, kind) for name, plane in planes.items()}) as file:
         file.write(str(path))
-
-
-_CHROMATICITIES_709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
 def encode_exr(picture: AnyArray, half: bool = True) -> bytes:

@@ -37,8 +37,7 @@ def _integers(picture: AnyArray, dtype: np.dtype[np.uint8] | np.dtype[np.uint16]
 
 
 def as_float(picture: AnyArray) -> NDArray[np.float32]:
-    """The picture as float32 with white at 1. Values of a float picture are kept; NaN becomes 0, infinity the largest
-    half."""
+    """The picture as float32 with white at 1; values of a float picture are kept. NaN becomes 0, infinity 65504."""
     if picture.dtype in FULL:
         return np.asarray(picture.astype(np.float32) / np.float32(FULL[picture.dtype]), np.float32)
     return np.nan_to_num(picture.astype(np.float32), posinf=65504, neginf=0)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, NoReturn, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NoReturn, Self
+
+from pydantic import Field
 
 from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.frames import MIN_SIDE_PX
@@ -69,13 +71,14 @@ class SourceOptions:
     sound: tuple[int, ...] | None = None
     fields: Fields = "auto"
     premultiplied: bool = False
-    opacity: Opacity = "white"
+    opacity: Annotated[Opacity, Field(exclude=True)] = "white"
 
     def as_json(self) -> dict[str, JsonValue]:
-        return {
-            "picture": self.picture, "sound": None if self.sound is None else [*self.sound], "fields": self.fields,
-            "premultiplied": self.premultiplied, **({} if self.opacity == "white" else {"opacity": self.opacity}),
-        }  # fmt: skip
+        sound = None if self.sound is None else [*self.sound]
+        given: dict[str, JsonValue] = {"picture": self.picture, "sound": sound, "fields": self.fields}
+        if self.premultiplied:  # services of earlier versions do not know the field
+            given["premultiplied"] = True
+        return given if self.opacity == "white" else {**given, "opacity": self.opacity}
 
     @classmethod
     def from_json(cls, value: dict[str, Any] | None) -> Self:

@@ -68,7 +68,8 @@ class PictureChoice:
 
 def picture(image: PlaneImage, choice: Choice = Choice()) -> NDArray[np.uint8] | None:
     """The picture, uint8 (h, w, 3), or (h, w, 4) with straight alpha if it has an alpha channel; None if there is none.
-    Converts linear light, clipped to 0..1, to sRGB, and premultiplied colours to straight ones.
+    Converts linear light of the image's primaries to sRGB, clipped to 0..1, and premultiplied colours to straight
+    ones.
 
     Raises: BadParameter: no picture has the wanted layer or view.
     """
@@ -76,6 +77,8 @@ def picture(image: PlaneImage, choice: Choice = Choice()) -> NDArray[np.uint8] |
     if not chosen.colours:
         return None
     linear: Linear = np.nan_to_num(_colours(chosen, image.planes)).astype(np.float32)
+    if image.to_709:
+        linear = linear @ np.array(image.to_709, np.float32).T
     if not chosen.alpha:
         return _eight_bit(_encoded(linear))
     clear = np.clip(np.nan_to_num(image.planes[chosen.alpha]), 0, 1)[..., None]

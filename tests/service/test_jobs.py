@@ -24,14 +24,21 @@ def test_a_job_document_has_the_fields_of_the_dataclass_and_links(
         "inputs": {"video": asset},
         "params": {"mode": "hard"},
         "seed": 0,
-        "output": {"format": "mp4", "quality": 20, "artefacts": ["svg"], "report": False},
+        "output": {
+            "format": "mp4",
+            "quality": 20,
+            "artefacts": ["svg"],
+            "report": False,
+            "profile": "",
+            "alpha": "auto",
+        },
         "priority": 0,
         "name": "",
         "labels": {"shot": "12"},
         "webhook": "",
         "frames": None,
         "on_damage": "warn",
-        "source": {"picture": None, "sound": None, "fields": "auto"},
+        "source": {"picture": None, "sound": None, "fields": "auto", "premultiplied": False},
     }
     assert job["state"] == "queued"
     assert isinstance(job["created_at"], float)

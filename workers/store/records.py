@@ -69,8 +69,13 @@ def request_to_json(request: JobRequest) -> Json:
         del value["frames"]
     if request.on_damage == WARN:
         del value["on_damage"]
+    value["source"] = request.source.as_json()
     if request.source == SourceOptions():
         del value["source"]
+    if not request.output.profile:
+        del value["output"]["profile"]
+    if request.output.alpha == "auto":
+        del value["output"]["alpha"]
     return value
 
 

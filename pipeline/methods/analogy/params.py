@@ -12,10 +12,7 @@ from pipeline.methods.fields import FlowName, Switch, choice, number
 
 _KEYED = (When(inputs=("keyframes",)),)
 _COHERENT = When(params={"temporal": ("on",)})
-_IN_KEYS = (
-    "key_guide_weight", "key_colour_weight", "change_weight", "change_out_weight", "key_blend", "key_iterations",
-    "key_search_radius",
-)  # fmt: skip
+_BETWEEN_KEYS = (When(inputs=("keyframes",), params={"temporal": ("on",)}),)
 _GUIDES = ("a", "b", "c")
 
 
@@ -28,7 +25,9 @@ class AnalogyParams(Params):
     """Parameters of stylising animation by example (benard2013stylizing)."""
 
     applies_when: ClassVar[Mapping[str, Alternatives]] = {
-        **dict.fromkeys(_IN_KEYS, _KEYED),
+        **dict.fromkeys(("key_guide_weight", "key_colour_weight"), _KEYED),
+        **dict.fromkeys(("change_weight", "change_out_weight"), _BETWEEN_KEYS),
+        **dict.fromkeys(("key_blend", "key_iterations", "key_search_radius"), _BETWEEN_KEYS),
         **{f"guide_{name}_weight": (When(inputs=(f"guide_{name}",)),) for name in _GUIDES},
         **dict.fromkeys(("lines_weight", "lines_reach"), (When(inputs=("lines",)),)),
         **dict.fromkeys(("steadiness", "sweeps", "sweep_order", "refinement"), (_COHERENT,)),

@@ -59,7 +59,8 @@ def guarded_planes(data: bytes, name: str) -> PlaneImage:
     answer, planes = _decoded("planes", data, name)
     width, height = answer["size"]
     found = dict(zip(map(str, answer["names"]), planes, strict=True))
-    return PlaneImage((int(width), int(height)), found, float(answer["aspect"]), tuple(map(str, answer["views"])))
+    return PlaneImage((int(width), int(height)), found, float(answer["aspect"]), tuple(map(str, answer["views"])),
+                      tuple(map(tuple, answer["to_709"])))  # fmt: skip
 
 
 def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, AnyArray]:

@@ -161,7 +161,7 @@ def _pictures(connection: ChildConnection) -> None:
                 image = decode_planes(path.read_bytes(), limits, name)
                 shared = connection.share(np.stack(list(image.planes.values())))
                 facts = {"size": image.size, "aspect": image.pixel_aspect, "views": image.views}
-                connection.answer(shared | facts | {"names": list(image.planes)})
+                connection.answer(shared | facts | {"names": list(image.planes), "to_709": image.to_709})
         except BadInput as error:  # only this picture is bad; the next one may be sound
             connection.answer({"error": _described(error)})
 

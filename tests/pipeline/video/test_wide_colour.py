@@ -70,3 +70,20 @@ def test_bt709_is_left_alone_and_opacity_is_kept(tmp_path: Path) -> None:
     assert np.abs(seen - np.array([51, 128, 179])).max() <= 1 and "converted" not in notes
     rgba = np.dstack([flat([0.5, 0.5, 0.5]), np.full((64, 64), 32896, np.uint16)])
     assert (to_srgb(rgba, (9, PQ))[..., 3] == 128).all()
+
+
+AP1 = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
+"""Chromaticities of ACEScg."""
+
+
+@pytest.mark.parametrize("tag", [{"chromaticities": AP1}, {"colorInteropID": "lin_ap1_scene"}])
+def test_an_exr_of_acescg_is_converted(tag: dict[str, object], tmp_path: Path) -> None:
+    """The values of OpenColorIO, ACEScg to sRGB: 255, 24, 44."""
+    import OpenEXR
+
+    pixels = np.broadcast_to(np.array((0.8, 0.1, 0.05), np.float16), (64, 64, 3))
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | tag
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
+        file.write(str(tmp_path / "plate.1001.exr"))
+    seen, notes = shown(tmp_path / "plate.1001.exr")
+    assert np.abs(seen - np.array([255, 24, 44])).max() <= 2 and "converted to Rec. 709" in notes
