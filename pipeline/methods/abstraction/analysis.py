@@ -185,15 +185,15 @@ class FrameAnalyzer:
 
     def _begins_shot(self, frame: Frame) -> bool:
         """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""
-        before, self.thumbnail = self.thumbnail, thumbnail(frame)
-        self.light_steadiness = 1.0
+        before, small = self.thumbnail, thumbnail(frame)
+        self.thumbnail, self.light_steadiness = small, 1.0
         if before is None:
             return True
-        cut = is_cut(before, self.thumbnail, self.params.cut_sensitivity)
+        cut = is_cut(before, small, self.params.cut_sensitivity)
         self.shot += cut
         if self.params.temporal == "off":
             return True
-        self.light_steadiness = light_steadiness(before, self.thumbnail)
+        self.light_steadiness = light_steadiness(before, small)
         return cut
 
     def _contrast(self, fresh: bool) -> float:
