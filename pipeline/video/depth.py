@@ -5,13 +5,15 @@ A picture is an array (h, w, 3) RGB or (h, w, 4) RGBA with straight opacity. Whi
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadFrame
 
-FULL = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}
+FULL: dict[np.dtype[Any], int] = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}
 """Value of white in each integer type."""
 DTYPES = (*FULL, np.dtype(np.float32))
 """Types of pictures that encoders accept."""
@@ -27,13 +29,13 @@ def as_uint16(picture: AnyArray) -> NDArray[np.uint16]:
     return np.asarray(_integers(picture, np.dtype(np.uint16)), np.uint16)
 
 
-def _integers(picture: AnyArray, dtype: np.dtype[np.uint8] | np.dtype[np.uint16]) -> AnyArray:
+def _integers(picture: AnyArray, dtype: np.dtype[Any]) -> AnyArray:
     if picture.dtype == dtype:
         return picture
-    if picture.dtype == np.uint8:
-        return picture.astype(np.uint16) * np.uint16(257)
+    if picture.dtype == np.uint8 and dtype == np.uint16:
+        return np.asarray(picture.astype(np.uint16) * np.uint16(257))
     scaled = as_float(picture) * np.float32(FULL[dtype]) + np.float32(0.5)
-    return np.clip(scaled, 0, FULL[dtype]).astype(dtype)
+    return np.asarray(np.clip(scaled, 0, FULL[dtype]), dtype)
 
 
 def as_float(picture: AnyArray) -> NDArray[np.float32]:
@@ -45,8 +47,9 @@ def as_float(picture: AnyArray) -> NDArray[np.float32]:
 
 def with_opacity(picture: AnyArray, opacity: AnyArray) -> AnyArray:
     """RGBA in the type of the picture (h, w, 3), with this opacity, uint8 or uint16 (h, w)."""
-    convert = {np.dtype(np.uint8): as_uint8, np.dtype(np.uint16): as_uint16}.get(picture.dtype, as_float)
-    return np.dstack([picture[..., :3], convert(opacity)])
+    if picture.dtype in FULL:
+        return np.dstack([picture[..., :3], _integers(opacity, picture.dtype)])
+    return np.dstack([picture[..., :3], as_float(opacity)])
 
 
 def linear(encoded: NDArray[np.float32]) -> NDArray[np.float32]:

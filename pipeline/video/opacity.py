@@ -57,7 +57,7 @@ def _pulled(colours: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArra
     if min(height, width) > 1 and weight.min() < 1:
         half = ((width + 1) // 2, (height + 1) // 2)
         sums = cv2.resize(np.dstack([colours, weight]), half, interpolation=cv2.INTER_AREA)
-        below = _pulled(sums[..., :3], sums[..., 3:])
+        below = _pulled(np.asarray(sums[..., :3], np.float32), np.asarray(sums[..., 3:], np.float32))
         around = cv2.resize(below, (width, height), interpolation=cv2.INTER_LINEAR)
     else:
         around = np.zeros_like(colours)

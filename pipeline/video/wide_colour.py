@@ -53,9 +53,10 @@ def to_srgb(pixels: NDArray[np.uint16], signal: Signal) -> NDArray[np.uint8]:
     light = _linear(signal[1])[pixels[..., :3]]
     if signal[1] == HLG:  # the display's gamma acts on luminance
         luminance = light @ np.array((0.2627, 0.6780, 0.0593), np.float32)
-        light = light * (np.maximum(luminance, 1e-6) ** 0.2)[..., None] * np.float32(_PEAK_CD_M2 / _WHITE_CD_M2)
-    light = np.clip(cv2.transform(light, matrix), 0, 1)
-    at = np.rint(np.sqrt(light) * (_STEPS - 1)).astype(np.uint16)
+        gain = np.maximum(luminance, np.float32(1e-6)) ** np.float32(0.2) * np.float32(_PEAK_CD_M2 / _WHITE_CD_M2)
+        light = np.asarray(light * gain[..., None], np.float32)
+    shown = np.clip(cv2.transform(light, matrix), 0, 1)
+    at = np.rint(np.sqrt(shown) * (_STEPS - 1)).astype(np.uint16)
     colours = _encoded(signal[1] in (PQ, HLG))[at]
     return colours if pixels.shape[2] == 3 else np.dstack([colours, _rounded(pixels[..., 3])])
 
@@ -87,4 +88,4 @@ def _encoded(display_light: bool) -> NDArray[np.uint8]:
         values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     else:
         values = np.where(light < 0.018054, 4.5 * light, 1.099297 * light**0.45 - 0.099297)
-    return np.rint(values * 255).astype(np.uint8)
+    return np.asarray(np.rint(values * 255), np.uint8)
