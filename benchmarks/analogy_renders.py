@@ -34,11 +34,14 @@ class Memory:
         self.painted: dict[int, Frame] = {}
         self.stages: dict[str, float] = defaultdict(float)
 
-    def frames(self, name: str = "video", start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+    def frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
         return iter(self.inputs[name][start:stop])
 
-    def thumbnails(self, name: str = "video") -> Iterator[Plane]:
-        return map(thumbnail, self.frames(name))
+    def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
+        return map(thumbnail, self.frames(name, start, stop))
+
+    def warn(self, message: str) -> None:
+        print(message)
 
     def has(self, name: str) -> bool:
         return name in self.inputs or name in self._numbered

@@ -68,14 +68,14 @@ def check_request(
     faults += check_inputs(chosen, assets, parsed)
     faults += input_faults(chosen, parsed, _facts(chosen, parsed, request, assets, read, faults))
     faults += _output_faults(chosen, request.output)
-    for check in (
-        lambda: check_source(request.source, assets.get("video")),
-        lambda: check_frames(request.frames, assets.get("video")),
-        lambda: _check_envelope(request),
-        lambda: _check_damage(request, assets),
-    ):
-        with _collected(faults):
-            check()
+    with _collected(faults):
+        check_source(request.source, assets.get("video"))
+    with _collected(faults):
+        check_frames(request.frames, assets.get("video"))
+    with _collected(faults):
+        _check_envelope(request)
+    with _collected(faults):
+        _check_damage(request, assets)
     if faults:
         raise together(faults)
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames, request.source)
