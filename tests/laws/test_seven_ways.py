@@ -118,12 +118,12 @@ def project(case: Case, folder: Path) -> Frames:
         shot = {"id": "s1", "video": "video", "layers": [layer]}
         assets = {name: {"id": asset} for name, asset in ids.items()}
         output = {"format": "png"}
-        document = {"schema": 1, "assets": assets, "output": output, "shots": [shot]}
+        document = {"schema": 1, "name": "Film", "assets": assets, "output": output, "shots": [shot]}
         made = client.post("/v1/projects", json={"document": document})
         assert made.status_code == 201, made.text
         jobs = client.post(f"/v1/projects/{made.json()['id']}/jobs", json={})
         assert jobs.status_code == 201, jobs.text
-        return _painted(client, jobs.json()["items"][0]["id"])
+        return _painted(client, jobs.json()["items"][0]["job"]["id"])
 
 
 def live(case: Case, folder: Path) -> Frames | None:

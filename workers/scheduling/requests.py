@@ -64,15 +64,14 @@ def check_request(
     faults += check_inputs(chosen, assets, parsed)
     faults += input_faults(chosen, parsed, _facts(chosen, parsed, request, assets, read, faults))
     faults += output_faults(chosen, request.output, assets.get("video"))
-    checks: tuple[Callable[[], None], ...] = (
-        lambda: check_source(request.source, assets["video"].info if "video" in assets else None),
-        lambda: check_frames(request.frames, assets.get("video")),
-        lambda: _check_envelope(request),
-        lambda: _check_damage(request, assets),
-    )
-    for check in checks:
-        with _collected(faults):
-            check()
+    with _collected(faults):
+        check_source(request.source, assets["video"].info if "video" in assets else None)
+    with _collected(faults):
+        check_frames(request.frames, assets.get("video"))
+    with _collected(faults):
+        _check_envelope(request)
+    with _collected(faults):
+        _check_damage(request, assets)
     if faults:
         raise together(faults)
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames, request.source)
