@@ -219,7 +219,7 @@ def _unpack(result: Path | Iterable[bytes], part: Path, where: Target) -> None:
                 return
             if len(found) != 1:
                 raise _not_a_still(len(found), where.path)
-            part.write_bytes(frames.read(*found))
+            part.write_bytes(frames.read(next(iter(found))))
     finally:
         archive.unlink(missing_ok=True)
 

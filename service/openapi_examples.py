@@ -26,14 +26,14 @@ _REQUEST: Json = {
     "inputs": {"video": VIDEO},
     "params": _PARAMS,
     "seed": 0,
-    "output": {"format": "mp4", "quality": 20, "artefacts": [], "report": False},
+    "output": {"format": "mp4", "quality": 20, "artefacts": [], "report": False, "profile": "", "alpha": "auto"},
     "priority": 0,
     "name": "harbour",
     "labels": {"shot": "12"},
     "webhook": "",
     "frames": None,
     "on_damage": "warn",
-    "source": {"picture": None, "sound": None, "fields": "auto"},
+    "source": {"picture": None, "sound": None, "fields": "auto", "premultiplied": False},
 }
 _ASSET: Json = {
     "id": VIDEO,

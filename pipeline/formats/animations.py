@@ -51,7 +51,8 @@ class _Film(Image.Image):
         """Duration of each frame, ms."""
         self.n_frames = len(self.durations)
         self.is_animated = self.n_frames > 1
-        self._pictures, self._next = iter(()), -1
+        self._pictures: Iterator[Image.Image] = iter(())
+        self._next = -1
         self.seek(0)
 
     def tell(self) -> int:

@@ -118,12 +118,9 @@ class _Film:
             rate, uneven = _steady_rate(self.form, self.segments)
             stream = _film_stream(target, template.streams.video[0], self.form, rate)
             packets = [_pictures(self.segments, stream, lead_s, self.progress)]
-            writers = [
-                TrackWriter(self.source, track, origin_s - lead_s)
-                for track in tracks
-                if self.source and self.form.sound
-            ]
-            packets += [writer.add(target, self.form.sound, stack, copies) for writer in writers]
+            codecs = self.form.sound
+            writers = [TrackWriter(self.source, track, origin_s - lead_s) for track in tracks if self.source]
+            packets += [writer.add(target, codecs, stack, copies) for writer in writers if codecs]
             notes = self._carry(stack, target, stream, origin_s - lead_s, packets)
             if self.end_s is not None:
                 length_s = self.end_s - origin_s

@@ -74,7 +74,7 @@ class SourceOptions:
     opacity: Annotated[Opacity, Field(exclude=True)] = "white"
 
     def as_json(self) -> dict[str, JsonValue]:
-        sound: JsonValue = None if self.sound is None else [*self.sound]
+        sound: list[JsonValue] | None = None if self.sound is None else [*self.sound]
         given: dict[str, JsonValue] = {"picture": self.picture, "sound": sound, "fields": self.fields}
         if self.premultiplied:  # services of earlier versions do not know the field
             given["premultiplied"] = True

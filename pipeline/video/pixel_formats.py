@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import av
 import cv2
 import numpy as np
 from av.video.format import VideoFormat
 from av.video.reformatter import ColorRange, Colorspace, Interpolation
+from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.video.depth import as_uint8, as_uint16, with_opacity
@@ -37,7 +39,7 @@ class PictureConverter:
         self._range = ColorRange.JPEG if layout.is_rgb else ColorRange.MPEG
 
     def __call__(self, frame: AnyArray) -> av.VideoFrame:
-        pixels = as_uint16(frame) if self._deep else as_uint8(frame)
+        pixels: NDArray[Any] = as_uint16(frame) if self._deep else as_uint8(frame)
         if self._has_alpha and pixels.shape[2] == 3:
             pixels = with_opacity(pixels, np.full(pixels.shape[:2], 255, np.uint8))
         layout = _LAYOUTS[pixels.itemsize, pixels.shape[2]]

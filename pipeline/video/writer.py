@@ -26,6 +26,7 @@ import av
 import cv2
 import numpy as np
 from av.video.codeccontext import VideoCodecContext
+from av.video.format import VideoFormat
 from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 from av.video.stream import VideoStream
 
@@ -192,7 +193,7 @@ def _describe(context: VideoCodecContext, spec: SegmentSpec) -> None:
     # Slice threads finish a frame within the call that submits it, so its cost does not appear in a method's timings.
     context.thread_type = "SLICE"
     context.thread_count = _THREADS
-    if context.format.is_rgb:
+    if VideoFormat(spec.pixel_format).is_rgb:
         context.color_range, context.colorspace = ColorRange.JPEG, _RGB_TAG
         context.color_primaries, context.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
         return
