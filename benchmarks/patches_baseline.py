@@ -38,8 +38,8 @@ def advected_strokes(frames: Sequence[Frame], params: PatchesParams, seed: int =
         else:
             pair = flow_pair(before, now, 1, grid, params)
             assert pair.forward_reliability is not None
-            flow = grid.enlarge(pair.forward) * np.array(grid.ratio, np.float32)
-            occluded = grid.enlarge(pair.forward_reliability) < np.float32(1 / 255)
+            flow = grid.upscale(pair.forward) * np.array(grid.ratio, np.float32)
+            occluded = grid.upscale(pair.forward_reliability) < np.float32(1 / 255)
             made.append(strokes.step(frame, index, flow.astype(np.float32), occluded))
         before = now
     return made

@@ -93,7 +93,7 @@ class Client:
         """
         file = Path(path)
         if not file.is_file():
-            raise BadInput("There is no such file.", field="path", value=file, remedy="Check the path.")
+            raise BadInput("File not found.", field="path", value=file, remedy="Check the path.")
         asset_id = f"ast_{transfer.sha256_of(file)}"
         try:
             return self.asset(asset_id)
@@ -176,7 +176,7 @@ class Client:
     def watch(self, job_id: str, poll_s: float = 1.0) -> Iterator[Json]:
         """The job now and after each change, until it ends. Survives restarts of the service."""
         previous: Json = {}
-        for job in self._looks(job_id, poll_s):
+        for job in self._poll(job_id, poll_s):
             if job != previous:
                 previous = job
                 yield job
@@ -187,14 +187,14 @@ class Client:
         Raises: JobFailed (its `job` is the job); TimeoutError, up to 15 s late while the job makes no progress.
         """
         deadline = time.monotonic() + timeout_s
-        for job in self._looks(job_id, 1.0):
+        for job in self._poll(job_id, 1.0):
             if job["state"] in FINAL:
                 return _succeeded(job)
             if time.monotonic() > deadline:
                 break
         raise TimeoutError(f"Job {job_id} has not ended after {timeout_s} s.")
 
-    def _looks(self, job_id: str, poll_s: float) -> Iterator[Json]:
+    def _poll(self, job_id: str, poll_s: float) -> Iterator[Json]:
         """The job after each event or heartbeat, at most five times a second, up to its end."""
         job, last = self.job(job_id), time.monotonic()
         yield job

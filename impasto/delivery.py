@@ -23,7 +23,7 @@ _FRAMES = next(form for form in OUTPUTS.values() if form.frame_suffixes)
 
 
 @dataclass(frozen=True)
-class Target:
+class OutputTarget:
     """An output: its absolute path, and the format that a job must produce for it."""
 
     path: Path
@@ -35,7 +35,7 @@ class Target:
     """Names of frames in a folder, "name.####.tif"."""
 
 
-def target(text: str, field: str = "--output", form: str = "") -> Target:
+def target(text: str, field: str = "--output", form: str = "") -> OutputTarget:
     """Parse the name of an output, and check that it can be written.
 
     Args:
@@ -70,11 +70,11 @@ def target(text: str, field: str = "--output", form: str = "") -> Target:
     if is_frame and has_place(path.name):
         return _folder(path.parent, made, path.name, field)
     _check_parent(path, field)
-    return Target(path, made.name, "still" if is_frame else "file")
+    return OutputTarget(path, made.name, "still" if is_frame else "file")
 
 
-def _folder(path: Path, form: OutputFormat, pattern: str, field: str) -> Target:
-    where = Target(path, form.name, "frames", pattern)
+def _folder(path: Path, form: OutputFormat, pattern: str, field: str) -> OutputTarget:
+    where = OutputTarget(path, form.name, "frames", pattern)
     _check_folder(where, field)
     return where
 
@@ -120,22 +120,22 @@ def same_file(one: Path, other: Path) -> bool:
     return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
 
 
-def check_still(where: Target, frames: int) -> None:
+def check_still(where: OutputTarget, frames: int) -> None:
     """Raise BadInput if a video of `frames` frames is to become a single image."""
     if where.kind == "still" and frames != 1:
         raise _not_a_still(frames, where.path)
 
 
-def check_space(where: Target, info: MediaInfo, profile: Profile) -> None:
+def check_space(where: OutputTarget, info: MediaInfo, profile: Profile) -> None:
     """Raise StorageFull if the output's disk clearly lacks space for the result of a video.
 
     The estimate is low (`Profile.low_bytes_per_pixel`): a result that passes may still turn out larger.
     """
-    need = round(info.frames * info.width * info.height * profile.low_bytes_per_pixel)
+    require_extra = round(info.frames * info.width * info.height * profile.low_bytes_per_pixel)
     free = shutil.disk_usage(_existing_folder(where.path)).free
-    if free < need:
+    if free < require_extra:
         raise StorageFull(
-            f"The output's disk has {free >> 20} MiB free, and the result needs about {need >> 20} MiB.",
+            f"The output's disk has {free >> 20} MiB free, and the result needs about {require_extra >> 20} MiB.",
             field="--output",
             value=where.path,
             remedy="Free some space, or name a file on another disk.",
@@ -160,7 +160,7 @@ def output_faults(field: str, path: Path) -> Iterator[None]:
         ) from error
 
 
-def _check_folder(where: Target, field: str) -> None:
+def _check_folder(where: OutputTarget, field: str) -> None:
     path = where.path
     _check_parent(path, field)
     if not path.exists():
@@ -176,7 +176,7 @@ def _check_folder(where: Target, field: str) -> None:
         )
 
 
-def deliver(result: Path | Iterable[bytes], where: Target) -> None:
+def deliver(result: Path | Iterable[bytes], where: OutputTarget) -> None:
     """Write a result to `where`. Raises: OSError, BadInput (a still of several frames)."""
     where.path.parent.mkdir(parents=True, exist_ok=True)
     part = where.path.with_name(f".{where.path.name}.part")
@@ -191,7 +191,7 @@ def deliver(result: Path | Iterable[bytes], where: Target) -> None:
         forget(part)
 
 
-def beside(where: Target, filename: str) -> Path:
+def beside(where: OutputTarget, filename: str) -> Path:
     """Default path of an artefact: beside `cartoon.mp4`, "labels.zip" becomes `cartoon-labels.zip`."""
     return where.path.with_name(f"{where.path.stem}-{Path(filename).name}")
 
@@ -204,7 +204,7 @@ def _write(result: Path | Iterable[bytes], part: Path) -> None:
         file.writelines(result)
 
 
-def _unpack(result: Path | Iterable[bytes], part: Path, where: Target) -> None:
+def _unpack(result: Path | Iterable[bytes], part: Path, where: OutputTarget) -> None:
     """Extract frames from the zip of a result: all into a folder, or the only one into a file."""
     archive = part.with_name(f"{part.name}.zip")
     try:

@@ -20,7 +20,7 @@ from typing import Any, cast, overload
 
 import numpy as np
 
-from impasto.delivery import Target, deliver, expanded, output_faults, same_file, target
+from impasto.delivery import OutputTarget, deliver, expanded, output_faults, same_file, target
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
 from pipeline.formats.base import Encoding
@@ -223,7 +223,7 @@ def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
         raise BadParameter(why, field=f"inputs.{spec.name}", remedy=remedy)
 
 
-def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> Target:
+def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> OutputTarget:
     where = target(str(output), field="output")
     for given in (source, *inputs.values()):
         if (file := _file(given)) is not None and same_file(where.path, Path(file.path)):
@@ -454,7 +454,7 @@ def _matte(source: Source, stack: ExitStack) -> Iterator[Frame] | None:
     return stack.enter_context(opened(cast("SourceFile", _reading(source, "matte")))).read()
 
 
-def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: Target) -> None:
+def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: OutputTarget) -> None:
     """Encode the frames at the times of the source, add its sound, and put the file in its place.
 
     Args:

@@ -36,7 +36,7 @@ def sigma_in_cells(sigma_px: float, cell: int) -> float:
     return math.sqrt(sigma_px**2 - (cell**2 - 1) / 12) / cell
 
 
-def enlarge_cells(cells: NDArray[np.float32], cell: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+def upscale_cells(cells: NDArray[np.float32], cell: int, shape: tuple[int, int]) -> NDArray[np.float32]:
     """Values of square cells, interpolated bilinearly at the pixels of a picture: float32 of `shape` (h, w).
 
     Args:

@@ -99,7 +99,7 @@ class ConnectionGuard:
         elif client.phase != phase:
             client.phase, client.since = phase, self._clock()
 
-    def hear(self, transport: asyncio.Transport) -> None:
+    def record_bytes(self, transport: asyncio.Transport) -> None:
         """Record that bytes have arrived from the client."""
         client = self._clients.get(transport)
         if client is not None and client.phase in (Phase.BODY, Phase.WEBSOCKET):
@@ -182,7 +182,7 @@ class GuardedConnection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         if self._upgraded:
             self._guard.enter(self._transport, Phase.WEBSOCKET)
-        self._guard.hear(self._transport)
+        self._guard.record_bytes(self._transport)
         _TRANSPORT.set(self._transport)
         self._protocol.data_received(data)
         if (successor := self._transport.get_protocol()) is not self:  # the server has upgraded to a WebSocket

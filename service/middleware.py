@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.errors import SECURITY_HEADERS
 from service.ops.metrics import HttpMetrics
 from service.uploads.headers import VERSION
-from workers.process.log_context import here, log_extra, working_for
+from workers.process.log_context import current_context, log_extra, working_for
 
 PAGE_CSP = (
     "default-src 'self'; img-src 'self' blob: data:; media-src 'self' blob:; object-src 'none'; "
@@ -54,7 +54,7 @@ class Edge:
             if message["type"] == "http.response.start":
                 status, answered = message["status"], time.perf_counter()
                 _add(MutableHeaders(scope=message), scope["path"])
-                MutableHeaders(scope=message)["X-Request-Id"] = str(here()["request"])
+                MutableHeaders(scope=message)["X-Request-Id"] = str(current_context()["request"])
             await send(message)
 
         _override(scope)

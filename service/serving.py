@@ -22,14 +22,14 @@ _RANGE = re.compile(r"bytes=\s*(\d{0,18})\s*-\s*(\d{0,18})\s*")
 
 
 @dataclass(frozen=True)
-class Span:
+class ByteRange:
     """Bytes [start, stop)."""
 
     start: int
     stop: int
 
 
-def wanted(headers: Headers, size: int, etag: str) -> Span | None:
+def wanted(headers: Headers, size: int, etag: str) -> ByteRange | None:
     """The requested range; None: the whole file, also where RFC 9110, 14.2, allows to ignore the range.
 
     Raises: RangeNotSatisfiable.
@@ -52,7 +52,7 @@ def wanted(headers: Headers, size: int, etag: str) -> Span | None:
             value=headers["range"],
             remedy=f"Ask for bytes within 0-{max(0, size - 1)}.",
         )
-    return Span(start, stop)
+    return ByteRange(start, stop)
 
 
 def not_modified(headers: Headers, etag: str) -> bool:

@@ -17,7 +17,7 @@ import pytest
 from pipeline.errors import StorageError
 from tests.conftest import ROOT
 from tests.real.postgres import Postgres
-from workers.blobs.local_copies import Copies
+from workers.blobs.local_copies import LocalCopies
 from workers.blobs.s3 import S3Blobs
 from workers.blobs.s3_client import CALL_S, CONNECT_S, READ_S, S3Options, client_for
 from workers.settings import FarmSettings
@@ -132,7 +132,7 @@ class BadServer:
 
     def blobs(self, folder: Path) -> S3Blobs:
         options = S3Options("bucket", "", self.endpoint, "here", "key", "secret", "path")
-        return S3Blobs(options, Copies(folder / "copies", 1 << 20))
+        return S3Blobs(options, LocalCopies(folder / "copies", 1 << 20))
 
 
 @pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 100 Continue\r\nx: ", b"HTTP/1.1 200 OK\r\nx: "])

@@ -14,14 +14,14 @@ MODULES = {"cluster": "ray", "s3": "boto3", "postgresql": "psycopg"}
 def check_installed(settings: FarmSettings) -> None:
     """Raise BadParameter if a setting needs an extra that is not installed."""
     if settings.pool == "ray":
-        need("cluster", "pool", "ray")
+        require_extra("cluster", "pool", "ray")
     if settings.blob_url:
-        need("s3", "blob_url", settings.blob_url)
+        require_extra("s3", "blob_url", settings.blob_url)
     if not settings.url.startswith("sqlite"):
-        need("postgresql", "database_url", settings.url.partition(":")[0])
+        require_extra("postgresql", "database_url", settings.url.partition(":")[0])
 
 
-def need(extra: str, field: str, value: str) -> None:
+def require_extra(extra: str, field: str, value: str) -> None:
     """Raise BadParameter unless the extra is installed. `field` and `value` name the setting that needs it."""
     if importlib.util.find_spec(MODULES[extra]) is None:
         raise BadParameter(

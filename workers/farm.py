@@ -32,9 +32,9 @@ from workers.live.local_workers import LocalLiveWorkers
 from workers.live.renderer import LiveRenderer
 from workers.live.sessions import LiveSessions
 from workers.live.worker import LiveWorkers
-from workers.operations import DrainScope, Violation, WorkerInfo
+from workers.operator_views import DrainScope, Violation, WorkerInfo
 from workers.pools.base import Pool
-from workers.pools.machine import THREADS_HERE, Machine, most_processes, this_machine
+from workers.pools.machine import THREADS_HERE, Machine, max_processes, this_machine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewRunner, PreviewService
 from workers.projects.projects import Projects
@@ -124,7 +124,7 @@ class Farm:
 
     def _wake(self) -> None:
         if self._dispatcher is not None:
-            self._dispatcher.poke()
+            self._dispatcher.wake()
 
     @property
     def worker_id(self) -> str:
@@ -209,8 +209,8 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, private
         from workers.pools.ray_pool import RayPool
 
         return RayPool(blobs, settings)
+    from workers.execution.artefact_handover import ArtefactHandover
     from workers.execution.decoders import IDLE, Decoders
-    from workers.execution.handover import Handover
     from workers.execution.renderer import Renderer, Shared, prepare_process
     from workers.execution.warm_up import warm_up_process
     from workers.pools.child_main import child_renderer
@@ -218,11 +218,11 @@ def _pool(settings: FarmSettings, blobs: Blobs, machine: Machine | None, private
     from workers.pools.local_pool import LocalPool
 
     threads = THREADS_HERE if private else 0
-    workers = settings.workers or most_processes(settings.most_workers, this_machine().memory_bytes, threads)
+    workers = settings.workers or max_processes(settings.most_workers, this_machine().memory_bytes, threads)
     if machine is not None:
         machine.memory_bytes = max(0, machine.memory_bytes - max(0, workers - threads) * PROCESS_BYTES)
     decoders = Decoders(blobs, idle=IDLE * threads)
-    shared = Shared(decoders, Handover())
+    shared = Shared(decoders, ArtefactHandover())
     in_child = partial(child_renderer, settings.for_workers, blobs, overview=not private, one_job=private)
 
     def runner(number: int) -> Renderer | ChildRunner:

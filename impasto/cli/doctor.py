@@ -121,9 +121,11 @@ def _packages() -> Iterator[Check]:
     for name in PACKAGES:
         found = _version(name)
         yield Check(name, "ok" if found else "broken", found or "not installed", f"pip install {name}")
-    for name, need in OPTIONAL:
+    for name, require_extra in OPTIONAL:
         found = _version(name)
-        yield Check(name, "ok" if found else "warning", found or f"not installed; {need}", f"pip install {name}")
+        yield Check(
+            name, "ok" if found else "warning", found or f"not installed; {require_extra}", f"pip install {name}"
+        )
 
 
 def _version(name: str) -> str:
@@ -182,7 +184,9 @@ def _methods() -> Check:
 
         return Check("methods", "ok", ", ".join(methods()))
     except Exception as error:  # an outside package may fail in any way
-        return Check("methods", "broken", f"{type(error).__name__}: {error}", "Mend or remove the package it names.")
+        return Check(
+            "methods", "broken", f"{type(error).__name__}: {error}", "Repair or remove the package that it names."
+        )
 
 
 def _disk(home: Path) -> Check:

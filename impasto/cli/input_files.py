@@ -44,7 +44,7 @@ def gather(
     field: str, path: Path, scratch: Path, sequence: SequenceOptions = USUAL, numbered: bool = False
 ) -> InputFile:
     """The file at `path`. A folder is zipped into `scratch` first (its images, not those of folders in it, unless it is
-    a shot: see `pipeline.video.shot`), and so are the images that fit a pattern.
+    a shot: see `pipeline.video.shot_archive`), and so are the images that fit a pattern.
 
     Args:
         sequence: how images are read; written into the zip.
@@ -61,7 +61,7 @@ def gather(
             "That is a URL, and inputs are files.", field=field, value=path, remedy="Download it, then give its path."
         )
     if not path.exists():
-        raise BadInput("There is no such file or folder.", field=field, value=path, remedy="Check the path.")
+        raise BadInput("File or folder not found.", field=field, value=path, remedy="Check the path.")
     if path.is_dir():
         files, others = _files(field, path, sequence.pattern)
         return _zipped(path, files, scratch, sequence, left_out(others))

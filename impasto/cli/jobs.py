@@ -226,14 +226,14 @@ def get(
     as_json: JsonFlag = False,
 ) -> None:
     """Download a job's result. OUT appears whole or not at all; a broken download is resumed."""
-    from impasto.delivery import Target, deliver, target
+    from impasto.delivery import OutputTarget, deliver, target
 
     with client_of(server, api_key) as client:
         job_id = find_id(client, job)
         if file == "result":
             where = target(output, form=client.job(job_id)["request"]["output"]["format"])
         else:
-            where = Target(Path(output).expanduser().absolute(), "", "file")
+            where = OutputTarget(Path(output).expanduser().absolute(), "", "file")
         with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
             deliver(client.download(job_id, Path(scratch) / "file", file), where)
     if as_json:
@@ -278,7 +278,7 @@ def find_id(client: Client, text: str) -> str:
 
 def _only(text: str, ids: list[str]) -> str:
     if not ids:
-        raise NotFound("There is no such job.", field="JOB", value=text, remedy="List them with `impasto jobs`.")
+        raise NotFound("Job not found.", field="JOB", value=text, remedy="List them with `impasto jobs`.")
     if len(ids) > 1:
         raise BadInput(
             f"{len(ids)} jobs begin with that.",

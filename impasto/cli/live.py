@@ -37,7 +37,7 @@ from workers.contract.request import Json
 
 if TYPE_CHECKING:
     from impasto.live.client import LiveClient
-    from impasto.live.run import Stream
+    from impasto.live.run import LiveStream
     from impasto.live.sink import Sink
     from impasto.live.sources import Source
 
@@ -109,8 +109,8 @@ class LiveCommandOptions:
 def live(options: LiveCommandOptions) -> None:
     """Stylise a stream as it comes, through a live session of a service."""
     from impasto.live.client import LiveClient
+    from impasto.live.plain_sinks import open_sink
     from impasto.live.service import service
-    from impasto.live.sinks import open_sink
     from impasto.live.sources import open_source
     from impasto.settings import CommandSettings, load
 
@@ -136,17 +136,17 @@ def live(options: LiveCommandOptions) -> None:
 
 
 def _stream(client: LiveClient, source: Source, sink: Sink, duration_s: float) -> Json:
-    from impasto.live.run import Stream
+    from impasto.live.run import LiveStream
 
     with client:
-        stream = Stream(client, source, sink, duration_s)
+        stream = LiveStream(client, source, sink, duration_s)
         with _stop_on_signal(stream):
             where = stream.run()
         return _summary(stream, client, where)
 
 
 @contextmanager
-def _stop_on_signal(stream: Stream) -> Iterator[None]:
+def _stop_on_signal(stream: LiveStream) -> Iterator[None]:
     """Ctrl-C (or SIGTERM) ends the stream regularly; a second one ends it at once."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
@@ -166,7 +166,7 @@ def _stop_on_signal(stream: Stream) -> Iterator[None]:
         restore()
 
 
-def _summary(stream: Stream, client: LiveClient, where: str) -> Json:
+def _summary(stream: LiveStream, client: LiveClient, where: str) -> Json:
     work = client.stats or client.ready
     return stream.tally.as_json() | {
         "width": stream.source.size[0], "height": stream.source.size[1],
@@ -259,12 +259,12 @@ def _loops(text: str) -> int:
 
 def _check_codec(codec: str) -> None:
     if codec not in _CODECS:
-        raise BadInput("There is no such codec.", field="--codec", value=codec, remedy=f"Use {', '.join(_CODECS)}.")
+        raise BadInput("Codec not found.", field="--codec", value=codec, remedy=f"Use {', '.join(_CODECS)}.")
 
 
 def _check_preference(prefer: str) -> None:
     if prefer not in ("fluent", "sharp"):
-        raise BadInput("There is no such preference.", field="--prefer", value=prefer, remedy="Write fluent, or sharp.")
+        raise BadInput("Preference not found.", field="--prefer", value=prefer, remedy="Write fluent, or sharp.")
 
 
 def _upload(address: str, key: str, paths: Mapping[str, Path]) -> dict[str, str]:

@@ -119,8 +119,8 @@ def _teach(chosen: Method) -> None:
     out.print(f"[dim]paper: {chosen.paper}; steps: {', '.join(step.name for step in chosen.steps)}")
     _section("Inputs")
     for spec in chosen.inputs:
-        need = "needed" if spec.required else "optional"
-        out.print(Text.assemble((f"  {spec.name}", "bold"), (f"  {spec.kind}, {need}", "dim")))
+        require_extra = "needed" if spec.required else "optional"
+        out.print(Text.assemble((f"  {spec.name}", "bold"), (f"  {spec.kind}, {require_extra}", "dim")))
         _indented(spec.help)
     _section("Parameters (--param NAME=VALUE)")
     group = ""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from impasto.cli.rendering import RenderOrder
-from impasto.delivery import Target
+from impasto.delivery import OutputTarget
 from pipeline.errors import BadInput
 from pipeline.video.numbering import numbers_of_runs
 from workers.contract.record import Asset
@@ -22,7 +22,7 @@ from workers.settings import FarmSettings
 
 
 def project_order(
-    path: Path, scratch: Path, where: Target, artefacts: Mapping[str, Path | None], overwrite: bool,
+    path: Path, scratch: Path, where: OutputTarget, artefacts: Mapping[str, Path | None], overwrite: bool,
     frames: tuple[int, int] | None = None,
 ) -> RenderOrder:  # fmt: skip
     """The project's one shot as an order; its inputs are written to `scratch`. The quality is the document's.

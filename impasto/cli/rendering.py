@@ -14,7 +14,7 @@ from impasto.cli.console import Show
 from impasto.cli.estimating import remember
 from impasto.cli.input_files import InputFile, gather
 from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
-from impasto.delivery import Target, beside, check_space, check_still, deliver, output_faults, same_file
+from impasto.delivery import OutputTarget, beside, check_space, check_still, deliver, output_faults, same_file
 from pipeline.errors import BadInput
 from pipeline.formats import OUTPUTS
 from pipeline.methods import method, parse_params
@@ -38,7 +38,7 @@ class RenderOrder:
 
     request: JobRequest
     paths: Mapping[str, Path]
-    where: Target
+    where: OutputTarget
     artefacts: Mapping[str, Path | None]
     """Artefact -> its output path; None: beside the result."""
     overwrite: bool = False
@@ -220,7 +220,7 @@ def _deliver_artefacts(farm: Farm, job: Job, order: RenderOrder) -> dict[str, st
         served = farm.files.get(job.id, name)
         at = path.absolute() if path else beside(order.where, served.filename)
         with output_faults(f"--artefact {name}", at):
-            deliver(farm.files.read(served), Target(at, "", "file"))
+            deliver(farm.files.read(served), OutputTarget(at, "", "file"))
         placed[name] = str(at)
     return placed
 

@@ -47,7 +47,7 @@ def report(
 
     for path in (source, result):
         if not path.exists():
-            raise BadInput("There is no such file or folder.", field="SOURCE, RESULT", value=path)
+            raise BadInput("File or folder not found.", field="SOURCE, RESULT", value=path)
     with VideoReader(source) as before, VideoReader(result) as after:
         _check_shapes(before, after)
         common = min(before.frames, after.frames)

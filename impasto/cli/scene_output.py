@@ -64,7 +64,7 @@ def _draw_video(scene: Scene, output: str, quiet: bool) -> None:
 def _draw_passes(scene: Scene, folder: Path, quiet: bool) -> None:
     if folder.is_dir() and any(folder.iterdir()) and not (folder / MANIFEST).is_file():
         raise BadInput(
-            "The folder holds something else than a scene.",
+            "The folder contains something else than a scene.",
             field="--output",
             value=folder,
             remedy="Name a new folder.",

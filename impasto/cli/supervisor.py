@@ -95,7 +95,7 @@ def pulse() -> Iterator[None]:
         yield
         return
     stopped = Event()
-    thread = Thread(target=_beat, args=(_pulse, stopped), name="impasto-pulse", daemon=True)
+    thread = Thread(target=_send_pulses, args=(_pulse, stopped), name="impasto-pulse", daemon=True)
     thread.start()
     try:
         yield
@@ -105,7 +105,7 @@ def pulse() -> Iterator[None]:
         os.close(_pulse)
 
 
-def _beat(fd: int, stopped: Event) -> None:
+def _send_pulses(fd: int, stopped: Event) -> None:
     with contextlib.suppress(OSError):
         while not stopped.wait(PULSE_S):
             os.write(fd, b".")

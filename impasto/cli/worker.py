@@ -66,7 +66,7 @@ def worker(options: WorkerOptions) -> None:
     """
     from impasto.settings import load
     from service.settings import Settings
-    from workers.extras import need
+    from workers.extras import require_extra
     from workers.pools.ray_node import RayNode
     from workers.process.descriptors import raise_descriptor_limit
     from workers.process.free_memory import limit_free_memory
@@ -87,7 +87,7 @@ def worker(options: WorkerOptions) -> None:
     raise_descriptor_limit()
     limit_free_memory()
     if options.ray_address is not None:
-        need("cluster", "--ray-address", options.ray_address)
+        require_extra("cluster", "--ray-address", options.ray_address)
         node = RayNode(
             options.ray_address,
             options.name or socket.gethostname(),
@@ -133,7 +133,7 @@ def _join_cluster(settings: Settings, node: RayNode, grace_s: float) -> None:
 def _empty(settings: Settings, name: str, signals: _Signals, grace_s: float) -> None:
     """Drain this node and wait until no task runs on it."""
     from workers.farm import open_farm
-    from workers.operations import DrainScope
+    from workers.operator_views import DrainScope
 
     farm = open_farm(settings.model_copy(update={"pool": "none"}))
     try:
@@ -157,9 +157,9 @@ class _Signals:
     def __init__(self) -> None:
         self.first, self.second = threading.Event(), threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._hear)
+            signal.signal(number, self._handle_signal)
 
-    def _hear(self, _number: int, _frame: FrameType | None) -> None:
+    def _handle_signal(self, _number: int, _frame: FrameType | None) -> None:
         (self.second if self.first.is_set() else self.first).set()
 
     def until_second(self, done: Callable[[], bool], patience_s: float) -> None:

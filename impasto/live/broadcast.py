@@ -10,7 +10,7 @@ from av.codec.context import Flags
 from av.container import OutputContainer
 from av.video.stream import VideoStream
 
-from impasto.live.sink import Sink, at_size
+from impasto.live.sink import Sink, upscaled
 from impasto.live.sources import Size, check_protocol
 from pipeline.errors import BadInput, ImpastoError
 from pipeline.frames import Frame
@@ -56,7 +56,7 @@ class Broadcast(Sink):
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
         at = round(when_s * TICKS)
         if at > self._last:
-            picture = av.VideoFrame.from_ndarray(at_size(frame, self._size), format="rgb24")
+            picture = av.VideoFrame.from_ndarray(upscaled(frame, self._size), format="rgb24")
             picture.pts, picture.time_base, self._last = at, Fraction(1, TICKS), at
             self._send(picture)
 

@@ -163,9 +163,9 @@ class LiveClient:
                 f"No answer: {error or type(error).__name__}.", field="server", value=self._server,
                 remedy="Start one with `impasto serve`, or give its address with --server.",
             ) from error  # fmt: skip
-        self._greet(socket)
+        self._handshake(socket)
 
-    def _greet(self, socket: ClientConnection) -> None:
+    def _handshake(self, socket: ClientConnection) -> None:
         try:
             socket.send(json.dumps(self.options.hello()))
             answer = json.loads(socket.recv(timeout=self._timeout_s))
@@ -290,7 +290,7 @@ class LiveClient:
                     self._answers.put(unpack(message))
                     self._fruitless = 0
                 else:
-                    fatal = self._hear(json.loads(message)) or fatal
+                    fatal = self._handle_message(json.loads(message)) or fatal
         except ConnectionClosed:
             pass  # the close code tells the reason
         if self._leaving or socket.close_code == 1000:
@@ -300,7 +300,7 @@ class LiveClient:
             return False
         raise fatal or _ended(socket)
 
-    def _hear(self, message: Json) -> ImpastoError | None:
+    def _handle_message(self, message: Json) -> ImpastoError | None:
         if message["type"] in ("stats", "bye"):
             self.stats = message.get("stats", message)
             if message["type"] == "bye":

@@ -18,12 +18,12 @@ from workers.live.statistics import PERCENTILES, Histogram
 
 REMEMBERED = 120
 """Maximum number of unanswered frames whose times are kept."""
-ATTEND_S = 0.1
+CALL_INTERVAL_S = 0.1
 """Maximum time between calls of the sink, seconds, also without answers."""
 
 
 @dataclass
-class Tally:
+class FrameCounts:
     """Counts of sent and received frames."""
 
     sent: int = 0
@@ -35,11 +35,11 @@ class Tally:
     began_s: float = 0.0
     ended_s: float = 0.0
 
-    def went(self) -> None:
+    def record_sent(self) -> None:
         self.began_s = self.began_s or time.monotonic()
         self.sent += 1
 
-    def came(self, answer: Answer) -> None:
+    def record_received(self, answer: Answer) -> None:
         self.painted += 1
         self.ended_s = time.monotonic()
         self.server.add(answer.latency_us / 1e6)
@@ -59,7 +59,7 @@ class Tally:
         }
 
 
-class Stream:
+class LiveStream:
     """One stream. `run` returns after the source, after `duration_s`, when the sink ends it, or after `stop`."""
 
     def __init__(
@@ -67,7 +67,7 @@ class Stream:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         self.client, self.source, self.sink = client, source, sink
-        self.tally = Tally()
+        self.tally = FrameCounts()
         self._duration_s, self._clock = duration_s, clock
         self._stop = threading.Event()
         self._on_the_way: deque[tuple[int, float, Frame | None]] = deque(maxlen=REMEMBERED)
@@ -86,10 +86,10 @@ class Stream:
         self._sender.start()
         try:
             while not self.client.ended:
-                for answer in self.client.answers(wait_s=ATTEND_S):
+                for answer in self.client.answers(wait_s=CALL_INTERVAL_S):
                     self._take(answer)
-                    self._attend()
-                self._attend()
+                    self._check_sink()
+                self._check_sink()
         finally:
             self.stop()
             self._sender.join()
@@ -99,12 +99,12 @@ class Stream:
         self.tally.late += self.source.skipped
         return where
 
-    def _attend(self) -> None:
-        if not self.sink.attend():
+    def _check_sink(self) -> None:
+        if not self.sink.is_open():
             self.stop()
 
     def _take(self, answer: Answer) -> None:
-        self.tally.came(answer)
+        self.tally.record_received(answer)
         picture = self.client.picture(answer)
         with self._lock:
             while self._on_the_way and self._on_the_way[0][0] < answer.sequence:
@@ -144,9 +144,9 @@ class Stream:
 
     def _send(self, when: float, frame: Frame) -> None:
         with self._lock:
-            self._on_the_way.append((self.client.next_sequence, when, frame if self.sink.beside else None))
+            self._on_the_way.append((self.client.next_sequence, when, frame if self.sink.needs_original else None))
         self.client.send(frame)
-        self.tally.went()
+        self.tally.record_sent()
 
 
 def _percentiles(histogram: Histogram) -> dict[str, float]:

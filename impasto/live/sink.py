@@ -14,7 +14,7 @@ from pipeline.frames import Frame
 class Sink(ABC):
     """Receives frames in order of time. One thread creates, feeds and finishes it."""
 
-    beside = False
+    needs_original = False
     """Whether it also needs the original frames."""
 
     @abstractmethod
@@ -22,7 +22,7 @@ class Sink(ABC):
         """Show a frame from `when_s` on, seconds after the source's first frame. Its size may differ from that of other
         frames."""
 
-    def attend(self) -> bool:
+    def is_open(self) -> bool:
         """Called often. Returns False to end the stream."""
         return True
 
@@ -31,7 +31,7 @@ class Sink(ABC):
         """Finish; the last frame lasts until `end_s`. Returns the output's path or address, "" without frames."""
 
 
-def at_size(frame: Frame, size: Size) -> Frame:
+def upscaled(frame: Frame, size: Size) -> Frame:
     """The frame at `size`: answers of a lower work resolution are enlarged."""
     if (frame.shape[1], frame.shape[0]) == size:
         return frame

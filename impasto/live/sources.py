@@ -128,7 +128,7 @@ class FileSource:
     def __init__(self, path: Path, loops: int, fps: float | None, fields: Fields = "auto") -> None:
         if not path.exists():
             raise BadInput(
-                "There is no such file.", field="--input", value=path,
+                "File not found.", field="--input", value=path,
                 remedy="Give a video file, camera, camera:1, or an address such as rtsp://host/stream.",
             )  # fmt: skip
         self._reader, self._loops = VideoReader(path, options=SourceOptions(fields=fields)), loops

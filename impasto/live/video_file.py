@@ -9,8 +9,8 @@ from pathlib import Path
 
 import av
 
-from impasto.delivery import Target, swap
-from impasto.live.sink import Sink, at_size
+from impasto.delivery import OutputTarget, swap
+from impasto.live.sink import Sink, upscaled
 from impasto.live.sources import Sound, Source
 from pipeline.frames import Frame
 from pipeline.video.audio import audio_of
@@ -26,7 +26,7 @@ TICKS = 90_000
 class VideoFileSink(Sink):
     """Writes a video file, which appears whole or not at all. A dropped frame is replaced by a longer one before it."""
 
-    def __init__(self, where: Target, source: Source, quality: int) -> None:
+    def __init__(self, where: OutputTarget, source: Source, quality: int) -> None:
         self._where, self._sound = where, source.sound
         self._spec = SegmentSpec(where.format, source.size, Fraction(1, TICKS), source.fps, quality)
         self._scratch: Path | None = None
@@ -42,7 +42,7 @@ class VideoFileSink(Sink):
             self._write(start)
         else:
             return  # of two frames with the same time, the first is shown
-        self._pending = (start, at_size(frame, self._spec.size))
+        self._pending = (start, upscaled(frame, self._spec.size))
 
     def _begin(self, start: int) -> None:
         """Write beside the output, on the same disk, so that a rename finishes it."""
@@ -71,13 +71,13 @@ class VideoFileSink(Sink):
     def _bind(self, scratch: Path, end_s: Fraction) -> None:
         start_s, sound = Fraction(self._first, TICKS), None
         if self._sound is not None:
-            sound = as_far(self._sound, end_s, scratch / "sound.nut")
+            sound = sound_until(self._sound, end_s, scratch / "sound.nut")
             start_s += self._sound.first_s
         join([(start_s, scratch / "pictures")], scratch / "whole", self._spec.format, sound, whole=False)
         swap(scratch / "whole", self._where.path)
 
 
-def as_far(sound: Sound, end_s: Fraction, scratch: Path) -> Path:
+def sound_until(sound: Sound, end_s: Fraction, scratch: Path) -> Path:
     """The sound up to the time at which the pictures end, seconds from their first; cut into `scratch` if need be."""
     if end_s > sound.length_s - 1 / Fraction(100):
         return sound.path

@@ -17,7 +17,7 @@ import av
 import httpx
 
 from impasto.live.broadcast import OutputLost
-from impasto.live.sink import Sink, at_size
+from impasto.live.sink import Sink, upscaled
 from impasto.live.sources import Size
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
@@ -128,7 +128,7 @@ class WhipSink(Sink):
             )  # fmt: skip
         at = round(when_s / CLOCK)
         if at > self._last:
-            picture = av.VideoFrame.from_ndarray(at_size(frame, self._size), format="rgb24")
+            picture = av.VideoFrame.from_ndarray(upscaled(frame, self._size), format="rgb24")
             picture.pts, picture.time_base, self._last = at, CLOCK, at
             self._loop.call_soon_threadsafe(self._track.put, picture)
 

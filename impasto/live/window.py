@@ -18,7 +18,7 @@ HELP = "q or Esc quits, f fills the screen, s shows the original beside, space f
 class Window(Sink):
     """Keys are in `HELP`."""
 
-    beside = True
+    needs_original = True
 
     def __init__(self, size: Size) -> None:
         self._game = _pygame()
@@ -37,7 +37,7 @@ class Window(Sink):
         if not self._frozen:
             self._show(self._picture(frame, original))
 
-    def attend(self) -> bool:
+    def is_open(self) -> bool:
         for event in self._game.event.get():
             if event.type == self._game.QUIT or (event.type == self._game.KEYDOWN and not self._press(event.key)):
                 return False

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels
-from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 
@@ -42,7 +42,7 @@ def border_mask(labels: Labels) -> NDArray[np.uint8]:
 
 def blend_colours(
     now: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32], moving: NDArray[np.uint8],
-    background: Background = INLINE,
+    background: FrameExecutor = INLINE,
 ) -> None:  # fmt: skip
     """Blend a picture of flat regions with the previous one, in place of `past`.
 

@@ -7,14 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Labels
-from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 
 SPAN = 64
 """Pixels of a row that are composited together, or left out if none of them has ink."""
 
 
-def flat(labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, background: Background = INLINE) -> Frame:
+def flat(
+    labels: Labels, colours: NDArray[np.uint8], soften_px: float = 0.7, background: FrameExecutor = INLINE
+) -> Frame:
     """Fill each region with its colour, and anti-alias boundaries by a Gaussian blur.
 
     Args:
@@ -42,7 +44,7 @@ def _flat(labels: Labels, colours: NDArray[np.uint8], out: Frame) -> None:
 
 def overlay(
     picture: Frame, ink: NDArray[np.uint8], colour: tuple[int, int, int], opacity: float = 1.0,
-    background: Background = INLINE,
+    background: FrameExecutor = INLINE,
 ) -> Frame:  # fmt: skip
     """Composite ink over a picture, in place; returns the picture, uint8 (h, w, 3).
 

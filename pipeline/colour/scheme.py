@@ -313,7 +313,7 @@ def _fraction(data: Mapping[str, object], key: str, field: str) -> float:
 
 
 def _weights(values: object, field: str) -> NDArray[np.float64]:
-    remedy = "Give 36 or 360 numbers of 0 or more, not all 0; weight 0 stands for red."
+    remedy = "Give 36 or 360 numbers of 0 or more, not all 0; weight 0 is red."
     if not isinstance(values, list) or len(values) not in (36, SCHEME.hues):
         size = len(values) if isinstance(values, list) else type(values).__name__
         raise BadInput("The hue histogram is a list of 36 or 360 weights.", field=field, value=size, remedy=remedy)

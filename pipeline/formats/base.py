@@ -130,7 +130,7 @@ class ImageFormat(ABC):
             name: the file's name in error messages.
         """
 
-    def animation(self, path: Path, limits: Limits) -> Animation:
+    def animation(self, path: Path, limits: Limits) -> AnimatedFrames:
         """The pictures of an animated file. Only formats with `carries.animation` have it."""
         raise NotImplementedError
 
@@ -139,7 +139,7 @@ class ImageFormat(ABC):
         raise NotImplementedError
 
 
-class Animation(ABC):
+class AnimatedFrames(ABC):
     """The pictures of an animated image, read in order."""
 
     starts: Sequence[int]

@@ -64,7 +64,7 @@ class Exr(ImageFormat):
         if found is None:
             layers = ", ".join(picture_choice(image, choice).layers)
             choose = f"Choose one of its layers: {layers}." if layers else "Render the Combined pass, or R, G and B."
-            unreadable("The EXR holds no picture that is known by its name.", name, choose)
+            unreadable("The EXR file has no channels that are named as a picture.", name, choose)
         return np.asarray(square_pixels(found, image.pixel_aspect), np.uint8)
 
     def planes(self, data: bytes | Path, limits: Limits, name: str = "image") -> PlaneImage:
@@ -152,7 +152,7 @@ def _placed(parts: list[Any], headers: list[Mapping[str, Any]], name: str) -> di
             if channel.name not in part.channels:
                 continue
             found = part.channels[channel.name]
-            pixels = _enlarged(found.pixels, (found.xSampling, found.ySampling), extent)
+            pixels = _upscaled(found.pixels, (found.xSampling, found.ySampling), extent)
             if pixels.ndim != 2 or pixels.shape[::-1] != extent:
                 raise _unreadable(name, f"channel {channel.name}: deep, or of another size than its window")
             planes[full] = _within(pixels, (int(shift[0]), int(shift[1])), size)
@@ -161,7 +161,7 @@ def _placed(parts: list[Any], headers: list[Mapping[str, Any]], name: str) -> di
     return planes
 
 
-def _enlarged(pixels: AnyArray, sampling: tuple[int, int], extent: tuple[int, int]) -> AnyArray:
+def _upscaled(pixels: AnyArray, sampling: tuple[int, int], extent: tuple[int, int]) -> AnyArray:
     if sampling == (1, 1) or pixels.ndim != 2:
         return pixels
     return pixels.repeat(sampling[1], 0).repeat(sampling[0], 1)[: extent[1], : extent[0]]

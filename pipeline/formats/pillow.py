@@ -19,7 +19,7 @@ from PIL import Image, ImageCms, ImageOps
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError, UnreadableMedia
-from pipeline.formats.base import Animation, Choice, ImageFormat, ImageHeader, aspect_notes, square_pixels
+from pipeline.formats.base import AnimatedFrames, Choice, ImageFormat, ImageHeader, aspect_notes, square_pixels
 from pipeline.video.depth import as_uint8
 from pipeline.video.media import Limits, check_size, unreadable
 
@@ -41,7 +41,11 @@ def faults(message: str, name: str) -> Iterator[None]:
     except (ImpastoError, MemoryError):
         raise
     except Exception as error:
-        unreadable(f"{message}: it is cut off or damaged.", f"{name}: {error}"[:200], "Export the image again, whole.")
+        unreadable(
+            f"{message}: it is cut off or damaged.",
+            f"{name}: {error}"[:200],
+            "Export the image again; the file is incomplete.",
+        )
 
 
 class PillowFormat(ImageFormat):
@@ -69,7 +73,7 @@ class PillowFormat(ImageFormat):
     def _notes(self, image: Image.Image, extra: int) -> Iterator[str]:
         pages = 1 if self.carries.animation else getattr(image, "n_frames", 1)
         if pages > 1:
-            yield f"The file holds {pages} pictures: the first is read."
+            yield f"The file contains {pages} pictures: the first is read."
         if extra > 0:
             yield f"{extra} bytes follow the picture in the file, as in a motion photo: only the picture is read."
         yield from aspect_notes(_aspect(image))
@@ -88,15 +92,15 @@ class PillowFormat(ImageFormat):
                 image.load()
                 return square_pixels(as_displayed(image), _aspect(image))
 
-    def animation(self, path: Path, limits: Limits) -> Animation:
-        return PillowAnimation(self, path, limits)
+    def animation(self, path: Path, limits: Limits) -> AnimatedFrames:
+        return PillowFrames(self, path, limits)
 
     def _open(self, stream: BinaryIO | Path, name: str) -> Image.Image:
         with faults("The image's header cannot be read", name):
             return Image.open(stream, formats=[self.plugin])
 
 
-class PillowAnimation(Animation):
+class PillowFrames(AnimatedFrames):
     """An animated image file. Times come from a first pass over all pictures."""
 
     def __init__(self, form: PillowFormat, path: Path, limits: Limits) -> None:

@@ -46,8 +46,6 @@ def thumbnail(frame: Frame) -> Plane:
 def is_cut(before: Plane, now: Plane, sensitivity: float = 1.0) -> bool:
     """Whether a new shot begins with `now`: the thumbnails differ strongly, and their lightness is weakly correlated.
 
-    On 17 test clips the weakest of 8 cuts has difference 55 and correlation 0.21; the strongest motion 24 and 0.58.
-
     Args:
         sensitivity: divides the threshold `CUTS.difference`; 0 = no cuts.
     """

@@ -61,7 +61,7 @@ _CASCADES = {"frontal": "haarcascade_frontalface_default.xml", "profile": "haarc
 _WINDOW_COST = {"frontal": 1.0, "left": 2.0, "right": 2.0, "tilted left": 1.3, "tilted right": 1.3}
 """Cost of testing a window, relative to the frontal cascade's."""
 _idle: dict[str, list[cv2.CascadeClassifier]] = {kind: [] for kind in _CASCADES}
-"""Cascades that no search uses at present. Reading one takes 15 ms, and only one search at a time may use it."""
+"""Cascades that no search uses at present. Only one search at a time may use one."""
 
 
 class Piece(NamedTuple):

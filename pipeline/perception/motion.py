@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.colour.lab8 import Lab8, LabPlanes
 from pipeline.frames import Flow, Frame
-from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.selection import column_medians
 from pipeline.perception.backward_maps import BackwardMaps, warp_back_mapped
@@ -100,7 +100,7 @@ def denoise(
 
 
 def blend_with_past(
-    picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, background: Background = INLINE
+    picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, background: FrameExecutor = INLINE
 ) -> Frame:  # fmt: skip
     """Blend an output with the previous output where the source agrees with its past, so that changes fade in.
 

@@ -116,7 +116,7 @@ def probabilities(
     if count > 1:
         source = None if votes is None else votes[most]
         out[most] = matrix.solve(certain[most], source=source, start=certain[most], tolerance=tolerance).x
-    out[-1] = np.where(matrix.adrift, 0, 1 - out[most].sum(axis=0))
+    out[-1] = np.where(matrix.undetermined, 0, 1 - out[most].sum(axis=0))
     return np.clip(out, 0, 1)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
-from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.nonzero import nonzero_positions
 from pipeline.regions.regions import Means, Sums, colour_difference, means_of, move
@@ -249,7 +249,7 @@ def _may_merge_into(one: int, two: int, areas: NDArray[np.int64]) -> bool:
     return areas[one] < areas[two] or (areas[one] == areas[two] and one > two)
 
 
-def round_boundaries(labels: Labels, radius_px: float, background: Background = INLINE) -> Labels:
+def round_boundaries(labels: Labels, radius_px: float, background: FrameExecutor = INLINE) -> Labels:
     """Smooth region boundaries without gaps: each pixel takes the majority label of the disc around it.
 
     A pixel keeps its label if half of the disc has it, and in ties. Discs with a radius of at least 3 px are sampled at

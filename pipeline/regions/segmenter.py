@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Arrays, State
 from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Flow, Labels, Plane
-from pipeline.kernels.background import Pending
+from pipeline.kernels.executors import Pending
 from pipeline.perception.motion import FAR
 from pipeline.regions.growing import count_open, grow, unlabelled
 from pipeline.regions.propagation import PreviousRegions, PropagationLimits

@@ -1,4 +1,4 @@
-"""Export of a scene as the files of a rendered shot (`pipeline.video.shot`), with exact passes."""
+"""Export of a scene as the files of a rendered shot (`pipeline.video.shot_archive`), with exact passes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def shot_files(scene: Scene, layers: Layers | None = None) -> Iterator[tuple[str
     chosen = layers or {thing: (thing,) for thing in numbers}
     for thing in (thing for things in chosen.values() for thing in things):
         if thing not in numbers:
-            raise BadParameter("The scene has no such thing.", field="layers", value=thing,
+            raise BadParameter("Object not found in the scene.", field="layers", value=thing,
                                remedy=f"It has: {', '.join(numbers)}.")  # fmt: skip
     listed = [{"name": name, "ids": [numbers[thing] for thing in things]} for name, things in chosen.items()]
     manifest = {"version": 1, "vectors": "cycles", "layers": listed}

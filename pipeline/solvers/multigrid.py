@@ -19,7 +19,6 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Mask
 from pipeline.kernels.jit import kernel
-from pipeline.solvers.anchors import adrift
 from pipeline.solvers.grid import (
     RIGHT_SIDE,
     SOLUTION,
@@ -34,6 +33,7 @@ from pipeline.solvers.grid import (
     v_cycle,
     work_arrays,
 )
+from pipeline.solvers.undetermined import undetermined
 
 TOLERANCE = 1e-6
 """Residual norm relative to that of x = 0 at which the iteration stops; its effect is below float32 resolution."""
@@ -102,8 +102,8 @@ class Multigrid:
         least = FAINTEST * max(weights.max(initial=0.0) for weights in edges)
         self._right, self._down = (np.where(weights > least, weights, 0.0) for weights in edges)
         self._absorb = _weights(absorb, (height, width), "absorb", 0.0)
-        self.adrift = adrift(self.fixed | (self._absorb > least), self._right, self._down)
-        stencil = _stencil(self.fixed | self.adrift, self._right, self._down, self._absorb)
+        self.undetermined = undetermined(self.fixed | (self._absorb > least), self._right, self._down)
+        stencil = _stencil(self.fixed | self.undetermined, self._right, self._down, self._absorb)
         self._levels = build_levels(stencil)
 
     def solve(
@@ -119,7 +119,7 @@ class Multigrid:
             values: (h, w) or (labels, h, w), the given values; only pixels in `fixed` are read, and must be finite.
             source: the terms b, of the shape of `values` or (h, w); None = 0.
             start: initial guess, of the shape of `values` or (h, w), such as the previous frame's solution; None = 0.
-            fallback: value of the pixels in `adrift`.
+            fallback: value of the pixels in `undetermined`.
             tolerance: target residual norm relative to that of x = 0, in (0, 1).
             max_cycles: largest number of V-cycles, >= 1. `Solution.residual` tells whether the tolerance was reached.
 
@@ -165,10 +165,10 @@ class Multigrid:
     ) -> tuple[Doubles, tuple[float, ...]]:
         padded = values.shape[0] + 2, values.shape[1] + 2
         pull, first = np.zeros(padded), np.zeros(padded)
-        _prepare((self.fixed, self.adrift), values, source, start, self._right, self._down, pull, first)
+        _prepare((self.fixed, self.undetermined), values, source, start, self._right, self._down, pull, first)
         x, history = _iterate(self._levels, pull, first, tolerance, max_cycles)
         found = np.empty(values.shape)
-        _finish((self.fixed, self.adrift), values, source, self._absorb, fallback, x, found)
+        _finish((self.fixed, self.undetermined), values, source, self._absorb, fallback, x, found)
         return found, history
 
 

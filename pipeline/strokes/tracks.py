@@ -117,7 +117,7 @@ def advect(
     height, width = (shape or flow.shape)[:2]
     xy = np.empty_like(tracks.seeds.xy)
     scale = np.float32(flow.shape[1] / width), np.float32(flow.shape[0] / height)
-    _moved(tracks.seeds.xy, flow, scale, xy)
+    _advected(tracks.seeds.xy, flow, scale, xy)
     leaving = tracks.leaving
     if hidden is not None:
         x, y = nearest(tracks.seeds.xy, hidden.shape)
@@ -127,7 +127,7 @@ def advect(
 
 
 @kernel
-def _moved(xy: Points, flow: Flow, scale: tuple[np.float32, np.float32], out: Points) -> None:
+def _advected(xy: Points, flow: Flow, scale: tuple[np.float32, np.float32], out: Points) -> None:
     """Fill `out` with the points moved along the flow, interpolated bilinearly; `scale`: cells of the flow per px."""
     height, width = flow.shape[:2]
     one, half = np.float32(1), np.float32(0.5)

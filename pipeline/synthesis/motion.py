@@ -76,7 +76,7 @@ def zero_still_velocity(velocity: Flow, first: Bytes, second: Bytes) -> Flow:
     """
     difference = np.asarray(cv2.boxFilter(cv2.absdiff(first, second), cv2.CV_32F, (5, 5)), np.float32)
     out = np.empty(velocity.shape, np.float32)
-    _suppress(np.ascontiguousarray(velocity), difference, out)
+    _zero_still(np.ascontiguousarray(velocity), difference, out)
     return out
 
 
@@ -84,7 +84,7 @@ _STILL_PX2, _SLOW_PX2 = np.float32(STILL_PX**2), np.float32(SLOW_PX**2)
 
 
 @kernel
-def _suppress(velocity: Flow, difference: Plane, out: Flow) -> None:
+def _zero_still(velocity: Flow, difference: Plane, out: Flow) -> None:
     for y in range(out.shape[0]):
         for x in range(out.shape[1]):
             vx, vy = velocity[y, x, 0], velocity[y, x, 1]

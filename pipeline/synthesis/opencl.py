@@ -19,7 +19,7 @@ from pipeline.synthesis.antialias import STEP_BITS, cubic_taps
 from pipeline.synthesis.energy import SCALE_SHIFT, Energy, cosines, tables, tap_table, taps
 from pipeline.synthesis.images import TAIL, Bytes, StyleImage, Target, padded
 from pipeline.synthesis.images import packed as pack
-from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
+from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, key_words
 
 _HERE = Path(__file__)
 _COMMON, _FIELDS, _PATCHES, _ANTIALIAS = (
@@ -107,7 +107,7 @@ class OpenCLOperations:
     def random_offsets(self, style: LoadedStyle[DeviceArray], size: Size, key: RandomKey) -> DeviceArray:
         """Uniformly random offsets, float32 (h, w, 2)."""
         out = self.device.empty((size[1], size[0], 2))
-        args = (out, style.usable, *map(np.uint32, words(key)), *style.style.first_usable, *style.size)
+        args = (out, style.usable, *map(np.uint32, key_words(key)), *style.style.first_usable, *style.size)
         self.device.run(self._at(style, "random_offsets", size, *args))
         return out
 
@@ -253,7 +253,7 @@ class OpenCLOperations:
             out,
             self.upload(probability) if isinstance(probability, np.ndarray) else self._placeholder,
             np.float32(0 if isinstance(probability, np.ndarray) else probability),
-            *map(np.uint32, words(key)),
+            *map(np.uint32, key_words(key)),
             *style.style.first_usable,
             *style.size,
         )

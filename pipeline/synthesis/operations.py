@@ -152,12 +152,12 @@ def iteration(style: LoadedStyle[T], size: tuple[int, int], search: Search) -> n
     values = (
         round(energy.r_max_px2), energy.w_sc * made.unit / TAP_WEIGHT_SCALE, energy.w_tc / energy.colours * made.centre,
         energy.kept_cost, energy.d_max_px, energy.w_dt * made.centre, search.jump, search.search_px, search.ribbon_px,
-        *words(search.key), search.round, search.top, *style.size, *size,
+        *key_words(search.key), search.round, search.top, *style.size, *size,
     )  # fmt: skip
     numbers: np.void = np.array(values, ITERATION)[()]  # type: ignore[assignment]
     return numbers
 
 
-def words(key: RandomKey) -> tuple[int, int]:
+def key_words(key: RandomKey) -> tuple[int, int]:
     """The two 32-bit words of a key."""
     return key[0] & 0xFFFFFFFF, key[1] & 0xFFFFFFFF

@@ -15,7 +15,7 @@ from pipeline.synthesis.energy import NO_DIRECTION, cosines, tables, taps
 from pipeline.synthesis.energy import Energy as Energy
 from pipeline.synthesis.images import NOWHERE, Offsets, StyleImage, Target
 from pipeline.synthesis.images import packed as pack
-from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, words
+from pipeline.synthesis.operations import FrameState, LoadedStyle, RandomKey, Search, iteration, key_words
 from pipeline.synthesis.reference_energy import Inputs, Iteration, StyleDirections, extrapolated_offset, improve, unit
 
 Array = AnyArray
@@ -70,7 +70,7 @@ class ReferenceOperations:
     def random_offsets(self, style: LoadedStyle[Array], size: Size, key: RandomKey) -> Array:
         out = np.full((size[1], size[0], 2), NOWHERE, np.float32)
         none = np.zeros(out.shape[:2], np.float32)
-        _merge(out, out, out, none, style.usable, words(key), style.style.first_usable, style.size)
+        _merge(out, out, out, none, style.usable, key_words(key), style.style.first_usable, style.size)
         return out
 
     def render(self, style: LoadedStyle[Array], state: FrameState[Array], offsets: Array, votes: bool = False) -> None:
@@ -172,7 +172,7 @@ class ReferenceOperations:
     ) -> Array:
         out = np.empty((size[1], size[0], 2), np.float32)
         of_each = np.full(out.shape[:2], probability, np.float32)
-        _merge(first, second, out, of_each, style.usable, words(key), style.style.first_usable, style.size)
+        _merge(first, second, out, of_each, style.usable, key_words(key), style.style.first_usable, style.size)
         return out
 
     def colours_at(self, style: LoadedStyle[Array], size: Size, offsets: Array) -> Array:
@@ -228,9 +228,9 @@ def _merge(
             if found_x <= _NOWHERE:
                 found_x, found_y = np.float32(start[0]), np.float32(start[1])
                 for k in range(8):
-                    words = philox(x, y, k, _RANDOM_POSITION, seed, stream)
-                    tx = min(int(unit(words[0]) * np.float32(width)), width - 1)
-                    ty = min(int(unit(words[1]) * np.float32(height)), height - 1)
+                    key_words = philox(x, y, k, _RANDOM_POSITION, seed, stream)
+                    tx = min(int(unit(key_words[0]) * np.float32(width)), width - 1)
+                    ty = min(int(unit(key_words[1]) * np.float32(height)), height - 1)
                     if _usable(tx, ty, usable, width, height):
                         found_x, found_y = np.float32(tx), np.float32(ty)
                         break

@@ -212,9 +212,9 @@ def _candidates(pixel: Pixel, inputs: Inputs, it: Iteration, out: Array) -> int:
     for k in range(2 if inputs.ribbons.size else 0):
         if inputs.ribbons[k, y, x, 0] <= _NOWHERE:
             continue
-        words = philox(x, y, it.round, _RIBBON + k, it.seed, it.stream)
-        rx = np.rint((unit(words[0]) * _TWO - _ONE) * it.ribbon_px)
-        ry = np.rint((unit(words[1]) * _TWO - _ONE) * it.ribbon_px)
+        key_words = philox(x, y, it.round, _RIBBON + k, it.seed, it.stream)
+        rx = np.rint((unit(key_words[0]) * _TWO - _ONE) * it.ribbon_px)
+        ry = np.rint((unit(key_words[1]) * _TWO - _ONE) * it.ribbon_px)
         out[count] = inputs.ribbons[k, y, x]
         out[count + 1, 0] = inputs.ribbons[k, y, x, 0] + np.float32(rx)
         out[count + 1, 1] = inputs.ribbons[k, y, x, 1] + np.float32(ry)
@@ -243,7 +243,7 @@ def _best(pixel: Pixel, inputs: Inputs, it: Iteration, candidates: Array) -> tup
             no_x, no_y = tx, ty
     count = _candidates(pixel, inputs, it, candidates)
     far_px, step, index = it.search_px, 0, 0
-    words = philox(x, y, it.round, 0, it.seed, it.stream)
+    key_words = philox(x, y, it.round, 0, it.seed, it.stream)
     while index < count or far_px >= _ONE:
         if index < count:
             cx, cy = candidates[index, 0], candidates[index, 1]
@@ -251,8 +251,8 @@ def _best(pixel: Pixel, inputs: Inputs, it: Iteration, candidates: Array) -> tup
         else:
             second = step & 1
             if not second:
-                words = philox(x, y, it.round, step >> 1, it.seed, it.stream)
-            a, b = (words[2], words[3]) if second else (words[0], words[1])
+                key_words = philox(x, y, it.round, step >> 1, it.seed, it.stream)
+            a, b = (key_words[2], key_words[3]) if second else (key_words[0], key_words[1])
             span = far_px * _HALF if second else far_px
             cx = np.float32(at_x + int(np.rint((unit(a) * _TWO - _ONE) * span)))
             cy = np.float32(at_y + int(np.rint((unit(b) * _TWO - _ONE) * span)))

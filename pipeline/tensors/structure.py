@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Plane
-from pipeline.gaussian import enlarge_cells, sigma_in_cells
+from pipeline.gaussian import sigma_in_cells, upscale_cells
 from pipeline.kernels.jit import kernel
 
 Tensors: TypeAlias = NDArray[np.float32]
@@ -105,7 +105,7 @@ def doubled_tangents(picture: NDArray[np.uint8], sigma_px: float, flat: float = 
         cv2.GaussianBlur(plane, (0, 0), sigma, dst=plane)
     out = np.empty((*tensors.shape[1:], 2), np.float32)
     _doubled(tensors, np.float32(flat), out)
-    return enlarge_cells(out, cell, (height, width))
+    return upscale_cells(out, cell, (height, width))
 
 
 @kernel

@@ -85,7 +85,7 @@ def hide_borders_under_lines(borders: Borders, labels: Labels, ink: NDArray[np.u
     margin = BORDERS.sliver_reach * reach_px
     near = np.asarray(cv2.dilate(ink, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)), np.uint8)
     padded = np.pad(ink, margin)
-    _tuck(positions, borders.lattice, borders.edges, padded, near, labels, reach_px)
+    _hide_under_lines(positions, borders.lattice, borders.edges, padded, near, labels, reach_px)
     return Borders(positions, borders.lattice, borders.edges, borders.rows, borders.size)
 
 
@@ -162,7 +162,7 @@ def _displace(
 
 
 @kernel
-def _tuck(
+def _hide_under_lines(
     positions: Positions, lattice: NDArray[np.int32], edges: NDArray[np.void], ink: NDArray[np.uint8],
     near: NDArray[np.uint8], labels: Labels, reach: int,
 ) -> None:  # fmt: skip
@@ -194,7 +194,7 @@ def _tuck(
 @kernel
 def _to_line(ink: NDArray[np.uint8], labels: Labels, x: int, y: int, axis: int, reach: int) -> np.float32:
     """Displacement along `axis` from the edge at lattice position (x, y) to just under the nearest line, px; 0 = no
-    line within reach, or the edge is under a line. `ink`: with the margin that `_tuck` describes."""
+    line within reach, or the edge is under a line. `ink`: with the margin that `_hide_under_lines` describes."""
     margin, width = BORDERS.sliver_reach * reach, ink.shape[1]
     flat, at = ink.reshape(ink.size), (y + margin) * width + x + margin
     step = 1 if axis == 0 else width

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame
-from pipeline.kernels.background import INLINE, Background
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.vector.borders import Borders
 
@@ -33,7 +33,7 @@ class ColourStep(NamedTuple):
 
 
 def fill_regions(
-    borders: Borders, colours: NDArray[np.uint8], size: tuple[int, int], background: Background = INLINE
+    borders: Borders, colours: NDArray[np.uint8], size: tuple[int, int], background: FrameExecutor = INLINE
 ) -> Frame:
     """The regions in their colours, borders anti-aliased at the size of the picture.
 

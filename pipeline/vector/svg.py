@@ -112,7 +112,7 @@ class _ArcText:
         pieces = [np.arange(a, b - 1, outlines.degree) for a, b in pairwise(self._starts)]
         begin = np.concatenate([np.empty(0, np.int64), *pieces])
         places = begin[:, None] + np.arange(outlines.degree + 1)
-        self._ways = {False: self._words(self._grid[places]), True: self._words(self._grid[places[:, ::-1]])}
+        self._ways = {False: self._path_data(self._grid[places]), True: self._path_data(self._grid[places[:, ::-1]])}
 
     def ring(self, chain: list[tuple[int, bool]]) -> str:
         """Path data of a closed chain of (arc, backwards)."""
@@ -130,7 +130,7 @@ class _ArcText:
         words = self._ways[backwards][self._pieces[arc] : self._pieces[arc + 1]]
         return words[::-1] if backwards else words
 
-    def _words(self, points: NDArray[np.int64]) -> list[str]:
+    def _path_data(self, points: NDArray[np.int64]) -> list[str]:
         """Command and relative coordinates of each line or curve, from its control points (n, degree + 1, 2)."""
         moves = points[:, 1:] - points[:, :1]
         straight = _straight(moves)

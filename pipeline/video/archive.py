@@ -23,7 +23,7 @@ from pipeline.video.names import unusable
 from pipeline.video.sequence_options import OPTIONS_FILE, SequenceOptions, options_of
 
 MANIFEST = "shot.json"
-"""See `pipeline.video.shot`. With `sequence.json`, the only entries of an archive that may be no image."""
+"""See `pipeline.video.shot_archive`. With `sequence.json`, the only entries of an archive that may be no image."""
 DESKTOP_FILES = frozenset({"thumbs.db", "desktop.ini"})
 """Files that file managers leave in folders, in lower case."""
 _OPTIONS_BYTES = 1 << 16
@@ -70,7 +70,9 @@ def _checked(archive: zipfile.ZipFile, limits: Limits) -> list[zipfile.ZipInfo]:
     if total > limits.size_bytes:
         _too_large("The archive unpacks to too many bytes.", total, f"At most {limits.size_bytes}.")
     if not images:
-        unreadable("The archive holds no images.", len(members), f"Zip frames, numbered in their names: {IMAGE_NAMES}.")
+        unreadable(
+            "The archive contains no images.", len(members), f"Zip frames, numbered in their names: {IMAGE_NAMES}."
+        )
     if empty := next((m.filename for m in images if m.file_size == 0), None):
         unreadable("An image of the archive is empty.", empty, "Render or export it again, or remove it.")
     return sorted(images, key=lambda m: m.filename)

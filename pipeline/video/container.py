@@ -84,7 +84,7 @@ def video_stream(container: InputContainer, chosen: int | None = None) -> VideoS
     streams = film_streams(container)
     if not streams:
         raise NoVideoStream(
-            "The file holds no video stream.",
+            "The file contains no video stream.",
             field="file",
             value=", ".join(s.type for s in container.streams) or container.format.name,
             remedy="Upload a file with moving pictures.",

@@ -87,7 +87,7 @@ class Pass:
             if place is None or place < at:
                 continue
             if place > at and self._errors is None:
-                raise DamagedPass(f"{place - at} packets before frame {place} hold no picture")
+                raise DamagedPass(f"{place - at} packets before frame {place} contain no picture")
             if place == self._start > 0 and not picture.key_frame and picture.pict_type != PictureType.I:
                 raise NotAKey
             if picture.is_corrupt:

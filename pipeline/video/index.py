@@ -35,7 +35,7 @@ class Index:
     """Duration of a tick, seconds."""
     exact: bool
     missing: tuple[Gap, ...] = ()
-    """Where frames are missing that the file should have."""
+    """Gaps in which frames of the file are missing."""
     incomplete: frozenset[int] = frozenset()
     """Indices of frames whose data are cut off."""
     stored: NDArray[np.int64] | None = None

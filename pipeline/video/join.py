@@ -25,10 +25,10 @@ from pipeline.errors import UnreadableMedia
 from pipeline.formats import output_format
 from pipeline.formats.base import Encoding, OutputFormat
 from pipeline.video.audio import Timed, Track, TrackWriter, tracks_of
-from pipeline.video.carried import Carried, left_out, open_source
 from pipeline.video.container import has_alpha_plane, open_container
 from pipeline.video.media import Limits, Note, SourceOptions
 from pipeline.video.numbering import has_gaps
+from pipeline.video.passthrough import Passthrough, left_out, open_source
 from pipeline.video.sequence_options import OPTIONS_FILE, SequenceOptions
 from pipeline.video.writer import MUXER_OPTIONS, zip_entry
 
@@ -121,7 +121,7 @@ class _Film:
             codecs = self.form.sound
             writers = [TrackWriter(self.source, track, origin_s - lead_s) for track in tracks if self.source]
             packets += [writer.add(target, codecs, stack, copies) for writer in writers if codecs]
-            notes = self._carry(stack, target, stream, origin_s - lead_s, packets)
+            notes = self._copy_streams(stack, target, stream, origin_s - lead_s, packets)
             if self.end_s is not None:
                 length_s = self.end_s - origin_s
                 packets[1:] = [takewhile(lambda timed: timed[0] < length_s, each) for each in packets[1:]]
@@ -136,7 +136,7 @@ class _Film:
         lead_s = self.segments[0][0] - min(track.start_s for track in tracks)
         return lead_s if lead_s > _PRIMING_S else Fraction(0)
 
-    def _carry(
+    def _copy_streams(
         self, stack: ExitStack, target: OutputContainer, film: VideoStream, zero_s: Fraction,
         packets: list[Iterator[Timed]],
     ) -> list[Note]:  # fmt: skip
@@ -144,7 +144,7 @@ class _Film:
         if self.source is None or source is None:
             return []
         stack.enter_context(source)
-        carried = Carried(self.source, zero_s, self.end_s, self.whole)
+        carried = Passthrough(self.source, zero_s, self.end_s, self.whole)
         notes = carried.add(source, target, film, self.form)
         packets.append(carried.subtitles(source, target, self.form))
         return notes
@@ -210,11 +210,11 @@ def _pictures(
             offset = round((start_s - segments[0][0] + lead_s) / tick)
             for packet in source.demux(stream):
                 if packet.size:
-                    yield _moved(packet, offset, tick, target)
+                    yield _shifted(packet, offset, tick, target)
         progress(number / len(segments))
 
 
-def _moved(packet: Packet[Any], offset: int, tick: Fraction, target: VideoStream) -> Timed:
+def _shifted(packet: Packet[Any], offset: int, tick: Fraction, target: VideoStream) -> Timed:
     packet.pts = (packet.pts or 0) + offset
     packet.dts = packet.pts
     packet.stream = target

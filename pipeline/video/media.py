@@ -54,7 +54,7 @@ Opacity = Literal["white", "straight", "matte"]
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """How a video file is read.
+    """Options for reading a video file.
 
     Attributes:
         picture: which of its video streams, counted from 0 without cover pictures; None: FFmpeg's choice.
@@ -112,7 +112,7 @@ class MediaInfo:
     damage: str = ""
     """Damage that is visible without decoding the file, one sentence; empty: none."""
     notes: tuple[str, ...] = ()
-    """What was chosen, corrected, assumed or left out when the file was read, one sentence each."""
+    """Notes on what was chosen, corrected, assumed or left out when the file was read, one sentence each."""
     streams: tuple[dict[str, JsonValue], ...] = ()
     """Width, height, frames and so on of each video stream, if there are several: see `SourceOptions.picture`."""
     alpha: bool = False

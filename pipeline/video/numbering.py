@@ -89,8 +89,8 @@ def _differs(group: Sequence[Name], at: int) -> bool:
 
 
 def _likeliest(group: Sequence[Name], own: Sequence[int]) -> int | None:
-    """Of the runs that are no versions: the only one, or the only one with leading zeros and one width in all names;
-    the last version, if there is nothing else."""
+    """The run of digits that numbers the frames, or None. Versions do not count, unless there is nothing else. Among
+    several runs, the only one with leading zeros and one width in all names is chosen."""
     if len(own) <= 1:
         return own[0] if own else len(group[0].runs) - 1
     differing = [at for at in own if _differs(group, at)] or own
@@ -263,7 +263,7 @@ def frames_of(
     if lacking and missing == "fail":
         _refuse(f"{_named(lacking).capitalize()} missing from the sequence.", "missing", f"{first}-{last}",
                 "Render them, or choose missing=hold (repeat the frame before) or missing=skip.")  # fmt: skip
-    every = f"The numbers go in steps of {step}: no frame is taken as missing."
+    every = f"The numbers go in steps of {step}: no frame counts as missing."
     notes = [every] if step > 1 else []
     if lacking:
         instead = "the frame before is shown instead" if missing == "hold" else "the frames after follow at once"
@@ -273,7 +273,12 @@ def frames_of(
     if not lacking or missing == "skip":
         return Numbered(tuple(numbers), tuple(range(len(numbers))), tuple(notes))
     if (last - first) // step >= most:
-        _refuse("The gaps of the sequence are too long to be held.", "missing", f"{first}-{last}", "Use missing=skip.")
+        _refuse(
+            "The gaps of the sequence are too long to repeat the frame before.",
+            "missing",
+            f"{first}-{last}",
+            "Use missing=skip.",
+        )
     filled, at = [], 0
     for number in range(first, last + 1, step):
         while at + 1 < len(numbers) and numbers[at + 1] <= number:

@@ -48,7 +48,7 @@ _DEPTHS = ("z", "depth", "mist")
 
 @dataclass(frozen=True)
 class PictureChoice:
-    """Where the picture of an image is: full names of its channels, and what the user should know of the choice.
+    """The channels that hold the picture of an image, and notes for the user on the choice.
 
     Attributes:
         colours: names of R, G and B; or of luminance alone; or of luminance, RY and BY; empty: there is no picture.
@@ -133,13 +133,13 @@ def _choice_notes(image: PlaneImage, choice: Choice, view: str, alike: list[str]
 
 def _wanted_view(image: PlaneImage, choice: Choice) -> str:
     if choice.view and choice.view not in image.views:
-        raise BadParameter("The image has no such view.", field="view", value=choice.view,
+        raise BadParameter("The image has no view of this name.", field="view", value=choice.view,
                            remedy=f"It has: {', '.join(image.views) or 'one view without a name'}.")  # fmt: skip
     return choice.view or (image.views[0] if image.views else "")
 
 
 def _rank(stem: str) -> int:
-    """How uncertain it is that a layer of this name is the picture, from 0."""
+    """Rank of a layer by its name: the layer with the lowest rank is the picture, from 0."""
     last = stem.rpartition(".")[2].lower()
     if last in _PICTURES:
         return _PICTURES.index(last)
@@ -314,7 +314,7 @@ def factors_of(
     _, forth, _ = raw_vectors(first[0])
     _, _, back = raw_vectors(second[0])
     if forth is None and back is None:
-        raise BadInput("The images hold no motion vectors.", field="vectors", remedy="Render the Vector pass.")
+        raise BadInput("The images contain no motion vectors.", field="vectors", remedy="Render the Vector pass.")
     signs = (1.0, -1.0)
     tried = [(a, b, c) for a in signs for b in signs for c in signs]
     scores = {f: _misfit(signed(forth, back, f), first[1], second[1]) for f in tried}

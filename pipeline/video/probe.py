@@ -133,7 +133,10 @@ def _check_members(path: Path, limits: Limits) -> tuple[int, int]:
 
 def _check_shot(path: Path, limits: Limits) -> tuple[int, int]:
     """Check the layout of a shot and the header of every picture in it."""
-    from pipeline.video.shot import check_pictures, read_shot  # a third of the decoder server's imports, seldom needed
+    from pipeline.video.shot_archive import (  # a third of the decoder server's imports, seldom needed
+        check_pictures,
+        read_shot,
+    )
 
     with closing(ShotFiles(path, limits)) as files, closing(open_zip(path, limits)) as frames:
         layout = read_shot(files)

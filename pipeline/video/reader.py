@@ -84,7 +84,7 @@ class VideoReader(FrameReader):
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What was chosen, corrected, assumed or left out when the file was opened."""
+        """Notes on what was chosen, corrected, assumed or left out when the file was opened."""
         return self._source.notes
 
     @property

@@ -125,7 +125,9 @@ def image_files(folder: Path, pattern: str = "") -> tuple[list[Path], list[Path]
     others = [p for p in visible if p.suffix.lower() not in IMAGE_SUFFIXES and p.name not in known]
     images = [p for p in visible if p.suffix.lower() in IMAGE_SUFFIXES]
     if not images:
-        unreadable("The folder holds no images.", folder, f"Put frames in it, numbered in their names: {IMAGE_NAMES}.")
+        unreadable(
+            "The folder contains no images.", folder, f"Put frames in it, numbered in their names: {IMAGE_NAMES}."
+        )
     return images, [p for p in others if p.name.lower() not in DESKTOP_FILES]
 
 

@@ -1,4 +1,4 @@
-"""How an image sequence is read: gaps, frame rate, choice of files, layer and view.
+"""Options for reading an image sequence: gaps, frame rate, choice of files, layer and view.
 
 The options travel with the images, as the file `sequence.json` of their archive, so that every reader of the archive
 finds the same frames.

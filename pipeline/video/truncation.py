@@ -28,7 +28,7 @@ _STEADY = 0.9
 
 @dataclass(frozen=True)
 class Reading:
-    """What was found when all packets were read.
+    """Facts from reading all packets.
 
     Attributes:
         packets: number of packets with a picture.

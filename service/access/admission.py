@@ -73,7 +73,7 @@ class Class:
     by_owner: int
     """Requests of one owner at once; no limit for the only user of a service without keys."""
     wait_s: float
-    busy: str = "Too many requests are being answered."
+    busy: str = "Too many requests are in progress."
 
 
 def classes(settings: Settings) -> dict[Cost, Class]:

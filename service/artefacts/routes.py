@@ -95,7 +95,7 @@ def _read(context: ServiceContext, served: StoredFile, entry: str) -> bytes:
             member = None
         if member is None or member.file_size > MAX_ENTRY_BYTES:
             raise NotFound(
-                "The artefact has no such entry.",
+                "Entry not found in the artefact.",
                 field="entry",
                 value=entry,
                 remedy="List its entries: GET /v1/jobs/{job_id}/artefacts/{name}.",

@@ -54,7 +54,7 @@ class FileReceiver:
         if not self._ended:
             raise _broken("it ends too early")
         if not self.filename:
-            raise BadRequest("The form holds no file.", field=FIELD, remedy="Give one file field named 'file'.")
+            raise BadRequest("The form contains no file.", field=FIELD, remedy="Give one file field named 'file'.")
 
     def close(self) -> None:
         if self._out:
@@ -80,12 +80,12 @@ class FileReceiver:
         _, options = parse_options_header(self._headers.get(b"content-disposition", b""))
         if options.get(b"name") != FIELD.encode() or b"filename" not in options:
             raise BadRequest(
-                "The form holds something that is not the file.",
+                "The form contains something that is not the file.",
                 field=options.get(b"name", b"").decode("utf-8", "replace"),
                 remedy="Give one file field named 'file' and nothing else.",
             )
         if self.filename:
-            raise BadRequest("The form holds two files.", field=FIELD, remedy="Upload one file at a time.")
+            raise BadRequest("The form contains two files.", field=FIELD, remedy="Upload one file at a time.")
         self.filename = check_filename(_text(options[b"filename"]))
         self._out = self.path.open("wb")
 
@@ -124,7 +124,7 @@ def _parser(boundary: bytes, to: FileReceiver) -> MultipartParser:
 
 
 def _broken(why: str) -> BadRequest:
-    return BadRequest("The form cannot be read.", field="body", remedy=f"Mend it: {why}.")
+    return BadRequest("The form cannot be read.", field="body", remedy=f"Correct it: {why}.")
 
 
 def _text(name: bytes) -> str:

@@ -113,7 +113,7 @@ def get_frame(
     index: Annotated[int, Query(ge=0, le=10_000_000, description="Which frame, from 0; beyond the end: the last.")] = 0,
     max_side_px: Annotated[int, Query(ge=16, le=2048, description="Its longer side at most; never enlarged.")] = 720,
 ) -> Response:
-    """One frame, decoded by the service, for videos that a browser cannot play. 503 while all slots are taken."""
+    """One frame, decoded by the service, for videos that a browser cannot play. 503 while all slots are in use."""
     visible(context, caller, asset_id)
     jpeg = context.farm.assets.frame(asset_id, caller.reach, index, max_side_px)
     return Response(jpeg, media_type="image/jpeg", headers={"Cache-Control": "private, max-age=3600"})
@@ -132,5 +132,5 @@ def visible(context: ServiceContext, caller: Principal, asset_id: str, field: st
         return context.farm.assets.get(asset_id, caller.reach)
     except NotFound:
         raise NotFound(
-            "There is no such asset.", field=field, value=asset_id, remedy="See GET /v1/assets for yours."
+            "Asset not found.", field=field, value=asset_id, remedy="See GET /v1/assets for yours."
         ) from None

@@ -79,9 +79,7 @@ class UploadStore:
         try:
             row = json.loads(self._info(upload_id).read_text())
         except FileNotFoundError:
-            raise NotFound(
-                "There is no such upload.", field="upload_id", value=upload_id, remedy="Begin a new one."
-            ) from None
+            raise NotFound("Upload not found.", field="upload_id", value=upload_id, remedy="Begin a new one.") from None
         upload = Upload(**row | {"fault": row["fault"] and Fault(**row["fault"])})
         if self.expires_at(upload) < self._clock():
             raise Gone("The upload has expired.", field="upload_id", value=upload_id, remedy="Begin a new one.")

@@ -53,4 +53,4 @@ def _decoded(context: ServiceContext, film: StoredFile, index: int) -> bytes:
 
 def _missing(index: int, count: int | None = None) -> NotFound:
     remedy = "Name a frame of the film." if count is None else f"Use 0 to {count - 1}."
-    return NotFound("The film has no such frame.", field="index", value=index, remedy=remedy)
+    return NotFound("The film has no frame of this number.", field="index", value=index, remedy=remedy)

@@ -18,7 +18,7 @@ def find_job(context: ServiceContext, caller: Principal, job_id: str) -> Job:
     except NotFound:
         job = None
     if job is None or not caller.sees(job.owner):
-        raise NotFound("There is no such job.", field="job_id", value=job_id, remedy="See GET /v1/jobs for yours.")
+        raise NotFound("Job not found.", field="job_id", value=job_id, remedy="See GET /v1/jobs for yours.")
     return job
 
 
@@ -29,7 +29,7 @@ def find_task(context: ServiceContext, caller: Principal, task_id: str) -> TaskV
         find_job(context, caller, task.job_id)
     except NotFound:
         raise NotFound(
-            "There is no such task.", field="task_id", value=task_id, remedy="See GET /v1/jobs/{job_id}/tasks."
+            "Task not found.", field="task_id", value=task_id, remedy="See GET /v1/jobs/{job_id}/tasks."
         ) from None
     return task
 

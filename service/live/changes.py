@@ -25,7 +25,7 @@ Find = Callable[[Mapping[str, str]], Awaitable[dict[str, Asset]]]
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _RequestedChange:
     """Parameters and references to apply."""
 
     params: Json
@@ -63,7 +63,7 @@ class Changes:
 
     async def _make(self, asked: list[ParamsIn], session: LiveSession, stream: Stream) -> None:
         order = stream.order
-        before = wanted = _Wanted(dict(order.params), dict(session.inputs), order.inputs, order.filter)
+        before = wanted = _RequestedChange(dict(order.params), dict(session.inputs), order.inputs, order.filter)
         try:
             for change in asked:
                 wanted = await self._with(change, wanted, order.method)
@@ -77,7 +77,7 @@ class Changes:
             shown = shown_filter(wanted.filter)
             await self._sender.send_message(ParamsOut(params=wanted.params, inputs=wanted.inputs, filter=shown))
 
-    async def _with(self, change: ParamsIn, now: _Wanted, method: str) -> _Wanted:
+    async def _with(self, change: ParamsIn, now: _RequestedChange, method: str) -> _RequestedChange:
         """`now` with the change; `now` itself if the change is invalid, which is reported to the client."""
         try:
             params = self._live.params(method, {**now.params, **change.params})
@@ -87,7 +87,7 @@ class Changes:
         except (BadInput, NotFound) as error:
             await self._sender.send_error(error)
             return now
-        return _Wanted(params, inputs, keys, behind)
+        return _RequestedChange(params, inputs, keys, behind)
 
 
 def ordered_filter(live: LiveSessions, wanted: FilterIn | None) -> FilterOrder | None:

@@ -83,7 +83,7 @@ async def watch(socket: WebSocket, session: str | None = None) -> None:
     try:
         principal, protocol = caller(socket, Scope.READ), subprotocol(socket)
         if session is not None and sessions.watched(session, principal) is None:
-            raise NotFound("There is no such live session.", field="session", value=session, remedy="Leave it out.")
+            raise NotFound("Live session not found.", field="session", value=session, remedy="Leave it out.")
     except ImpastoError as error:
         await socket.send_denial_response(respond(error, socket.url.path))
         return

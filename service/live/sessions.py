@@ -19,7 +19,7 @@ from workers.contract.request import Json
 from workers.ids import new_id
 from workers.live.sessions import LiveSessions, SessionSlot
 from workers.live.stream import Stream
-from workers.operations import LiveView
+from workers.operator_views import LiveView
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +94,7 @@ class Sessions:
             known.expiry.cancel()
             known.expiry = None
         if before is not None:
-            await before.stop(Ending("taken-over", "Another connection has taken this session up."))
+            await before.stop(Ending("taken-over", "Another connection has resumed this session."))
         return known
 
     def leave(self, session: LiveSession, connection: Connected) -> None:

@@ -11,7 +11,16 @@ from pydantic import BaseModel, ConfigDict, Field
 from service.context.depends import Admin, Context
 from service.routing import Router
 from service.schemas import ID, Cursor, JobId, Limit, Listing
-from workers.operations import AttemptLogView, Drain, DrainScope, Failure, LiveView, NodeView, TimelineBar, WorkerView
+from workers.operator_views import (
+    AttemptLogView,
+    Drain,
+    DrainScope,
+    Failure,
+    LiveView,
+    NodeView,
+    TimelineBar,
+    WorkerView,
+)
 
 router = Router(prefix="/v1/ops", tags=["ops"])
 

@@ -14,7 +14,7 @@ from prometheus_client.registry import Collector
 
 from workers.contract.request import Json
 from workers.farm import Farm
-from workers.operations import DrainScope
+from workers.operator_views import DrainScope
 
 log = logging.getLogger(__name__)
 

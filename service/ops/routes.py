@@ -13,7 +13,7 @@ from service.context.depends import Admin, Context, Reader
 from service.routing import Router
 from service.schemas import Cursor
 from workers.contract.request import Json
-from workers.operations import Violation
+from workers.operator_views import Violation
 
 router = Router(tags=["ops"])
 

@@ -36,7 +36,7 @@ def find_project(context: ServiceContext, caller: Principal, project_id: str, de
         project = None
     if project is None or not caller.sees(project.owner):
         raise NotFound(
-            "There is no such project.", field="project_id", value=project_id, remedy="See GET /v1/projects for yours."
+            "Project not found.", field="project_id", value=project_id, remedy="See GET /v1/projects for yours."
         )
     if project.deleted_at is not None and not deleted:
         raise Gone(

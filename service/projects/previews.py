@@ -266,11 +266,11 @@ def _encoded(run: PreviewRun, path: str) -> Generator[bytes]:
     except Cancelled:
         return
     except Exception as error:
-        shown = problem(_told(error, path), path).model_dump(exclude_none=True)
+        shown = problem(_as_impasto_error(error, path), path).model_dump(exclude_none=True)
         yield Record({"type": "error", "problem": shown}).encode()
 
 
-def _told(error: Exception, path: str) -> ImpastoError:
+def _as_impasto_error(error: Exception, path: str) -> ImpastoError:
     """The error that the client gets in an answer that has begun."""
     if isinstance(error, NoBlob):
         return NotFound(

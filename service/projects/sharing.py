@@ -39,7 +39,9 @@ def share_project(project_id: ProjectId, body: ShareIn, context: Context, caller
     time, with the project, with `DELETE .../share`, and with the key that made it. Needs the scopes submit and read."""
     find_project(context, caller, project_id)
     expires_at = int(time.time() + body.days * 86400)
-    claims = Claims(project_id, _maker(context, caller), context.farm.projects.share_epoch(project_id), expires_at)
+    claims = Claims(
+        project_id, _sharing_key(context, caller), context.farm.projects.share_epoch(project_id), expires_at
+    )
     token = sign(claims, context.webhook_secrets.master())
     return ShareOut(token, f"/shared/{token}", float(expires_at))
 
@@ -76,7 +78,7 @@ def get_shared_asset(token: Token, asset_id: AssetId, request: Request, context:
     project = _shared(context, token)
     _, document = context.farm.projects.document(project.id)
     if asset_id not in {ref["id"] for ref in document.get("assets", {}).values()}:
-        raise NotFound("The project has no such asset.", field="asset_id", value=asset_id)
+        raise NotFound("Asset not found in the project.", field="asset_id", value=asset_id)
     return serve(context, context.farm.assets.file(asset_id, project.owner), request)
 
 
@@ -88,14 +90,14 @@ def get_shared_result(token: Token, job_id: JobId, request: Request, context: Co
     """The result of one of the shared project's jobs, whole or a range."""
     project = _shared(context, token)
     if job_id not in {noted.job_id for noted, _ in context.farm.projects.jobs(project.id)}:
-        raise NotFound("The project has no such job.", field="job_id", value=job_id)
+        raise NotFound("Job not found in the project.", field="job_id", value=job_id)
     return serve(context, context.farm.files.get(job_id, "result"), request)
 
 
 def _shared(context: ServiceContext, token: str) -> Project:
     """The project of a valid token. Raises Gone, without the reason."""
     claims = verify(token, context.webhook_secrets.master(), time.time())
-    if claims is not None and _maker_lives(context, claims.key):
+    if claims is not None and _is_key_valid(context, claims.key):
         try:
             project = context.farm.projects.get(claims.project)
             if project.deleted_at is None and context.farm.projects.share_epoch(project.id) == claims.epoch:
@@ -105,7 +107,7 @@ def _shared(context: ServiceContext, token: str) -> Project:
     raise Gone("This link shows nothing any more.", field="token", remedy="Ask for a new link.")
 
 
-def _maker(context: ServiceContext, caller: Principal) -> str:
+def _sharing_key(context: ServiceContext, caller: Principal) -> str:
     """The key with which the caller's links end: a stored key, the present admin key, or "" for an open service."""
     return _admin_key(context) if caller == OPERATOR else caller.key
 
@@ -116,12 +118,12 @@ def _admin_key(context: ServiceContext) -> str:
     return "" if key is None else f"admin-{fingerprint(key.get_secret_value(), context.webhook_secrets.master())}"
 
 
-def _maker_lives(context: ServiceContext, maker: str) -> bool:
-    if not maker:
+def _is_key_valid(context: ServiceContext, key_id: str) -> bool:
+    if not key_id:
         return context.settings.open
-    if maker == _admin_key(context):
+    if key_id == _admin_key(context):
         return True
     try:
-        return context.farm.keys.get(maker).revoked_at is None
+        return context.farm.keys.get(key_id).revoked_at is None
     except NotFound:
         return False

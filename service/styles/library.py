@@ -73,7 +73,7 @@ class StyleLibrary:
         for path in self._files():
             if _id(path) == style_id:
                 return self._added(path, path.name, owner)
-        raise NotFound("There is no such style.", field="style_id", value=style_id, remedy="See GET /v1/styles.")
+        raise NotFound("Style not found.", field="style_id", value=style_id, remedy="See GET /v1/styles.")
 
     def source(self, style_id: str, owner: str) -> Asset | None:
         """The picture from which an exemplar was painted, as an asset; None for a file of the folder."""

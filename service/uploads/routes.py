@@ -145,7 +145,7 @@ def _store(context: ServiceContext) -> UploadStore:
 def _find(store: UploadStore, caller: Principal, upload_id: str) -> Upload:
     upload = store.find(upload_id)
     if not caller.sees(upload.owner):
-        raise NotFound("There is no such upload.", field="upload_id", value=upload_id, remedy="Begin a new one.")
+        raise NotFound("Upload not found.", field="upload_id", value=upload_id, remedy="Begin a new one.")
     return upload
 
 

@@ -40,9 +40,9 @@ def _split(url: str) -> SplitResult:
     if parts.scheme not in ("http", "https") or not parts.hostname or port == 0:
         raise _bad(url, "It is not an http(s) URL.", "For example https://example.org/hook.")
     if parts.username or parts.password or parts.fragment:
-        raise _bad(url, "It holds a user, a password or a fragment.", "Leave those out.")
+        raise _bad(url, "It contains a user, a password or a fragment.", "Leave those out.")
     if not url.isascii() or any(char.isspace() for char in url):
-        raise _bad(url, "It holds characters that a URL may not.", "Encode them.")
+        raise _bad(url, "It contains characters that a URL may not.", "Encode them.")
     return parts
 
 

@@ -283,7 +283,7 @@ class FarmMachine(RuleBasedStateMachine):
         if how == "succeed":
             job.succeed(key)
         elif how == "release":
-            job.put_off(key, self.clock[0] + delay_s)
+            job.postpone(key, self.clock[0] + delay_s)
         else:
             job.fail(key, how != "fail", self.clock[0])
 
@@ -291,7 +291,7 @@ class FarmMachine(RuleBasedStateMachine):
         files = {"result": (f"jobs/{attempt_id}", "video/mp4")} if how == "succeed" else {}
         outcome = TaskOutcome(attempt_id, {}, {}, files, None, {}, "")
         if how == "release":
-            return self.store.queue.put_off(attempt_id, delay_s, "")
+            return self.store.queue.postpone(attempt_id, delay_s, "")
         fault = Fault(FAILED_CODE, "It broke.")
         return self.store.queue.finish(outcome, None if how == "succeed" else machine.Failed(fault, how != "fail"))
 
@@ -385,7 +385,7 @@ class FarmMachine(RuleBasedStateMachine):
             shown = found[job_id]
             assert (shown.state.value, shown.counts) == (job.state, job.counts()), job
             assert (shown.error.code if shown.error else "", messages.get(job_id, 0)) == (job.error, job.messages), job
-        assert self.store.queue.mine("dsp_1") | self.store.queue.mine("dsp_2") == self.running.keys()
+        assert self.store.queue.attempts_of("dsp_1") | self.store.queue.attempts_of("dsp_2") == self.running.keys()
         counted = self.store.statistics.snapshot()
         for state, count in counted["jobs"].items():
             assert count == sum(job.state == state for job in self.jobs.values()), state

@@ -65,7 +65,7 @@ class ModelJob:
     state: str = "queued"
     step: int = 0
     planned: bool = False
-    doomed: bool = False
+    failing: bool = False
     error: str = ""
     """Code of the first fault since the job was last started."""
     tasks: dict[str, ModelTask] = field(default_factory=dict)
@@ -96,14 +96,14 @@ class ModelJob:
         self._settle()
 
     def claimable(self, now: float) -> list[str]:
-        if not self.active or self.doomed:
+        if not self.active or self.failing:
             return []
         return [key for key, task in self.tasks.items() if task.is_due(now)]
 
     @property
     def has_ready_task(self) -> bool:
         """Whether it has a ready task, due or not, that it may start."""
-        return self.active and not self.doomed and self._having("ready") > 0
+        return self.active and not self.failing and self._having("ready") > 0
 
     def claim(self, key: str, attempt: str) -> None:
         self.tasks[key].state, self.tasks[key].attempt = "running", attempt
@@ -133,7 +133,7 @@ class ModelJob:
             self._end(key, "ready")
         self._settle()
 
-    def put_off(self, key: str, until: float) -> None:
+    def postpone(self, key: str, until: float) -> None:
         self._end(key, "ready")
         self.tasks[key].ready_at = until
         self._settle()
@@ -149,13 +149,13 @@ class ModelJob:
         for task in self.tasks.values():
             if task.state in ("waiting", "ready", "running"):
                 task.state, task.attempt = "cancelled", ""
-        self.state, self.doomed = "cancelled", False
+        self.state, self.failing = "cancelled", False
 
     def retry(self) -> None:
         for task in self.tasks.values():
             if task.state != "succeeded":
                 task.refresh("waiting")
-        self.state, self.doomed, self.error = "queued", False, ""
+        self.state, self.failing, self.error = "queued", False, ""
         self._free()
         self._settle()
 
@@ -168,7 +168,7 @@ class ModelJob:
         self.tasks[key].refresh("ready")
         self.tasks[key].ready_at = now
         self.state = "queued" if self.state in FINAL else self.state
-        self.doomed, self.error = False, ""
+        self.failing, self.error = False, ""
         self._settle()
 
     def counts(self) -> dict[str, int]:
@@ -182,7 +182,7 @@ class ModelJob:
 
     def _give_up(self, key: str, code: str) -> None:
         self._end(key, "failed")
-        self.doomed, self.error = True, self.error or code
+        self.failing, self.error = True, self.error or code
 
     def _end(self, key: str, state: str) -> None:
         self.tasks[key].state, self.tasks[key].attempt = state, ""
@@ -201,8 +201,8 @@ class ModelJob:
             return
         if all(task.state == "succeeded" for task in self.tasks.values()):
             self._advance()
-        elif (self._having("failed") or self._having("cancelled")) and (self.doomed or not self._having("ready")):
-            self.state, self.doomed = ("failed" if self._having("failed") else "cancelled"), False
+        elif (self._having("failed") or self._having("cancelled")) and (self.failing or not self._having("ready")):
+            self.state, self.failing = ("failed" if self._having("failed") else "cancelled"), False
 
     def _advance(self) -> None:
         if self.step == STEPS - 1:

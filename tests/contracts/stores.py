@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.real.swift import ACCESS_KEY, REGION, SECRET_KEY, Swift
-from workers.blobs.local_copies import Copies
+from workers.blobs.local_copies import LocalCopies
 from workers.blobs.s3 import S3Blobs
 from workers.blobs.s3_client import S3Options
 
@@ -30,4 +30,4 @@ def s3_options(server: Swift, **changes: Any) -> S3Options:
 
 def s3_blobs(server: Swift, folder: Path, **changes: Any) -> S3Blobs:
     """Blobs there, with local copies in `folder`."""
-    return S3Blobs(s3_options(server, **changes), Copies(folder / "copies", 100 << 20))
+    return S3Blobs(s3_options(server, **changes), LocalCopies(folder / "copies", 100 << 20))

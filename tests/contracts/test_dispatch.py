@@ -184,7 +184,7 @@ def test_running_tasks_of_a_key_are_limited(url: str, clock: Clock) -> None:
 def test_delayed_tasks_block_nobody(store: Store, clock: Clock) -> None:
     first, second = _job(store, priority=1), _job(store)
     _plan(store, Task("x"))
-    assert store.queue.put_off(_claim(store).attempt_id, 100, "")
+    assert store.queue.postpone(_claim(store).attempt_id, 100, "")
     assert _claim(store).job_id == second
     assert store.queue.claim("me", 30) is None
     clock.now += 101
@@ -194,7 +194,7 @@ def test_delayed_tasks_block_nobody(store: Store, clock: Clock) -> None:
 def test_a_clock_set_back_delays_no_task(store: Store, clock: Clock) -> None:
     _job(store)
     _plan(store, Task("x"))
-    assert store.queue.put_off(_claim(store).attempt_id, 100, "")
+    assert store.queue.postpone(_claim(store).attempt_id, 100, "")
     clock.now -= 7200
     assert _claim(store).task["key"] == "x"
 

@@ -15,7 +15,7 @@ from tests.contracts.test_stores import FAULT, Clock, _answer, _asset, _claim, _
 from workers.errors import NotFound
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import Limits
-from workers.operations import DrainScope, LiveView, Slot, WorkerInfo
+from workers.operator_views import DrainScope, LiveView, Slot, WorkerInfo
 from workers.store import Heartbeat, Store, StorePolicy
 
 WHO = WorkerInfo("studio-1", "worker", "ray", "1.2.3")
@@ -42,7 +42,7 @@ def store(url: str, clock: Clock) -> Iterator[Store]:
 
 def _enrol(store: Store, dispatcher: str = "me", lease_s: float = 30) -> None:
     store.queue.renew(dispatcher, lease_s)
-    store.workers.enrol(dispatcher, WHO, SLOTS)
+    store.workers.register(dispatcher, WHO, SLOTS)
 
 
 def test_a_worker_is_listed_with_its_slots_and_their_tasks(store: Store, clock: Clock) -> None:
@@ -86,7 +86,7 @@ def test_a_silent_worker_is_listed_as_away_and_a_retired_one_is_removed(store: S
 
 
 def test_a_worker_that_has_no_lease_has_no_slots(store: Store) -> None:
-    store.workers.enrol("nobody", WHO, SLOTS)
+    store.workers.register("nobody", WHO, SLOTS)
     assert store.workers.nodes() == []
 
 

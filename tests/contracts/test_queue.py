@@ -73,7 +73,7 @@ def test_a_command_about_several_jobs_tells_what_was_refused(store: Store, clock
     refused = store.bulk.command([running, "job_none", ended, queued], machine.Cancel())
     assert {job_id: error.code for job_id, error in refused.items()} == {"job_none": "not-found", ended: "conflict"}
     assert {store.jobs.get(job_id).state for job_id in (queued, running, ended)} == {RunState.CANCELLED}
-    assert not store.queue.mine("me")
+    assert not store.queue.attempts_of("me")
     events, _ = store.events.list(running)
     assert events[-1].data["state"] == "cancelled"
     assert store.validation.validate_state() == []

@@ -17,7 +17,7 @@ import pytest
 from pipeline.errors import StorageError, StorageFull
 from tests.contracts.stores import PART_BYTES, s3_blobs, s3_options
 from tests.real.swift import Swift
-from workers.blobs.local_copies import Copies
+from workers.blobs.local_copies import LocalCopies
 from workers.blobs.open import open_blobs
 from workers.blobs.open import s3_options as options_of
 from workers.blobs.s3 import S3Blobs
@@ -51,21 +51,21 @@ def test_a_signed_url_gives_the_blob_as_a_file_of_that_name(blobs: S3Blobs) -> N
 
 
 def test_a_signed_url_is_valid_for_one_blob_only(blobs: S3Blobs) -> None:
-    blobs.put("k", b"mine")
+    blobs.put("k", b"attempts_of")
     blobs.put("other", b"not yours")
     url = blobs.direct.download_url("k", "k", "text/plain")
-    assert _get(url).content == b"mine"
+    assert _get(url).content == b"attempts_of"
     assert _get(url.replace("/k?", "/other?")).status_code == 403
     assert _put(url, content=b"changed").status_code == 403
 
 
 def test_a_signed_url_expires(blobs: S3Blobs, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two URLs are signed ten minutes in the past: one is valid for an hour, one for a minute."""
-    blobs.put("k", b"mine")
+    blobs.put("k", b"attempts_of")
     earlier = botocore.auth.get_current_datetime() - timedelta(minutes=10)
     monkeypatch.setattr("botocore.auth.get_current_datetime", lambda: earlier)
     valid, expired = (blobs.direct.download_url("k", "k", "text/plain", seconds=s) for s in (3600, 60))
-    assert _get(valid).content == b"mine"
+    assert _get(valid).content == b"attempts_of"
     assert _get(expired).status_code == 403
 
 
@@ -267,7 +267,7 @@ def test_settings_name_a_bucket_and_a_prefix(tmp_path: Path) -> None:
 
 
 def test_concurrent_readers_fetch_a_copy_once(tmp_path: Path) -> None:
-    copies, fetched = Copies(tmp_path / "copies", 1000), []
+    copies, fetched = LocalCopies(tmp_path / "copies", 1000), []
 
     def fetch(place: Path) -> None:
         fetched.append(place)
@@ -288,7 +288,7 @@ def test_concurrent_readers_fetch_a_copy_once(tmp_path: Path) -> None:
 
 
 def test_old_copies_are_removed_but_never_one_in_use(tmp_path: Path) -> None:
-    copies = Copies(tmp_path, most_bytes=10)
+    copies = LocalCopies(tmp_path, most_bytes=10)
 
     def write(place: Path) -> None:
         place.write_bytes(b"12345")
@@ -303,7 +303,7 @@ def test_old_copies_are_removed_but_never_one_in_use(tmp_path: Path) -> None:
 
 
 def test_a_failed_fetch_leaves_no_file_and_is_retried(tmp_path: Path) -> None:
-    copies = Copies(tmp_path, 10)
+    copies = LocalCopies(tmp_path, 10)
 
     def breaks(place: Path) -> None:
         place.write_bytes(b"ha")
@@ -317,7 +317,7 @@ def test_a_failed_fetch_leaves_no_file_and_is_retried(tmp_path: Path) -> None:
 
 
 def test_a_copy_that_would_fill_the_disk_is_not_fetched(tmp_path: Path) -> None:
-    copies = Copies(tmp_path, 10, reserve_bytes=1 << 60)
+    copies = LocalCopies(tmp_path, 10, reserve_bytes=1 << 60)
     with pytest.raises(StorageFull) as error, copies.file("k", 4, lambda place: None):
         pass
     assert error.value.remedy
@@ -326,7 +326,7 @@ def test_a_copy_that_would_fill_the_disk_is_not_fetched(tmp_path: Path) -> None:
 
 
 def test_leftovers_of_crashed_fetches_are_swept(tmp_path: Path) -> None:
-    copies = Copies(tmp_path, 10)
+    copies = LocalCopies(tmp_path, 10)
     for name in ("a.1.part", "a.lock"):
         (tmp_path / name).touch()
     assert copies.sweep(3600) == 0

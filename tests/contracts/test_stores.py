@@ -184,7 +184,7 @@ def test_a_late_answer_is_ignored(store: Store, clock: Clock) -> None:
     before = store.jobs.get(job_id), store.events.list(job_id)
     assert not store.queue.finish(_answer(late, result={"wrong": 1}, files={"result": ("wrong", "x/y")}))
     assert not store.queue.finish(_answer(late), machine.Failed(FAULT))
-    assert not store.queue.put_off(late.attempt_id, 0, "")
+    assert not store.queue.postpone(late.attempt_id, 0, "")
     store.queue.progress({late.attempt_id: Heartbeat(0.9, preview="late")})
     assert (store.jobs.get(job_id), store.events.list(job_id)) == before
     assert store.queue.finish(_answer(newer))
@@ -238,7 +238,7 @@ def test_cancelling_ends_attempts_and_a_retry_runs_the_remaining_tasks(store: St
     store.queue.finish(_answer(_claim(store)))
     running = _claim(store)
     store.jobs.command(job_id, machine.Cancel())
-    assert store.queue.mine("me") == set()
+    assert store.queue.attempts_of("me") == set()
     assert not store.queue.finish(_answer(running))
     counts = store.jobs.get(job_id).counts
     assert (counts["succeeded"], counts["cancelled"]) == (1, 2)

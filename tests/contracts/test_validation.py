@@ -70,7 +70,7 @@ def mixed_run(store: Store) -> dict[str, str]:
             finish(store, claim.attempt_id)
             plan(store)
         elif claim.job_id == ids["queued"]:
-            store.queue.put_off(claim.attempt_id, 200.0, "")
+            store.queue.postpone(claim.attempt_id, 200.0, "")
             store.jobs.command(ids["queued"], machine.Pause())
             store.jobs.command(ids["queued"], machine.Resume())
     return {name.value: job_id for name, job_id in ids.items()}

@@ -7,7 +7,7 @@ import re
 
 from docs.make_analogy_figures import FIGURES, FOLDER, MARK, PAGE, parameters_table
 from pipeline.methods.analogy import Analogy
-from pipeline.video.shot import NUMBERED, ShotJson
+from pipeline.video.shot_archive import NUMBERED, ShotJson
 from pipeline.video.shot_files import PASSES
 
 TEXT = PAGE.read_text()

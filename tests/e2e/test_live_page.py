@@ -335,7 +335,7 @@ def test_a_visitor_beyond_the_capacity_waits_for_a_place(browser: Browser, servi
         start(first)
         page = watched.page
         page.get_by_role("button", name="Use the camera").click()
-        expect(page.get_by_role("status").filter(has_text="All places are taken")).to_be_visible()
+        expect(page.get_by_role("status").filter(has_text="All sessions are in use")).to_be_visible()
         expect(page.locator(".stage-status")).to_contain_text(re.compile(r"again in \d s"))
         assert talk.sockets == 0
         first.get_by_role("button", name="Stop", exact=True).click()

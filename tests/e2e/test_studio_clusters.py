@@ -105,7 +105,7 @@ def test_a_corrected_clustering_is_solved_again_for_its_interval_only(
     assert {name for name in ran if name.startswith("correct/")} == {
         "correct/front-0000008-0000000", "correct/back-0000008-0000000", "correct/run-0000000"
     }  # fmt: skip
-    expect(page.locator(".step", has_text="Cluster by motion")).to_contain_text("9 of 9 tasks taken over")
+    expect(page.locator(".step", has_text="Cluster by motion")).to_contain_text("9 of 9 tasks reused")
     assert result(service, second) == rendered_by_command(service, project, tmp_path)
 
 

@@ -10,7 +10,7 @@ from pipeline.methods.base import PROCESS_BYTES
 from tests.impasto.test_frame_window import rendered
 from workers.contract.request import JobRequest
 from workers.farm import open_farm
-from workers.pools.machine import most_processes
+from workers.pools.machine import max_processes
 from workers.settings import FarmSettings
 
 
@@ -42,4 +42,4 @@ def test_processes_make_the_same_file_as_threads(method: str, tiny_clip: Path, t
 )
 def test_number_of_attempts_at_once(processors: int, gib: int, threads: int, most: int) -> None:
     memory = max(0, int(0.75 * (gib << 30)) - PROCESS_BYTES)
-    assert most_processes(processors, memory, threads) == most
+    assert max_processes(processors, memory, threads) == most

@@ -34,7 +34,7 @@ def problem(status: int, **parts: Any) -> httpx.Response:
     return httpx.Response(status, json=parts, headers={"Content-Type": "application/problem+json"})
 
 
-class Stream(httpx.SyncByteStream):
+class LiveStream(httpx.SyncByteStream):
     """A stream of bytes that can end with a broken connection."""
 
     def __init__(self, data: bytes, breaks: bool = False) -> None:
@@ -135,7 +135,7 @@ class Jobs:
             return httpx.Response(200, text="not a stream", headers={"Content-Type": "text/plain"})
         text = f"id: {int(last or 0) + 1}\nevent: job.state\ndata: {{}}\n\n"
         return httpx.Response(
-            200, stream=Stream(text.encode(), breaks=True), headers={"Content-Type": "text/event-stream"}
+            200, stream=LiveStream(text.encode(), breaks=True), headers={"Content-Type": "text/event-stream"}
         )
 
 
@@ -232,10 +232,10 @@ def test_a_download_resumes_by_range_and_restarts_after_a_change(tmp_path: Path)
     def serve(request: httpx.Request) -> httpx.Response:
         asked.append((request.headers.get("Range"), request.headers.get("If-Range")))
         if len(asked) == 1:
-            return httpx.Response(200, stream=Stream(b"old", breaks=True), headers={"ETag": '"1"'})
+            return httpx.Response(200, stream=LiveStream(b"old", breaks=True), headers={"ETag": '"1"'})
         if len(asked) == 2:  # another file now: the whole of it, cut off again
-            return httpx.Response(200, stream=Stream(b"new", breaks=True), headers={"ETag": '"2"'})
-        return httpx.Response(206, stream=Stream(b"er"), headers={"ETag": '"2"'})
+            return httpx.Response(200, stream=LiveStream(b"new", breaks=True), headers={"ETag": '"2"'})
+        return httpx.Response(206, stream=LiveStream(b"er"), headers={"ETag": '"2"'})
 
     target = tmp_path / "out.mp4"
     with client(serve) as impasto:
@@ -246,7 +246,7 @@ def test_a_download_resumes_by_range_and_restarts_after_a_change(tmp_path: Path)
 
 def test_a_failed_download_leaves_no_file(tmp_path: Path) -> None:
     def cut(request: httpx.Request) -> httpx.Response:
-        return httpx.Response(200, stream=Stream(b"", breaks=True))
+        return httpx.Response(200, stream=LiveStream(b"", breaks=True))
 
     with client(cut) as impasto, pytest.raises(ServiceUnreachable):
         impasto.download("job_1", tmp_path / "out.mp4")

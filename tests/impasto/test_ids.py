@@ -20,7 +20,7 @@ def _answer(request: httpx.Request) -> httpx.Response:
         return httpx.Response(200, json={"items": [{"id": job} for job in JOBS], "cursor": None})
     if name in JOBS:
         return httpx.Response(200, json={"id": name})
-    return httpx.Response(404, json={"code": "not-found", "detail": "There is no such job.", "field": "job_id"})
+    return httpx.Response(404, json={"code": "not-found", "detail": "Job not found.", "field": "job_id"})
 
 
 @pytest.mark.parametrize(("text", "job"), [("job_0a1b", "job_0a1b"), ("0a2", "job_0a2c"), ("job_9", "job_9f00")])

@@ -24,9 +24,9 @@ import pytest
 from impasto import LiveClient
 from impasto.cli.app import run as command
 from impasto.live.broadcast import OutputLost
-from impasto.live.run import Stream
+from impasto.live.plain_sinks import open_sink
+from impasto.live.run import LiveStream
 from impasto.live.sink import Sink
-from impasto.live.sinks import open_sink
 from impasto.live.sources import FileSource, SourceLost, open_source
 from impasto.live.wire import Answer
 from pipeline.errors import BadInput
@@ -98,16 +98,16 @@ class Mirror:
 class FrameList(Sink):
     """A sink that collects its frames."""
 
-    def __init__(self, enough: int = 1000, beside: bool = False) -> None:
+    def __init__(self, enough: int = 1000, needs_original: bool = False) -> None:
         self.frames: list[tuple[float, int]] = []
         self.originals: list[Frame | None] = []
-        self.enough, self.beside, self.end_s = enough, beside, -1.0
+        self.enough, self.needs_original, self.end_s = enough, needs_original, -1.0
 
     def put(self, when_s: float, frame: Frame, original: Frame | None) -> None:
         self.frames.append((when_s, int(frame[0, 0, 0])))
         self.originals.append(original)
 
-    def attend(self) -> bool:
+    def is_open(self) -> bool:
         return len(self.frames) < self.enough
 
     def finish(self, end_s: float) -> str:
@@ -115,8 +115,8 @@ class FrameList(Sink):
         return "label"
 
 
-def stream(client: Mirror, source: Any, sink: Sink, **more: Any) -> Stream:
-    return Stream(client, source, sink, **more)  # type: ignore[arg-type]
+def stream(client: Mirror, source: Any, sink: Sink, **more: Any) -> LiveStream:
+    return LiveStream(client, source, sink, **more)  # type: ignore[arg-type]
 
 
 # -- pace
@@ -176,7 +176,7 @@ def test_a_source_that_breaks_is_reported_after_the_sink_is_finished() -> None:
 
 
 def test_originals_are_kept_only_for_a_sink_that_shows_them() -> None:
-    kept, shown = FrameList(), FrameList(beside=True)
+    kept, shown = FrameList(), FrameList(needs_original=True)
     stream(Mirror(), Reel([0.0, 0.01]), kept).run()
     stream(Mirror(drops=(1,)), Reel([0.0, 0.01, 0.02]), shown).run()
     assert kept.originals == [None, None]
@@ -440,13 +440,13 @@ def test_a_window_shows_frames_and_closes(monkeypatch: pytest.MonkeyPatch) -> No
 
     def press(key: int) -> bool:
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key))
-        return window.attend()
+        return window.is_open()
 
     def pixels(frame: Frame) -> list[int]:
         window.put(0.0, frame, dark)
         return [pygame.display.get_surface().get_at((x, 8))[0] for x in (8, 24)]
 
-    assert window.beside and window.attend()
+    assert window.needs_original and window.is_open()
     assert pixels(light) == [200, 200]
     assert press(pygame.K_s)
     assert pixels(light) == [20, 200]

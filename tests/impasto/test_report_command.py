@@ -58,7 +58,7 @@ def test_the_report_refuses_other_shapes_and_missing_files(
 ) -> None:
     for words, text in (
         ([clips["whole"], clips["tall"]], "their shapes differ"),
-        ([clips["whole"], "no.mp4"], "no such file"),
+        ([clips["whole"], "no.mp4"], "not found"),
     ):
         assert run(["report", *map(str, words), "--json"]) == 2
         assert text in json.loads(capsys.readouterr().out)["error"]["message"]

@@ -13,7 +13,7 @@ from pipeline.methods.base import InputSpec, Method
 from tests.laws.cases import HEIGHT, WIDTH, Case, document, generated
 from workers.contract.record import Asset
 from workers.contract.request import JobRequest, OutputSpec
-from workers.scheduling.requests import check_request
+from workers.scheduling.check_request import check_request
 
 _KINDS = {"video": "video", "image": "image", "image-or-video": "image", "images": "archive", "json": "json"}
 

@@ -19,7 +19,7 @@ FEW_ARGUMENTS = {
     "pipeline/strokes/emboss.py": {"weave"},  # called with one seed
     "pipeline/synthesis/energy.py": {"taps"},  # radii of patches
     "service/methods/thumbnail.py": {"thumbnail"},  # methods of the program
-    "workers/store/tallies.py": {"_addition"},  # kinds of databases
+    "workers/store/state_counts.py": {"_addition"},  # kinds of databases
     "workers/process/free_memory.py": {"_return_free_memory_regularly"},  # called once
 }
 """Functions with unbounded caches, whose arguments users cannot choose freely."""

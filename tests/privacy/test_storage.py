@@ -18,7 +18,7 @@ from pipeline.errors import StorageError
 from service.settings import Settings
 from tests.privacy.actors import Caller, service
 from workers.blobs.disk import DiskBlobs
-from workers.blobs.verified import is_sound
+from workers.blobs.verified import is_intact
 from workers.contract.record import asset_key
 from workers.errors import DamagedBlob
 from workers.farm import Farm, open_farm
@@ -111,7 +111,7 @@ def test_damaged_bytes_reach_neither_a_decoder_nor_a_download(home: Path, farm: 
     file = farm.assets.file(asset.id, "")
     with pytest.raises(DamagedBlob):
         list(farm.files.read(file))
-    assert not is_sound(key, farm.blobs.read(key))
+    assert not is_intact(key, farm.blobs.read(key))
     assert len(b"".join(farm.files.read(file, 0, 10))) == 10, "ranges are not compared"
 
 

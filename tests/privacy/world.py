@@ -16,7 +16,7 @@ from service.projects.tokens import Claims, sign
 from service.webhooks.secrets import WebhookSecrets
 from tests.privacy.actors import Caller, one_shot
 from tests.service.driven_farm import MAGIC, DrivenFarm
-from workers.operations import DrainScope
+from workers.operator_views import DrainScope
 
 SECRET = "anna-secret"
 """Part of every name and of all bytes of Anna's objects."""

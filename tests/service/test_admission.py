@@ -30,7 +30,7 @@ class _Slow:
     def get(self, _job_id: str) -> None:
         self.begun += 1
         assert self.go.wait(60)
-        raise NotFound("There is no such job.", field="job")
+        raise NotFound("Job not found.", field="job")
 
 
 @pytest.fixture

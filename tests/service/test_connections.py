@@ -145,7 +145,7 @@ def test_a_websocket_that_sends_nothing_is_closed(guard: ConnectionGuard, clock:
     silent, alive = opened(guard, clock, Phase.WEBSOCKET, Phase.WEBSOCKET)
     for _ in range(5):
         clock.now += 10
-        guard.hear(alive)
+        guard.record_bytes(alive)
         guard.sweep()
     assert (silent.closed, alive.closed) == (True, False)
 

@@ -14,7 +14,7 @@ from service.context.load_history import KEPT, LoadHistory
 from service.settings import Settings
 from tests.service.conftest import open_client
 from tests.service.driven_farm import DrivenFarm
-from workers.operations import LiveView, Slot, WorkerInfo
+from workers.operator_views import LiveView, Slot, WorkerInfo
 from workers.store import Store
 
 ADMIN = {"Authorization": "Bearer top"}
@@ -47,7 +47,7 @@ def ops(farm: DrivenFarm, home: Path) -> Iterator[TestClient]:
 def worker(store: Store) -> str:
     store.queue.renew("dsp_1@studio.files.local", 30)
     who = WorkerInfo("studio.files.local", "worker", "local", "1.0")
-    store.workers.enrol("dsp_1@studio.files.local", who, [Slot("s0", "studio.files.local")])
+    store.workers.register("dsp_1@studio.files.local", who, [Slot("s0", "studio.files.local")])
     return "dsp_1@studio.files.local"
 
 

@@ -22,7 +22,7 @@ from tests.waiting import until
 from tests.workers.conftest import finished, request_on, result
 from tests.workers.toy import Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.contract.request import OutputSpec
 from workers.farm import Farm
 from workers.pools import child_runner
@@ -35,7 +35,7 @@ from workers.settings import FarmSettings
 class Deaf:
     """Runs each order for a minute, and does not stop if it is cancelled. Reports the child's process id."""
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         report(0.5, str(os.getpid()))
         time.sleep(60)
         raise AssertionError
@@ -52,7 +52,7 @@ class Deaf:
 class Quick(Deaf):
     """Ends an order when it is cancelled, or at once if its key is "done"."""
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         report(0.5, str(os.getpid()))
         while order.key != "done" and not cancelled():
             time.sleep(0.01)
@@ -178,7 +178,7 @@ class Held(Deaf):
     def __init__(self, number: int, ran: list[int], release: threading.Semaphore, closed: threading.Semaphore) -> None:
         self.number, self.ran, self.release, self.closed = number, ran, release, closed
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         self.ran.append(self.number)
         assert self.release.acquire(timeout=10)
         return TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")

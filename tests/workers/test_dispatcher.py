@@ -17,7 +17,7 @@ from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.contract.order import TaskOrder, TaskOutcome
 from workers.farm import Farm
-from workers.operations import Slot
+from workers.operator_views import Slot
 from workers.pools.base import Report
 from workers.pools.local_pool import Listen
 from workers.scheduling.process_lock import ProcessLock

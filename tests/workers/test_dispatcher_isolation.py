@@ -111,7 +111,7 @@ def test_a_permanently_unstorable_outcome_occupies_no_slot(
         return any(attempt["id"] == attempt_id for task in running for attempt in task.attempts)
 
     faults = Faults(is_broken)
-    for name in ("finish", "put_off"):
+    for name in ("finish", "postpone"):
         monkeypatch.setattr(TaskQueue, name, faults.around(getattr(TaskQueue, name)))
     farm.start()
     assert_others_end(farm, others, faults)
@@ -147,7 +147,7 @@ def test_a_failing_release_of_an_attempt_delays_no_other_job(
     assert_others_end(farm, others, faults)
 
 
-@pytest.mark.parametrize("part", ["progress", "mine", "renew"])
+@pytest.mark.parametrize("part", ["progress", "attempts_of", "renew"])
 def test_a_failing_dispatch_phase_does_not_stop_the_others(
     part: str, farm: Farm, data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

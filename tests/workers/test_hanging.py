@@ -16,7 +16,7 @@ from tests.workers.conftest import finished, request_on
 from tests.workers.hangs import HANGS
 from tests.workers.toy import METHODS, Toy, ToyRunner
 from workers.blobs.disk import DiskBlobs
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.farm import Farm
 from workers.pools.child_runner import ChildRunner
 from workers.pools.local_pool import LocalPool
@@ -33,7 +33,7 @@ class HangingRunner(ToyRunner):
         super().__init__(DiskBlobs(root))
         self._mark, self._hang = mark, hang
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         if order.step == "draw" and not self._mark.exists():
             self._mark.touch()
             report(0.5)

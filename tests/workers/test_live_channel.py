@@ -14,7 +14,7 @@ import pytest
 from pipeline.errors import BadFrame
 from pipeline.video.guard.wire import HEADER, lengths, parsed
 from workers.live.channel import GREET_S, SECRET_BYTES, LiveWorkerClient, LiveWorkerServer
-from workers.live.messages import of_painted, of_work, painted_of, work_of
+from workers.live.messages import decode_frame, decode_request, encode_frame, encode_request
 from workers.live.model import FrameRequest, RenderedFrame
 from workers.live.worker import LiveWorkerLost
 
@@ -106,9 +106,9 @@ def test_errors_are_reported_and_the_stream_goes_on(post: LiveWorkerServer) -> N
 def test_frame_requests_and_rendered_frames_round_trip() -> None:
     frame = FrameRequest((b"first", b"", b"last"), (640, 480), (320, 240), key=True)
     painted = RenderedFrame(b"made", (320, 240), False, {"analyze": 0.25})
-    for sent, made in ((of_work(frame), frame), (of_painted(painted), painted)):
+    for sent, made in ((encode_request(frame), frame), (encode_frame(painted), painted)):
         text, data = sent[HEADER.size :][: lengths(sent[: HEADER.size])[0]], sent[-lengths(sent[: HEADER.size])[1] :]
-        assert (work_of if made is frame else painted_of)(parsed(text), data) == made
+        assert (decode_request if made is frame else decode_frame)(parsed(text), data) == made
 
 
 def test_the_server_accepts_consecutive_connections(post: LiveWorkerServer) -> None:

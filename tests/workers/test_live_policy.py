@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from workers.live import policy as module
 from workers.live.model import Packet
-from workers.live.policy import FramePolicy, Start
+from workers.live.policy import FramePolicy, StageStart
 
 
 def packet(number: int, key: bool = True, size: int = 1) -> Packet:
     return Packet(number, 0, (64, 64), key, bytes(size), number / 30)
 
 
-def begin(policy: FramePolicy) -> Start:
+def begin(policy: FramePolicy) -> StageStart:
     start = policy.start()
     assert start is not None
     return start
@@ -159,8 +159,8 @@ EVENTS = st.lists(st.sampled_from(["key", "delta", "analyzed", "painted", "sent"
 @given(EVENTS, st.booleans(), st.booleans())
 def test_policy_invariants_hold_for_random_event_sequences(events: list[str], built_on: bool, alone: bool) -> None:
     policy = FramePolicy(built_on=built_on, alone=alone)
-    in_work: deque[Start] = deque()
-    analyzing: Start | None = None
+    in_work: deque[StageStart] = deque()
+    analyzing: StageStart | None = None
     painted = number = decoded = 0
     for event in events:
         if event in ("key", "delta"):
@@ -192,7 +192,7 @@ def test_policy_invariants_hold_for_random_event_sequences(events: list[str], bu
         assert 0 <= policy.pending - policy.working <= 1
 
 
-def check_decodable(start: Start, built_on: bool, decoded: int) -> None:
+def check_decodable(start: StageStart, built_on: bool, decoded: int) -> None:
     """Check that frame numbers rise and that a video codec's frames are key frames or follow the last decoded one."""
     numbers = [p.sequence for p in start.packets]
     assert numbers == sorted(numbers)

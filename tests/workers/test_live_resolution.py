@@ -130,10 +130,10 @@ def test_failed_steps_up_become_less_frequent() -> None:
 @pytest.mark.parametrize(("whole_s", "hurried"), [(0.020, False), (0.050, True)])
 def test_frames_overlap_only_when_the_cost_requires_it(whole_s: float, hurried: bool, adaptive: bool) -> None:
     ladder = ResolutionLadder(adaptive)
-    assert not ladder.hurried(0.0, 1 / FPS), "nothing is known"
+    assert not ladder.is_behind(0.0, 1 / FPS), "nothing is known"
     for i in range(20):
         ladder.painted(i / FPS, 1 / FPS, 0.03, split_cost(whole_s), 0)
-    assert ladder.hurried(20 / FPS, 1 / FPS) == hurried
+    assert ladder.is_behind(20 / FPS, 1 / FPS) == hurried
 
 
 def test_the_reason_is_reported() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from workers.process.log_context import belong, here, log_extra, working_for
+from workers.process.log_context import current_context, log_extra, set_context, working_for
 from workers.process.logs import OURS, attempt_facts, captured, set_up_logs, shortened
 from workers.settings import FarmSettings
 
@@ -38,7 +38,9 @@ def test_a_log_line_of_an_attempt_names_job_task_and_attempt(lines: Callable[[],
     set_up_logs(FarmSettings(log_format="json", log_level="info"))
     with captured("job_1", "tsk_2", "att_3"):
         LOG.info("painting %d", 7)
-        helper = threading.Thread(target=lambda: (belong(attempt_facts("job_1", "tsk_2", "att_3")), LOG.info("helped")))
+        helper = threading.Thread(
+            target=lambda: (set_context(attempt_facts("job_1", "tsk_2", "att_3")), LOG.info("helped"))
+        )
         helper.start()
         helper.join()
     LOG.info("outside")
@@ -56,7 +58,7 @@ def test_facts_of_a_line_override_those_of_its_context(lines: Callable[[], list[
         LOG.info("x", extra=log_extra(job="job_b", seconds=0.5))
     (row,) = rows(lines())
     assert (row["request"], row["job"], row["seconds"]) == ("r1", "job_b", 0.5)
-    assert here() == {}
+    assert current_context() == {}
 
 
 @pytest.mark.parametrize("kind", ["json", "text"])

@@ -18,12 +18,12 @@ from tests.conftest import ROOT
 from tests.workers.conftest import request_on
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.contract.request import OutputSpec
 from workers.farm import Farm
 from workers.pools.base import Report
 from workers.pools.local_pool import LocalPool
-from workers.pools.machine import Machine, most_processes, this_machine
+from workers.pools.machine import Machine, max_processes, this_machine
 from workers.settings import FarmSettings
 
 GIB, MIB = 1 << 30, 1 << 20
@@ -36,14 +36,14 @@ CPUS = {"abstraction": Abstraction.task_cpus}
 def machine(cpus: int, memory_gib: float) -> Machine:
     """A machine as `this_machine` describes it, with this much memory, less that of the child processes."""
     memory = int(0.75 * memory_gib * GIB) - 512 * MIB
-    return Machine(cpus, memory - most_processes(cpus, memory) * 512 * MIB)
+    return Machine(cpus, memory - max_processes(cpus, memory) * 512 * MIB)
 
 
 def admitted(chosen: Machine, memory_gib: float, method: str) -> int:
     """Number of tasks of a method that run at once if there are unlimited tasks."""
     resources = Resources(gpus=None if method == "analogy" else 0.0, memory_bytes=DECLARED[method] * MIB)
     share = chosen.share_of(resources, CPUS.get(method, 1.0), GIB)
-    begun, most = 0, most_processes(int(chosen.cpus), int(0.75 * memory_gib * GIB) - 512 * MIB)
+    begun, most = 0, max_processes(int(chosen.cpus), int(0.75 * memory_gib * GIB) - 512 * MIB)
     while chosen.free and begun < most:
         chosen.admit(f"att_{begun}", share)
         begun += chosen.wait(f"att_{begun}", 0)
@@ -96,7 +96,7 @@ class Sleeper:
     def __init__(self, counts: Counts) -> None:
         self._counts = counts
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         with self._counts.running():
             time.sleep(0.1)
         return TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, "")
@@ -173,7 +173,7 @@ def test_two_owners_share_four_processors(settings: FarmSettings, tmp_path: Path
     begun: list[str] = []
 
     class Noting(ToyRunner):
-        def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+        def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
             if order.step == "draw":
                 begun.append(order.job_id)
             return super().run(order, report, cancelled)

@@ -17,7 +17,7 @@ from tests.workers.conftest import finished, request_on, result
 from tests.workers.toy import runner_after
 from workers.blobs.disk import DiskBlobs
 from workers.farm import Farm
-from workers.operations import DrainScope
+from workers.operator_views import DrainScope
 from workers.settings import FarmSettings
 
 pytestmark = [pytest.mark.real("ray"), pytest.mark.slow]

@@ -34,8 +34,8 @@ from tests.e2e.pages import CHROMIUM_ARGS, SHELL
 from workers.blobs.disk import DiskBlobs
 from workers.contract.order import CPU, PEAK_MEMORY, TaskOrder, TaskOutcome
 from workers.contract.request import OutputSpec
+from workers.execution.artefact_handover import ArtefactHandover
 from workers.execution.decoders import Decoders
-from workers.execution.handover import Handover
 from workers.execution.renderer import Renderer, Shared
 
 RUN = 10
@@ -217,7 +217,7 @@ def test_a_job_without_overview_has_no_previews_poster_and_contact_sheet(info: M
 
 def test_renderers_of_a_process_pass_artefacts_on_in_memory(info: MediaInfo, blobs: DiskBlobs) -> None:
     first, second, *_ = tasks_of(info)
-    shared = Shared(Decoders(blobs), Handover())
+    shared = Shared(Decoders(blobs), ArtefactHandover())
     with Renderer(blobs, None, lambda name: Toy(), shared=shared) as one:
         made = one.run(order_of(info, first)).artefacts
     assert made["invert/run-0"] == "jobs/job_1/invert/run-0/att_run-0/run-0.npz"
@@ -291,7 +291,7 @@ def test_a_report_uses_the_frames_of_the_first_step(
 
 
 def test_an_outcome_lists_results_and_files(renderer: Renderer, info: MediaInfo, blobs: DiskBlobs) -> None:
-    outcome = renderer.run(order_of(info, tasks_of(info)[0], traced=True))
+    outcome = renderer.run(order_of(info, tasks_of(info)[0], records_reads=True))
     prefix = "jobs/job_1/invert/run-0/att_run-0/"
     assert outcome.segment and outcome.segment.startswith(prefix)
     assert set(outcome.files) == {"colours.json", "preview"}

@@ -149,7 +149,7 @@ def _check(model: Model) -> None:
         assert not counts.running
     if job.run is RunState.CANCELLED:
         assert not counts.running + counts.ready + counts.waiting
-    if job.run in (RunState.QUEUED, RunState.RUNNING) and job.planned and not job.doomed:
+    if job.run in (RunState.QUEUED, RunState.RUNNING) and job.planned and not job.failing:
         assert counts.ready or counts.running, "an active job always has something to do"
     for task in model.tasks:
         assert (task.state is TaskState.WAITING) <= (task.blockers > 0)
@@ -200,7 +200,7 @@ def test_attempts_and_interruptions_are_counted_separately() -> None:
 def test_a_failed_task_ends_its_job_after_the_running_tasks() -> None:
     job = JobSnapshot(RunState.RUNNING, 0, 1, planned=True, counts=Counts(ready=3, running=2))
     after, _ = advance(State(job, TaskSnapshot(TaskState.RUNNING)), machine.Failed(FAULT, final=True))
-    assert (after.job.run, after.job.doomed) == (RunState.RUNNING, True)
+    assert (after.job.run, after.job.failing) == (RunState.RUNNING, True)
     with pytest.raises(Conflict):
         advance(State(after.job, TaskSnapshot(TaskState.READY)), machine.Claimed())
     ended, _ = advance(State(after.job, TaskSnapshot(TaskState.RUNNING)), machine.Done())
@@ -235,7 +235,7 @@ def test_one_of_two_failed_tasks_runs_again_and_the_job_ends_as_failed() -> None
 
 def test_a_requeue_of_a_draining_job_lets_it_start_tasks_again() -> None:
     counts = Counts(running=1, ready=1, failed=1)
-    job = JobSnapshot(RunState.RUNNING, 0, 1, planned=True, doomed=True, counts=counts)
+    job = JobSnapshot(RunState.RUNNING, 0, 1, planned=True, failing=True, counts=counts)
     after, _ = advance(State(job, TaskSnapshot(TaskState.FAILED)), machine.Requeue())
     advance(after, machine.Claimed())
 

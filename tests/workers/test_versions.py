@@ -158,7 +158,7 @@ def test_two_versions_work_on_one_database(open_farm: Callable[..., Farm], data:
         fresh = farm.store.queue.claim("new", 60, set(jobs) - {error.value.job_id}, is_readable)
         assert fresh is not None
         assert fresh.job_id == error.value.job_id
-    farm.store.queue.put_off(fresh.attempt_id, 0.0, "")
+    farm.store.queue.postpone(fresh.attempt_id, 0.0, "")
     with pytest.raises(OtherVersion):
         farm.store.queue.claim("old", 60, set(jobs) - {error.value.job_id}, is_readable)
 

@@ -32,7 +32,7 @@ from tests.workers.hangs import HANGS
 from tests.workers.relay_method import Relay
 from workers.blobs.base import Blobs
 from workers.blobs.disk import DiskBlobs
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.faults import failed_outcome
 from workers.jobs.state_machine import ASSEMBLE
 
@@ -129,7 +129,7 @@ METHODS: dict[str, type[Method]] = {"toy": Toy, "relay": Relay}
 
 
 class _Context:
-    def __init__(self, blobs: Blobs, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]):
+    def __init__(self, blobs: Blobs, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]):
         self.params = METHODS[order.method].Params(**order.params)
         self.seed = order.seed
         self.artefacts: dict[str, str] = {}
@@ -156,7 +156,7 @@ class ToyRunner:
     def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         try:
             return self._assemble(order) if order.step == ASSEMBLE else self._step(order, report, cancelled)
         except Exception as error:
@@ -172,7 +172,7 @@ class ToyRunner:
 
     def kill(self) -> None: ...
 
-    def _step(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def _step(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         began = time.monotonic()
         context = _Context(self._blobs, order, report, cancelled)
         step = next(step for step in METHODS[order.method].steps if step.name == order.step)

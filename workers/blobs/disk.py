@@ -23,7 +23,7 @@ from pipeline.errors import StorageError, StorageFull
 from workers.blobs.base import Content, Direct
 from workers.blobs.disk_errors import disk_errors
 from workers.blobs.keys import NoBlob, check_key
-from workers.blobs.verified import check_file, trust
+from workers.blobs.verified import check_file, mark_intact
 
 _CHUNK = 1 << 20
 _TEMPORARY = "~tmp"
@@ -50,7 +50,7 @@ class DiskBlobs:
         place = self._place(key)
         with disk_errors(), self._written(data) as temporary:
             _in_folder(place, lambda: temporary.rename(place))
-            trust(key, place)
+            mark_intact(key, place)
 
     def put_if_absent(self, key: str, data: bytes) -> bool:
         place = self._place(key)

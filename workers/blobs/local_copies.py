@@ -22,7 +22,7 @@ from workers.blobs.disk_errors import disk_errors
 
 
 @dataclass(frozen=True)
-class Copies:
+class LocalCopies:
     """A folder of copies with a limited size.
 
     Args:
@@ -51,15 +51,15 @@ class Copies:
     def check_free_space(self, wanted_bytes: int = 0) -> None:
         """Remove copies until `wanted_bytes` more leave the reserve free, or raise StorageFull."""
         self._make_folder()
-        need = self.reserve_bytes + wanted_bytes
-        if self._free() < need:
-            self._shrink(lambda kept: self._free() < need)
-        if self._free() < need:
+        require_extra = self.reserve_bytes + wanted_bytes
+        if self._free() < require_extra:
+            self._shrink(lambda kept: self._free() < require_extra)
+        if self._free() < require_extra:
             raise StorageFull(
                 "The disk for local copies of blobs is nearly full.",
                 field="free_bytes",
                 value=self._free(),
-                remedy=f"Free some space: {need >> 20} MiB are needed at {self.folder}.",
+                remedy=f"Free some space: {require_extra >> 20} MiB are needed at {self.folder}.",
             )
 
     def sweep(self, older_than_s: float) -> int:

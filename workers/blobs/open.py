@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from workers.blobs.base import Blobs
 from workers.blobs.disk import DiskBlobs
-from workers.blobs.local_copies import Copies
+from workers.blobs.local_copies import LocalCopies
 from workers.settings import FarmSettings
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def open_blobs(settings: FarmSettings) -> Blobs:
         return DiskBlobs(settings.blobs_at, settings.reserve_bytes)
     from workers.blobs.s3 import S3Blobs  # boto3 takes a third of a second of processor time to import
 
-    return S3Blobs(s3_options(settings), Copies(settings.copies_at, settings.cache_bytes, settings.reserve_bytes))
+    return S3Blobs(s3_options(settings), LocalCopies(settings.copies_at, settings.cache_bytes, settings.reserve_bytes))
 
 
 def s3_options(settings: FarmSettings) -> S3Options:

@@ -22,7 +22,7 @@ from botocore.exceptions import ClientError
 from pipeline.errors import StorageError
 from workers.blobs.base import Content, Direct
 from workers.blobs.keys import check_key
-from workers.blobs.local_copies import Copies
+from workers.blobs.local_copies import LocalCopies
 from workers.blobs.s3_client import Answer, S3Client, S3Options, as_storage_error, client_for, code_of
 from workers.blobs.s3_direct import S3Direct
 from workers.blobs.verified import check_file
@@ -52,7 +52,7 @@ class S3Blobs:
     """
 
     options: S3Options
-    copies: Copies
+    copies: LocalCopies
 
     def put(self, key: str, data: Content) -> None:
         name = self._name(key)

@@ -34,8 +34,8 @@ _FULL = {"QuotaExceeded", "InsufficientStorage", "InsufficientCapacity", "XMinio
 _REMEDIES = {
     "NoSuchBucket": "Make the bucket, or name another in IMPASTO_BLOB_URL.",
     "AccessDenied": "Let the key list, read, write and delete in the bucket.",
-    "InvalidAccessKeyId": "Mend IMPASTO_S3_ACCESS_KEY.",
-    "SignatureDoesNotMatch": "Mend IMPASTO_S3_ACCESS_KEY and IMPASTO_S3_SECRET_KEY, or the machine's clock.",
+    "InvalidAccessKeyId": "Correct IMPASTO_S3_ACCESS_KEY.",
+    "SignatureDoesNotMatch": "Correct IMPASTO_S3_ACCESS_KEY and IMPASTO_S3_SECRET_KEY, or the machine's clock.",
     "RequestTimeTooSkewed": "Set the machine's clock.",
 }
 

@@ -23,7 +23,7 @@ _MOST = 10_000
 _State = tuple[int, int, int, int]
 
 _lock = threading.Lock()
-_sound: OrderedDict[_State, None] = OrderedDict()
+_intact: OrderedDict[_State, None] = OrderedDict()
 
 
 def hash_of_key(key: str) -> str | None:
@@ -38,25 +38,25 @@ def check_file(key: str, path: Path) -> None:
         return
     state = _state(path)
     with _lock:
-        if state in _sound:
-            _sound.move_to_end(state)
+        if state in _intact:
+            _intact.move_to_end(state)
             return
     with path.open("rb") as file:
         if hashlib.file_digest(file, "sha256").hexdigest() != expected:
             raise damaged(key)
-    trust(key, path, state)
+    mark_intact(key, path, state)
 
 
-def trust(key: str, path: Path, state: _State | None = None) -> None:
+def mark_intact(key: str, path: Path, state: _State | None = None) -> None:
     """Note that the file has the bytes that its key names: they have just been compared, or written."""
     if hash_of_key(key) is not None:
         with _lock, suppress(FileNotFoundError):  # somebody may have deleted it again
-            _sound[state or _state(path)] = None
-            while len(_sound) > _MOST:
-                _sound.popitem(last=False)
+            _intact[state or _state(path)] = None
+            while len(_intact) > _MOST:
+                _intact.popitem(last=False)
 
 
-def is_sound(key: str, pieces: Iterable[bytes]) -> bool:
+def is_intact(key: str, pieces: Iterable[bytes]) -> bool:
     """Whether these are the bytes that the key names."""
     found = hashlib.sha256()
     for piece in pieces:

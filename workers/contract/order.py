@@ -60,7 +60,7 @@ class TaskOrder:
     """Resources of a machine; None: the farm's settings for every task."""
     frames: tuple[int, int] | None = None
     """Piece of the video that is the result, as in the request."""
-    leads: bool = False
+    has_dependents: bool = False
     """Whether later tasks of this step depend on it."""
     on_damage: str = WARN
     """Same values as in `JobRequest`."""
@@ -68,7 +68,7 @@ class TaskOrder:
     """As in `JobRequest`."""
     earlier: EarlierTask | None = None
     """The same task of an earlier job, whose result is used if none of its recorded reads has changed."""
-    traced: bool = False
+    records_reads: bool = False
     """Whether later jobs may use the result: the task records its reads, and artefacts are named after their values."""
     versions: tuple[tuple[str, int], ...] = ()
     """(Name, version) of the job's steps up to this one: see `workers.jobs.plan_versions`."""
@@ -104,7 +104,7 @@ class TaskOutcome:
     """Whether the result was taken from an earlier job's task."""
 
 
-class Tell(Protocol):
+class ProgressReport(Protocol):
     """Reports progress, a few times a second."""
 
     def __call__(self, done: float, preview: str = "") -> None:

@@ -17,7 +17,7 @@ from pipeline.frames import Frame
 from pipeline.methods import parse_params
 from pipeline.methods.base import Method, TaskResult
 from pipeline.quality.report import QualityReport
-from pipeline.video.contact import contact_sheet, poster
+from pipeline.video.contact_sheet import contact_sheet, poster
 from pipeline.video.guard.files import guarded_join
 from pipeline.video.media import Note
 from pipeline.video.reader import VideoReader

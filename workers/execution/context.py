@@ -29,22 +29,22 @@ from pipeline.video.numbering import numbers_of_runs
 from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
-from workers.contract.order import TaskOrder, Tell
+from workers.contract.order import ProgressReport, TaskOrder
 from workers.contract.request import FAIL
 from workers.execution.arrays import read_arrays
+from workers.execution.artefact_handover import ArtefactHandover
 from workers.execution.artefact_writer import ArtefactWriter
 from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmissionSource, EmitError
 from workers.execution.frame_cache import FrameCache
-from workers.execution.handover import Handover
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.pair_recorder import keep_pairs
 from workers.execution.preview_publisher import PreviewPublisher
-from workers.execution.reuse import Reads, RecordedImages, arrays_digest
+from workers.execution.reuse import ReadRecord, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
 from workers.jobs.frame_window import video_info
 from workers.process.heartbeat import current_heartbeat
-from workers.process.log_context import belong
+from workers.process.log_context import set_context
 from workers.process.logs import attempt_facts
 
 Picture = TypeVar("Picture")
@@ -71,7 +71,7 @@ class AttemptContext:
         blobs: Blobs,
         decoders: Decoders,
         scratch: Path,
-        report: Tell,
+        report: ProgressReport,
         cancelled: Callable[[], bool],
     ) -> None:
         self.params = params
@@ -82,7 +82,7 @@ class AttemptContext:
         self.artefacts: dict[str, str] = {}
         self.files: dict[str, tuple[str, str]] = {}
         self.warnings: list[str] = []
-        self.told: list[str] = []
+        self.method_warnings: list[str] = []
         """What the method tells the user."""
         self.damage = InputDamage(order.on_damage == FAIL)
         self._order = order
@@ -108,8 +108,8 @@ class AttemptContext:
         self.opacity_of = "video"
         """The input whose opacity the film gets."""
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
-        self.reads = Reads(order, self._images, {})
-        self.handover: Handover | None = None
+        self.reads = ReadRecord(order, self._images, {})
+        self.handover: ArtefactHandover | None = None
         """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
         self.reads_again = False
         """Whether artefacts stay in the handover for further tasks that read them."""
@@ -248,7 +248,7 @@ class AttemptContext:
     def save(self, name: str, arrays: Arrays) -> None:
         self._beat()
         with self.stages.waiting("store"):
-            digest = f"-{arrays_digest(arrays)}" if self._order.traced else ""
+            digest = f"-{arrays_digest(arrays)}" if self._order.records_reads else ""
             key = self._key(f"{_checked(name)}{digest}.npz")
             copies = None if self.handover is None else self.handover.give(key, arrays)
             self._writer.put(key, arrays if copies is None else copies)
@@ -279,7 +279,7 @@ class AttemptContext:
             self.files[name] = (key, media_type)
 
     def warn(self, message: str) -> None:
-        self.told.append(message)
+        self.method_warnings.append(message)
 
     def wants(self, artefact: str) -> bool:
         self.reads.record(f"wants {artefact}")
@@ -380,7 +380,7 @@ class AttemptContext:
     # -- time
 
     def clock(self, stage: str) -> AbstractContextManager[None]:
-        belong(self._facts)
+        set_context(self._facts)
         self._beat()
         return self.stages.clock(stage)
 
@@ -392,7 +392,7 @@ class AttemptContext:
             self._report(self._done)
 
     def _check_cancelled(self) -> None:
-        belong(self._facts)
+        set_context(self._facts)
         self._beat()
         now = time.monotonic()
         if now - self._last_check < _ASK_EVERY_S:

@@ -50,16 +50,16 @@ class Decoders:
     @contextmanager
     def reader(self, key: str, start: int = 0, options: SourceOptions = DEFAULT_OPTIONS) -> Iterator[GuardedReader]:
         """A reader of the blob, preferably one whose next frame is `start`. Raises KeyError, BadMedia."""
-        borrowed = self._take(key, start, options) or self._open(key, options)
+        borrowed = self._borrow(key, start, options) or self._open(key, options)
         try:
             yield borrowed.reader
         except BaseException as error:
             if not isinstance(error, GeneratorExit):
                 borrowed.exit_stack.close()
                 raise
-            self._give(borrowed)
+            self._give_back(borrowed)
             raise
-        self._give(borrowed)
+        self._give_back(borrowed)
 
     def close(self) -> None:
         with self._lock:
@@ -67,7 +67,7 @@ class Decoders:
         for unused in closing:
             unused.exit_stack.close()
 
-    def _take(self, key: str, start: int, options: SourceOptions) -> _Open | None:
+    def _borrow(self, key: str, start: int, options: SourceOptions) -> _Open | None:
         with self._lock:
             fitting = [o for o in self._idle if o.key == key and o.options == options]
             if not fitting:
@@ -83,7 +83,7 @@ class Decoders:
                 reader = stack.enter_context(GuardedReader(path, self._limits, options))
             return _Open(key, options, reader, stack.pop_all())
 
-    def _give(self, borrowed: _Open) -> None:
+    def _give_back(self, borrowed: _Open) -> None:
         with self._lock:
             self._idle.append(borrowed)
             closing, self._idle = self._idle[: -self._most], self._idle[-self._most :]

@@ -14,7 +14,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods.tasks import Clock, no_clock
-from pipeline.video.contact import fit
+from pipeline.video.contact_sheet import fit
 from pipeline.video.depth import with_opacity
 from pipeline.video.index import Index
 from pipeline.video.stills import encode_jpeg

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from pipeline.frames import Frame
-from pipeline.video.contact import fit
+from pipeline.video.contact_sheet import fit
 from pipeline.video.stills import encode_jpeg
 from workers.blobs.base import Blobs
 

@@ -22,13 +22,13 @@ from pipeline.methods import method, parse_params
 from pipeline.methods.base import AnyParams, Method, Params, Step, Task
 from pipeline.video.guard.decoder_server import start_decoder_server
 from workers.blobs.base import Blobs
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.errors import NotFound, WrongVersion
+from workers.execution.artefact_handover import ArtefactHandover
 from workers.execution.assembly import Assembly
 from workers.execution.context import AttemptContext
 from workers.execution.decoders import Decoders
 from workers.execution.frame_cache import FrameCache
-from workers.execution.handover import Handover
 from workers.execution.result_quality import report_pairs
 from workers.execution.reuse import reused
 from workers.execution.usage import METER
@@ -67,7 +67,7 @@ class Shared:
     closes the decoders."""
 
     decoders: Decoders
-    handover: Handover
+    handover: ArtefactHandover
     frames: FrameCache = field(default_factory=FrameCache)
 
 
@@ -132,7 +132,7 @@ class Renderer:
     def run(
         self,
         order: TaskOrder,
-        report: Tell = lambda done, preview="": None,
+        report: ProgressReport = lambda done, preview="": None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> TaskOutcome:
         """Run one attempt. Errors become part of the outcome; nothing is raised.
@@ -143,7 +143,7 @@ class Renderer:
             cancelled: called about ten times a second; once it returns True, the outcome is `cancelled`.
         """
         with captured(order.job_id, order.task_id, order.attempt_id) as log:
-            outcome, told = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, ""), _Told(report)
+            outcome, told = TaskOutcome(order.attempt_id, {}, {}, {}, None, {}, ""), _LatestReport(report)
             _LOG.info("step %s, task %s", order.step, order.key)
             try:
                 with METER.attempt() as usage, heartbeats(told.repeat):
@@ -156,7 +156,7 @@ class Renderer:
                 outcome = replace(outcome, fault=fault_from(error))
             return _with_log(outcome, log)
 
-    def _run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def _run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         with self._folder() as folder:
             chosen = self._find(order.method)
             params = None if order.step == ASSEMBLE else parse_params(chosen, order.params)
@@ -199,9 +199,9 @@ class Renderer:
             _LOG.warning("%s", warning)
         outcome = TaskOutcome(
             order.attempt_id, result, context.artefacts, context.files, segment, context.stages.seconds(), "",
-            warnings=(*context.damage.warnings(), *map(method_warning, context.told)),
+            warnings=(*context.damage.warnings(), *map(method_warning, context.method_warnings)),
         )  # fmt: skip
-        return replace(outcome, trace=context.reads.outcome(outcome)) if order.traced else outcome
+        return replace(outcome, trace=context.reads.outcome(outcome)) if order.records_reads else outcome
 
     def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
         chosen = self._find(order.method)
@@ -224,10 +224,10 @@ class Renderer:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-class _Told:
+class _LatestReport:
     """Passes progress on, and repeats the last one as a heartbeat."""
 
-    def __init__(self, report: Tell) -> None:
+    def __init__(self, report: ProgressReport) -> None:
         self._report, self._done = report, 0.0
 
     def __call__(self, done: float, preview: str = "") -> None:
@@ -248,7 +248,7 @@ def _step_of(chosen: Method, params: Params, name: str) -> Step[AnyParams]:
     for step in chosen.steps_of(params):
         if step.name == name:
             return step
-    raise BadParameter(f"The method {chosen.name!r} has no such step.", field="step", value=name)
+    raise BadParameter(f"The method {chosen.name!r} has no step of this name.", field="step", value=name)
 
 
 def _log_failure(order: TaskOrder, error: Exception) -> None:

@@ -13,7 +13,7 @@ from pipeline.methods.local import Input, LocalContext, run_plan
 from pipeline.quality.palette import PictureColours
 from pipeline.quality.report import FramePair, QualityReport
 from pipeline.quality.sampling import SampleSize, affordable_sample, job_pairs
-from pipeline.video.contact import SHEET_TILE_PX, fit, sheet_frames
+from pipeline.video.contact_sheet import SHEET_TILE_PX, fit, sheet_frames
 from pipeline.video.reader import VideoReader
 from workers.blobs.base import Blobs
 from workers.contract.order import TaskOrder
@@ -116,7 +116,9 @@ class ResultQuality:
 
     def _context(self, number: int, params: AnyParams) -> AttemptContext:
         order = replace(self._order, frames=(number, number + 1))
-        return AttemptContext(order, params, self._blobs, self._decoders, self._scratch, _untold, lambda: False)
+        return AttemptContext(
+            order, params, self._blobs, self._decoders, self._scratch, _ignore_progress, lambda: False
+        )
 
     def _palette(self, params: AnyParams) -> PictureColours | None:
         """Colours of the input that the method names as the source of colours, if it is given."""
@@ -128,5 +130,5 @@ class ResultQuality:
         return None if picture is None else PictureColours(picture)
 
 
-def _untold(done: float, preview: str = "") -> None:
+def _ignore_progress(done: float, preview: str = "") -> None:
     """Progress function for frames that are painted alone; does nothing."""

@@ -63,7 +63,7 @@ Images = Callable[[str], Mapping[int, AnyArray]]
 
 
 @dataclass
-class Reads:
+class ReadRecord:
     """The reads of a task so far.
 
     Attributes:
@@ -119,7 +119,7 @@ class RecordedImages(Mapping[int, AnyArray]):
 
     name: str
     images: Mapping[int, AnyArray]
-    reads: Reads
+    reads: ReadRecord
 
     def __getitem__(self, frame: int) -> AnyArray:
         image = self.images[frame] if frame in self else None
@@ -142,7 +142,7 @@ class RecordedImages(Mapping[int, AnyArray]):
         return len(self.images)
 
 
-def reused(reads: Reads, earlier: EarlierTask, blobs: Blobs) -> TaskOutcome | None:
+def reused(reads: ReadRecord, earlier: EarlierTask, blobs: Blobs) -> TaskOutcome | None:
     """The outcome of the same task of an earlier job if this task would give the same; None if it must run."""
     trace, order = earlier.trace, reads.order
     if trace["signature"] != signature(order):

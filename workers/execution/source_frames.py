@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.video.contact import fit
+from pipeline.video.contact_sheet import fit
 from pipeline.video.stills import encode_jpeg
 from workers.blobs.base import Blobs
 from workers.contract.record import Asset, asset_key

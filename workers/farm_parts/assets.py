@@ -9,13 +9,13 @@ from pathlib import Path
 
 from pipeline.video.media import Limits, MediaInfo
 from workers.blobs.base import Blobs
-from workers.blobs.verified import is_sound
+from workers.blobs.verified import is_intact
 from workers.contract.record import ANY_OWNER, AnyOwner, Asset, Page, asset_key
 from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.execution.source_frames import SourceFrames
 from workers.farm_parts.stored_file import StoredFile, asset_file
-from workers.operations import Violation
+from workers.operator_views import Violation
 from workers.store import Store
 
 Probe = Callable[[Path, Limits], MediaInfo]
@@ -72,7 +72,7 @@ class FarmAssets:
     def _is_stored(self, key: str) -> bool:
         """Whether the undamaged bytes are stored; else an upload stores them."""
         try:
-            return is_sound(key, self._blobs.read(key))
+            return is_intact(key, self._blobs.read(key))
         except KeyError:
             return False
 

@@ -26,8 +26,8 @@ from workers.jobs.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from
 from workers.previews.service import PreviewService
 from workers.previews.single import PreviewAsk, PreviewJob
 from workers.process.log_context import log_extra
+from workers.scheduling.check_request import check_request
 from workers.scheduling.garbage_collector import GarbageCollector
-from workers.scheduling.requests import check_request
 from workers.store import Store
 from workers.store.bulk import Refused
 from workers.store.queue_position import MethodAhead
@@ -117,7 +117,10 @@ class FarmJobs:
             with suppress(NotFound):
                 return self._store.assets.get(asset_id, owner)
         raise NotFound(
-            "The owner of the job has no such asset.", field=f"inputs.{name}", value=asset_id, remedy="Upload it first."
+            "Asset not found among those of the job's owner.",
+            field=f"inputs.{name}",
+            value=asset_id,
+            remedy="Upload it first.",
         )
 
     def get(self, job_id: str) -> Job:

@@ -26,7 +26,7 @@ STARTS, START_SPREAD = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0), 1.0
 """Start-up terms that are tried, as numbers of frames, and the standard deviation of the logarithm of 1 + s."""
 
 
-class Work(NamedTuple):
+class TaskAmount(NamedTuple):
     """Amount of work of a job."""
 
     frames: int
@@ -42,12 +42,12 @@ class CostModel:
     start: float
     growth: float
 
-    def of(self, work: Work) -> float:
+    def of(self, work: TaskAmount) -> float:
         """Time that the work takes, seconds."""
         return exp(self.level + _shape(work, self.start, self.growth))
 
 
-def fitted(measured: Sequence[tuple[Work, float]], expected_growth: float) -> CostModel:
+def fitted(measured: Sequence[tuple[TaskAmount, float]], expected_growth: float) -> CostModel:
     """The most probable model.
 
     Args:
@@ -63,16 +63,16 @@ def fitted(measured: Sequence[tuple[Work, float]], expected_growth: float) -> Co
     return min(models, key=improbability)
 
 
-def _misfit(measured: Sequence[tuple[Work, float]], model: CostModel) -> float:
+def _misfit(measured: Sequence[tuple[TaskAmount, float]], model: CostModel) -> float:
     return sum(((log(max(seconds, 1e-6)) - log(model.of(work))) / NOISE) ** 2 for work, seconds in measured)
 
 
-def _with(measured: Sequence[tuple[Work, float]], start: float, growth: float) -> CostModel:
+def _with(measured: Sequence[tuple[TaskAmount, float]], start: float, growth: float) -> CostModel:
     """The model with this start-up term and exponent, and the factor c that fits best."""
     differences = [log(max(seconds, 1e-6)) - _shape(work, start, growth) for work, seconds in measured]
     return CostModel(sum(differences) / len(differences), start, growth)
 
 
-def _shape(work: Work, start: float, growth: float) -> float:
+def _shape(work: TaskAmount, start: float, growth: float) -> float:
     """Logarithm of the time without the factor c."""
     return log(start + work.frames) + growth * log(work.pixels / 1e6)

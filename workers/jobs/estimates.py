@@ -14,7 +14,7 @@ from pipeline.methods.layers import LAYERS
 from workers.contract.record import Asset, Job
 from workers.contract.request import JobRequest, Json
 from workers.errors import NotFound
-from workers.jobs.cost_fit import Work, fitted
+from workers.jobs.cost_fit import TaskAmount, fitted
 from workers.jobs.frame_window import video_info, window_info
 
 SAMPLES = 20
@@ -120,10 +120,10 @@ def estimate_from(request: JobRequest, info: Json | None, history: Sequence[Meas
     if not nearest:
         cpu_s = round(STARTED_S + method(request.method).cpu_s_per_megapixel * work / 1e6, 2)
         return Estimate(frames, cpu_s, 0, cpu_s, _declared_memory(request, info), disk)
-    asked = Work(frames, pixels)
+    asked = TaskAmount(frames, pixels)
     growth = method(request.method).cpu_growth
-    seconds = fitted([(Work(each.frames, each.pixels), each.seconds) for each in nearest], growth).of(asked)
-    cpu = [(Work(each.frames, each.pixels), each.cpu_s) for each in nearest if each.cpu_s]
+    seconds = fitted([(TaskAmount(each.frames, each.pixels), each.seconds) for each in nearest], growth).of(asked)
+    cpu = [(TaskAmount(each.frames, each.pixels), each.cpu_s) for each in nearest if each.cpu_s]
     peak = max(each.peak_bytes for each in nearest)
     return Estimate(
         frames, round(seconds, 1), len(nearest), round(fitted(cpu, growth).of(asked), 2) if cpu else None,

@@ -54,9 +54,7 @@ def check_source(source: SourceOptions, info: Json | None) -> None:
     """
     if source.fields not in get_args(Fields):
         remedy = f"Use one of: {', '.join(get_args(Fields))}."
-        raise BadParameter(
-            "There is no such order of fields.", field="source.fields", value=source.fields, remedy=remedy
-        )
+        raise BadParameter("Order of fields not found.", field="source.fields", value=source.fields, remedy=remedy)
     if source.picture is not None and info is not None:
         stream_info(info, source.picture)
     count = None if info is None else info.get("sounds")

@@ -30,7 +30,7 @@ A job that another version of the program has planned goes back to the first ste
 (`Replanned`); the tasks of that step and the later ones are planned again.
 
 Steps run one after the other: a step is planned once every task of the step before it is done. The last step of every
-job is the platform's own (`ASSEMBLE`). A job that is `doomed` (a task has failed permanently) starts nothing new, lets
+job is the platform's own (`ASSEMBLE`). A job that is `failing` (a task has failed permanently) starts nothing new, lets
 running attempts end, because their results are kept, and then fails. Pausing, too, lets running attempts end.
 
 The machine depends on the current step only: all tasks of earlier steps have succeeded, and later steps have no tasks
@@ -150,7 +150,7 @@ class JobSnapshot:
     """Number of steps, the platform's own among them."""
     planned: bool = False
     """Whether the tasks of the current step exist."""
-    doomed: bool = False
+    failing: bool = False
     """Whether a task has failed permanently since the job was last started; then no task starts."""
     counts: Counts = Counts()
 
@@ -197,8 +197,8 @@ def _settle(job: JobSnapshot) -> tuple[JobSnapshot, Effects]:
         if job.step == job.steps - 1:
             return replace(job, run=RunState.SUCCEEDED), ()
         return replace(job, step=job.step + 1, planned=False, counts=Counts()), ()
-    if (counts.failed or counts.cancelled) and (job.doomed or not counts.ready):
-        return replace(job, run=RunState.FAILED if counts.failed else RunState.CANCELLED, doomed=False), ()
+    if (counts.failed or counts.cancelled) and (job.failing or not counts.ready):
+        return replace(job, run=RunState.FAILED if counts.failed else RunState.CANCELLED, failing=False), ()
     return job, ()
 
 
@@ -218,13 +218,13 @@ def _plan_failed(state: State, event: PlanFailed) -> tuple[State, Effects]:
 def _replanned(state: State, event: Replanned) -> tuple[State, Effects]:
     job = state.job
     _require(not job.run.final and not job.counts.running, "The job has ended, or tasks of it run.", job.run)
-    back = replace(job, step=event.step, steps=event.steps, planned=False, doomed=False, counts=Counts())
+    back = replace(job, step=event.step, steps=event.steps, planned=False, failing=False, counts=Counts())
     return replace(state, job=back), ()
 
 
 def _claimed(state: State, event: Claimed) -> tuple[State, Effects]:
     job = state.job
-    _require(job.run in (RunState.QUEUED, RunState.RUNNING) and not job.doomed, "The job starts nothing now.", job.run)
+    _require(job.run in (RunState.QUEUED, RunState.RUNNING) and not job.failing, "The job starts nothing now.", job.run)
     moved = _move(state, TaskState.READY, TaskState.RUNNING)
     return replace(moved, job=replace(moved.job, run=RunState.RUNNING)), ()
 
@@ -260,7 +260,7 @@ def _interrupted(state: State, event: Interrupted) -> tuple[State, Effects]:
 
 def _give_up(state: State, fault: Fault) -> tuple[State, Effects]:
     moved = _move(state, TaskState.RUNNING, TaskState.FAILED)
-    return replace(moved, job=replace(moved.job, doomed=True)), (SetError(fault),)
+    return replace(moved, job=replace(moved.job, failing=True)), (SetError(fault),)
 
 
 def _released(state: State, event: Released) -> tuple[State, Effects]:
@@ -287,7 +287,7 @@ def _cancel(state: State, event: Cancel) -> tuple[State, Effects]:
     counts = job.counts
     for open_state in (TaskState.WAITING, TaskState.READY, TaskState.RUNNING):
         counts = counts.moved(open_state, TaskState.CANCELLED, getattr(job.counts, open_state.value))
-    return replace(state, job=replace(job, run=RunState.CANCELLED, doomed=False, counts=counts)), (CancelTasks(),)
+    return replace(state, job=replace(job, run=RunState.CANCELLED, failing=False, counts=counts)), (CancelTasks(),)
 
 
 def _retry(state: State, event: Retry) -> tuple[State, Effects]:
@@ -316,7 +316,7 @@ def _requeue(state: State, event: Requeue) -> tuple[State, Effects]:
 
 def _reopened(job: JobSnapshot, counts: Counts) -> JobSnapshot:
     """The job continues: queued again if it had ended, else unchanged."""
-    return replace(job, run=RunState.QUEUED if job.run.final else job.run, doomed=False, counts=counts)
+    return replace(job, run=RunState.QUEUED if job.run.final else job.run, failing=False, counts=counts)
 
 
 def _move(state: State, old: TaskState, new: TaskState) -> State:

@@ -19,7 +19,15 @@ from queue import SimpleQueue
 from typing import Any, Protocol
 
 from pipeline.video.guard.wire import HEADER, ConnectionBroken, Message, lengths, parsed, receive
-from workers.live.messages import ANALYZED, error_of, of_error, of_painted, of_work, painted_of, work_of
+from workers.live.messages import (
+    ANALYZED,
+    decode_error,
+    decode_frame,
+    decode_request,
+    encode_error,
+    encode_frame,
+    encode_request,
+)
 from workers.live.model import FrameRequest, RenderedFrame
 from workers.live.worker import LiveWorkerLost
 
@@ -70,16 +78,16 @@ class LiveWorkerServer:
             except OSError:
                 return
             with wire:
-                self._attend(wire)
+                self._handle_connection(wire)
 
-    def _attend(self, wire: socket.socket) -> None:
+    def _handle_connection(self, wire: socket.socket) -> None:
         try:
-            if self._greet(wire):
+            if self._handshake(wire):
                 self._analyze(wire)
         except (OSError, ConnectionBroken):
             return
 
-    def _greet(self, wire: socket.socket) -> bool:
+    def _handshake(self, wire: socket.socket) -> bool:
         wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         wire.settimeout(GREET_S)
         received = b""
@@ -96,7 +104,7 @@ class LiveWorkerServer:
         painting.start()
         try:
             while True:
-                work = work_of(*receive(wire))
+                work = decode_request(*receive(wire))
                 tickets.put(True)
                 self._painter.analyze(work)
                 _send(wire, sending, ANALYZED)
@@ -107,9 +115,9 @@ class LiveWorkerServer:
     def _paint(self, wire: socket.socket, sending: threading.Lock, tickets: SimpleQueue[bool]) -> None:
         while tickets.get():
             try:
-                answer = of_painted(self._painter.paint())
+                answer = encode_frame(self._painter.paint())
             except Exception as error:
-                answer = of_error(error)
+                answer = encode_error(error)
             with contextlib.suppress(OSError):  # no caller waits for it any more
                 _send(wire, sending, answer)
 
@@ -151,7 +159,7 @@ class LiveWorkerClient:
         if self._lost:
             self._lose()
         else:
-            self._writer.write(of_work(work))
+            self._writer.write(encode_request(work))
         return analyzed
 
     def paint(self) -> Future[RenderedFrame]:
@@ -177,9 +185,9 @@ class LiveWorkerClient:
         if "analyzed" in answer:
             _end(self._analyses.popleft(), None)
         elif "error" in answer:
-            _end(self._paints.popleft(), error_of(answer))
+            _end(self._paints.popleft(), decode_error(answer))
         else:
-            _end(self._paints.popleft(), painted_of(answer, data))
+            _end(self._paints.popleft(), decode_frame(answer, data))
 
     def _lose(self) -> None:
         """Fail every pending call."""

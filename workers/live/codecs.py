@@ -216,7 +216,7 @@ def _describe(context: VideoCodecContext, size: Size, fps: float, matrix: Colors
 def _same_size(found: Size, announced: Size) -> None:
     if found != announced:
         raise BadFrame(
-            "The picture has not the size that its header says.",
+            "The size of the picture differs from its header.",
             field="payload", value=f"{found[0]}x{found[1]} instead of {announced[0]}x{announced[1]}",
             remedy="Put the picture's width and height into the header.",
         )  # fmt: skip

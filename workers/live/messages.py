@@ -13,7 +13,7 @@ ANALYZED = packed({"analyzed": True})
 _KINDS = {kind.__name__: kind for kind in vars(errors).values() if isinstance(kind, type)}
 
 
-def of_work(work: FrameRequest) -> bytes:
+def encode_request(work: FrameRequest) -> bytes:
     message = {
         "payloads": [len(payload) for payload in work.payloads],
         "size": work.size,
@@ -23,21 +23,21 @@ def of_work(work: FrameRequest) -> bytes:
     return packed(message, b"".join(work.payloads))
 
 
-def work_of(message: Message, data: bytes) -> FrameRequest:
+def decode_request(message: Message, data: bytes) -> FrameRequest:
     bounds = pairwise(accumulate(message["payloads"], initial=0))
     payloads = tuple(data[begin:end] for begin, end in bounds)
     return FrameRequest(payloads, tuple(message["size"]), tuple(message["work_size"]), message["key"])
 
 
-def of_painted(painted: RenderedFrame) -> bytes:
+def encode_frame(painted: RenderedFrame) -> bytes:
     return packed({"size": painted.size, "key": painted.key, "stages_s": dict(painted.stages_s)}, painted.data)
 
 
-def painted_of(message: Message, data: bytes) -> RenderedFrame:
+def decode_frame(message: Message, data: bytes) -> RenderedFrame:
     return RenderedFrame(data, tuple(message["size"]), message["key"], message["stages_s"])
 
 
-def of_error(error: Exception) -> bytes:
+def encode_error(error: Exception) -> bytes:
     """Errors of this package are sent with all their fields; of other errors, the class name and the message."""
     if not isinstance(error, ImpastoError):
         return packed({"error": "", "message": f"{type(error).__name__}: {error}"})
@@ -45,7 +45,7 @@ def of_error(error: Exception) -> bytes:
     return packed({"error": type(error).__name__, **parts})
 
 
-def error_of(message: Message) -> Exception:
+def decode_error(message: Message) -> Exception:
     if not message["error"]:
         return RuntimeError(message["message"])
     kind = _KINDS.get(message["error"], ImpastoError)

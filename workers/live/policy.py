@@ -24,7 +24,7 @@ MAX_BUILT_ON_BYTES = 8 << 20
 
 
 @dataclass(frozen=True)
-class Start:
+class StageStart:
     """Begin `packets[-1]`; the other packets are only decoded."""
 
     packets: tuple[Packet, ...]
@@ -102,7 +102,7 @@ class FramePolicy:
         asked, self._asked = self._asked, True
         return not asked
 
-    def start(self) -> Start | None:
+    def start(self) -> StageStart | None:
         """Begin the analysis of a frame and return it; None: no frame may begin now."""
         if (
             self.suspended
@@ -112,12 +112,12 @@ class FramePolicy:
             or len(self._painting) > (not self.alone)
         ):
             return None
-        begun = Start(tuple(self._waiting))
+        begun = StageStart(tuple(self._waiting))
         self._waiting.clear()
         self._analyzing = begun.frame
         return begun
 
-    def analyzed(self, begun: Start) -> None:
+    def analyzed(self, begun: StageStart) -> None:
         """The analysis of a frame is done. No effect if the frame has been lost or finished since."""
         if self._analyzing is begun.frame:
             self._painting.append(begun.frame)

@@ -159,7 +159,7 @@ class ResolutionLadder:
     """Time at which the present size was chosen."""
     _fails: list[int] = field(default_factory=lambda: [0] * len(SCALES))
     """Failed steps up, by the rung that was tried."""
-    _rose_s: float | None = None
+    _stepped_up_s: float | None = None
     why: SizeReason = SizeReason()
     """Reason for the present size."""
 
@@ -186,13 +186,13 @@ class ResolutionLadder:
             return None
         if self._slow(now_s, period_s):
             self.why = SizeReason("slow", self._tail_s(now_s), deadline_s(period_s))
-            return self._fall(now_s, period_s)
+            return self._step_down(now_s, period_s)
         if self._has_spare_time(now_s, period_s):
             self.why = SizeReason("room", self._tail_s(now_s), deadline_s(period_s))
-            return self._rise(now_s)
+            return self._step_up(now_s)
         return None
 
-    def hurried(self, now_s: float, period_s: float) -> bool:
+    def is_behind(self, now_s: float, period_s: float) -> bool:
         """Whether the next frame must start before this one is painted to keep the rate; False until enough frames are
         measured."""
         costs = [sample.cost.whole_s for sample in self._samples if sample.at_s >= now_s - RECENT_S]
@@ -237,7 +237,7 @@ class ResolutionLadder:
         if now_s - self._since_s < fitting_s:
             return False
         growth = SCALES[self.rung - 1] / self.scale
-        usual = self._usual(0.75, now_s)
+        usual = self._frame_cost_quantile(0.75, now_s)
         return usual.at(growth).fits(period_s) and self._tail_s(now_s) * growth <= AIM * deadline_s(period_s)
 
     def _tail_s(self, now_s: float) -> float:
@@ -245,31 +245,31 @@ class ResolutionLadder:
         latest = sorted(sample.latency_s for sample in self._samples if sample.at_s >= now_s - FITTING_S)
         return latest[int(TAIL * (len(latest) - 1))]
 
-    def _usual(self, part: float, now_s: float) -> FrameCost:
+    def _frame_cost_quantile(self, part: float, now_s: float) -> FrameCost:
         """The quantile `part` of the latest frame times."""
         latest = [sample.cost for sample in self._samples if sample.at_s >= now_s - FITTING_S]
         costs = sorted(latest, key=lambda cost: cost.whole_s)
         return costs[int(part * (len(costs) - 1))]
 
-    def _fall(self, now_s: float, period_s: float) -> Reason:
-        lasted_s = STABLE_S if self._rose_s is None else now_s - self._rose_s
+    def _step_down(self, now_s: float, period_s: float) -> Reason:
+        lasted_s = STABLE_S if self._stepped_up_s is None else now_s - self._stepped_up_s
         self._fails[self.rung] += lasted_s < STABLE_S
         self.rung = self.rung + 1 if lasted_s < STABLE_S else self._fitting(now_s, period_s)
-        self._rose_s = None
+        self._stepped_up_s = None
         self._measure_anew(now_s)
         return "slow"
 
     def _fitting(self, now_s: float, period_s: float) -> int:
         """The highest lower rung at which frames are expected to meet the deadline."""
-        usual = self._usual(0.5, now_s)
+        usual = self._frame_cost_quantile(0.5, now_s)
         below = range(self.rung + 1, len(SCALES))
         return next((r for r in below if usual.at(SCALES[r] / self.scale).fits(period_s)), len(SCALES) - 1)
 
-    def _rise(self, now_s: float) -> Reason:
-        if self._rose_s is not None and now_s - self._rose_s > STABLE_S:
+    def _step_up(self, now_s: float) -> Reason:
+        if self._stepped_up_s is not None and now_s - self._stepped_up_s > STABLE_S:
             self._fails = [0] * len(SCALES)
         self.rung -= 1
-        self._rose_s = now_s
+        self._stepped_up_s = now_s
         self._measure_anew(now_s)
         return "room"
 

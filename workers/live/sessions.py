@@ -107,7 +107,7 @@ class LiveSessions:
         if not self.free or not allowed:
             held = f"You have {own} of {self.capacity} live sessions, and the rest is reserved for others."
             raise NoLiveWorker(
-                held if self.free else f"All {self.capacity} live sessions are taken.",
+                held if self.free else f"All {self.capacity} live sessions are in use.",
                 retry_after_s=RETRY_AFTER_S,
                 remedy=f"End one, or try again in {RETRY_AFTER_S:g} s.",
             )

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from workers.contract.request import Json
 from workers.live.codecs import BUILT_ON
 from workers.live.model import FrameRequest, LiveOrder, Packet, RenderedFrame, Size, WireFormat
-from workers.live.policy import FramePolicy, Start
+from workers.live.policy import FramePolicy, StageStart
 from workers.live.resolution import FrameCost, FrameRateMeter, ResolutionLadder, SizeReason, scaled
 from workers.live.statistics import FrameStatistics
 from workers.live.worker import LiveWorker, LiveWorkerLost, LiveWorkers, NoLiveWorker
@@ -234,14 +234,14 @@ class Stream:
         if (start := self._policy.start()) is not None:
             self._newest = self._spawn(self._paint(start, self._work(start), self._newest))
 
-    def _work(self, start: Start) -> FrameRequest:
+    def _work(self, start: StageStart) -> FrameRequest:
         if start.frame.size != self._input_size:
             self._input_size, self._ladder.why = start.frame.size, SizeReason()
             self._ladder.restart()
         key, self._key_wanted = self._key_wanted, False
         return FrameRequest(tuple(packet.data for packet in start.packets), start.frame.size, self.size, key)
 
-    async def _paint(self, start: Start, work: FrameRequest, before: asyncio.Task[None] | None) -> None:
+    async def _paint(self, start: StageStart, work: FrameRequest, before: asyncio.Task[None] | None) -> None:
         """Process a frame from its analysis to its answer. It waits for the task `before`, so that answers keep the
         order of frames."""
         began, rung, worker = self._clock(), self._ladder.rung, self._open_worker()
@@ -260,7 +260,7 @@ class Stream:
                 return  # already counted as lost with its worker
             self._finished(Answer(start.frame, painted, began - start.frame.at_s), work.work_size, rung)
 
-    def _analyzed(self, done: asyncio.Future[None], start: Start) -> None:
+    def _analyzed(self, done: asyncio.Future[None], start: StageStart) -> None:
         if done.cancelled() or done.exception() is not None:
             return  # `paint` reports the same error
         self._policy.analyzed(start)
@@ -279,7 +279,7 @@ class Stream:
     def _measure(self, answer: Answer, rung: int) -> None:
         now, cost = self._clock(), FrameCost.of(answer.painted.stages_s)
         self._ladder.painted(now, self._pace.period_s, now - answer.packet.at_s, cost, rung)
-        self._policy.alone = not self._ladder.hurried(now, self._pace.period_s)
+        self._policy.alone = not self._ladder.is_behind(now, self._pace.period_s)
 
     def _show(self, size: Size) -> None:
         """Announce another size of answers before the first answer of that size."""
@@ -310,7 +310,7 @@ class Stream:
         try:
             return await asyncio.wait_for(one(), WORKER_WITHIN_S)
         except TimeoutError:
-            raise NoLiveWorker("No live worker got ready in time.", remedy="Try again in a minute.") from None
+            raise NoLiveWorker("No live worker was ready in time.", remedy="Try again in a minute.") from None
 
     def _lose(self, worker: LiveWorker, reason: str) -> None:
         """The worker has died: drop its frames and take a new worker. Called once by each of its frames."""

@@ -49,7 +49,7 @@ class _RenderActor:
             The outcome; and the artefacts that other tasks of the step will load: blob key -> (reference, number of
             bytes).
         """
-        self._cache.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.leads)
+        self._cache.begin({key: partial(_fetch, reference) for key, reference in given.items()}, order.has_dependents)
         outcome = self._monitor.run(self._runner, order)
         return outcome, {key: (ray.put(data), len(data)) for key, data in self._cache.end().items()}
 

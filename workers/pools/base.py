@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from workers.contract.order import TaskOrder, TaskOutcome
-from workers.operations import Slot
+from workers.operator_views import Slot
 
 
 @dataclass(frozen=True)

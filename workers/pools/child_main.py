@@ -13,10 +13,10 @@ from multiprocessing.connection import Connection
 from pipeline.video.guard.decoder_server import adopt_decoder_server
 from workers.blobs.base import Blobs
 from workers.contract.order import TaskOrder
+from workers.execution.artefact_handover import ArtefactHandover
 from workers.execution.decoders import Decoders
-from workers.execution.handover import Handover
 from workers.execution.renderer import Renderer, Shared
-from workers.pools.child_runner import Cancel, Progress, WarmUp
+from workers.pools.child_runner import CancelMessage, Progress, WarmUp
 from workers.pools.local_pool import TaskRunner
 from workers.process.free_memory import keep_free_memory, limit_free_memory
 from workers.process.logs import set_up_logs
@@ -55,7 +55,7 @@ def child_renderer(settings: FarmSettings, blobs: Blobs, overview: bool, one_job
         keep_free_memory()
     else:
         limit_free_memory()
-    return Renderer(blobs, settings.scratch, overview=overview, shared=Shared(Decoders(blobs), Handover()))
+    return Renderer(blobs, settings.scratch, overview=overview, shared=Shared(Decoders(blobs), ArtefactHandover()))
 
 
 class _Child:
@@ -78,7 +78,7 @@ class _Child:
         try:
             while True:
                 message = self._wire.recv()
-                if isinstance(message, Cancel):
+                if isinstance(message, CancelMessage):
                     self._cancelled = message.attempt_id
                 elif isinstance(message, WarmUp):
                     warm_up = partial(self._runner.warm_up, lambda: False)

@@ -20,7 +20,7 @@ from pathlib import Path
 import workers
 from pipeline.errors import Cancelled, ImpastoError
 from pipeline.video.guard.decoder_server import share_decoder_server
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.pools.local_pool import TaskRunner
 
 _ROOT = Path(workers.__file__).parent.parent
@@ -46,7 +46,7 @@ class ChildDied(ImpastoError):
 
 
 @dataclass(frozen=True)
-class Cancel:
+class CancelMessage:
     """Message to the child: stop this attempt, if it still runs."""
 
     attempt_id: str
@@ -59,7 +59,7 @@ class WarmUp:
 
 @dataclass(frozen=True)
 class Progress:
-    """Message of the child: see `workers.pools.base.Tell`."""
+    """Message of the child: see `workers.pools.base.ProgressReport`."""
 
     done: float
     preview: str
@@ -108,7 +108,7 @@ class ChildRunner:
         """Process id of the child."""
         return self._process.pid
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome:
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome:
         """Run one attempt; arguments as for `workers.execution.renderer.Renderer.run`. Raises ChildDied, Cancelled."""
         if self._process.poll() is not None:  # it has died between two orders
             self.close()
@@ -118,7 +118,7 @@ class ChildRunner:
             self._send(order)
             while True:
                 if kill_at is None and cancelled():
-                    self._send(Cancel(order.attempt_id))
+                    self._send(CancelMessage(order.attempt_id))
                     kill_at = time.monotonic() + CANCEL_S
                 if kill_at is not None and time.monotonic() > kill_at:
                     self.close()

@@ -19,10 +19,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from pipeline.methods import method
-from workers.contract.order import TaskOrder, TaskOutcome, Tell
+from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.faults import failed_outcome
 from workers.jobs.state_machine import ASSEMBLE
-from workers.operations import Slot
+from workers.operator_views import Slot
 from workers.pools.base import Report
 from workers.pools.machine import Machine
 from workers.process.starting import WARM_UP_THREAD
@@ -41,7 +41,7 @@ Listen = Callable[[Report], None]
 class TaskRunner(Protocol):
     """Runs one order at a time, as `workers.execution.renderer.Renderer` does."""
 
-    def run(self, order: TaskOrder, report: Tell, cancelled: Callable[[], bool]) -> TaskOutcome: ...
+    def run(self, order: TaskOrder, report: ProgressReport, cancelled: Callable[[], bool]) -> TaskOutcome: ...
 
     def close(self) -> None: ...
 
@@ -60,7 +60,7 @@ class TaskRunner(Protocol):
 
 
 @dataclass(order=True)
-class _Worker:
+class _SlotThread:
     """A thread that runs orders one after another."""
 
     number: int
@@ -110,12 +110,12 @@ class LocalPool:
         self._make_runner, self._close, self._warm_up = make_runner, close, warm_up
         self._machine, self._task_memory_bytes = machine, task_memory_bytes
         self._waiting: deque[TaskOrder] = deque()
-        self._idle: list[_Worker] = []
+        self._idle: list[_SlotThread] = []
         """Idle workers in the order in which they get orders."""
         self._stops: dict[str, threading.Event] = {}
-        self._busy: dict[str, _Worker] = {}
+        self._busy: dict[str, _SlotThread] = {}
         self._lock = threading.Lock()
-        self._workers: list[_Worker] = []
+        self._workers: list[_SlotThread] = []
         self._stopping = threading.Event()
         self._first_made = threading.Event()
         """Set when the first worker has its runner."""
@@ -134,12 +134,12 @@ class LocalPool:
         self._drained = self._node in nodes
 
     def slots(self) -> tuple[Slot, ...]:
-        return tuple(Slot(_Worker(number).name, self._node) for number in range(self.capacity))
+        return tuple(Slot(_SlotThread(number).name, self._node) for number in range(self.capacity))
 
     def start(self, listen: Listen) -> None:
         self._listen = listen
         with self._lock:
-            self._add_worker()
+            self._add_slot()
         self._warming.start()
 
     def submit(self, order: TaskOrder) -> None:
@@ -154,9 +154,9 @@ class LocalPool:
                 return
             self._waiting.append(order)
             if len(self._workers) < self.capacity:
-                self._add_worker()
+                self._add_slot()
 
-    def _take_idle(self, order: TaskOrder) -> _Worker:
+    def _take_idle(self, order: TaskOrder) -> _SlotThread:
         """An idle worker, preferably one whose process has made an artefact that the order loads."""
         makers = {key.rpartition("/")[0].rpartition("/")[2] for key in order.artefacts.values()}
         chosen = next((worker for worker in self._idle if worker.last_attempt in makers), self._idle[0])
@@ -213,15 +213,15 @@ class LocalPool:
         if runner is not None:
             runner.warm_up(self._stopping.is_set)
 
-    def _add_worker(self) -> None:
+    def _add_slot(self) -> None:
         """Start a worker, which takes orders once its runner is made. The caller has the lock."""
         numbers = {worker.number for worker in self._workers}
-        worker = _Worker(next(number for number in range(self.capacity) if number not in numbers))
+        worker = _SlotThread(next(number for number in range(self.capacity) if number not in numbers))
         self._workers.append(worker)
         worker.thread = threading.Thread(target=self._work, args=(worker,), name=worker.name, daemon=True)
         worker.thread.start()
 
-    def _offer(self, worker: _Worker) -> None:
+    def _offer(self, worker: _SlotThread) -> None:
         """Give a worker the next order that waits, or make it idle."""
         with self._lock:
             if self._waiting:
@@ -229,7 +229,7 @@ class LocalPool:
             else:
                 insort(self._idle, worker)
 
-    def _work(self, worker: _Worker) -> None:
+    def _work(self, worker: _SlotThread) -> None:
         try:
             worker.runner = self._make_runner(worker.number)
         except Exception:  # the first order will report it
@@ -243,7 +243,7 @@ class LocalPool:
         if worker.runner is not None:
             worker.runner.close()
 
-    def _next_order(self, worker: _Worker) -> TaskOrder | None:
+    def _next_order(self, worker: _SlotThread) -> TaskOrder | None:
         """Wait for the next order. None: the worker shall end, because the pool ends or the worker was idle for
         long."""
         try:
@@ -256,7 +256,7 @@ class LocalPool:
                 self._workers.remove(worker)
             return None
 
-    def _run(self, order: TaskOrder, worker: _Worker) -> None:
+    def _run(self, order: TaskOrder, worker: _SlotThread) -> None:
         """Run one order and report. A runner that raises is replaced before the next order."""
         attempt_id, name = order.attempt_id, worker.name
         with self._lock:
@@ -264,13 +264,13 @@ class LocalPool:
             self._busy[attempt_id] = worker
         self._listen(Report(attempt_id, worker=name))
 
-        def tell(done: float, preview: str = "") -> None:
+        def report_progress(done: float, preview: str = "") -> None:
             self._listen(Report(attempt_id, done, worker=name, preview=preview))
 
         try:
             self._wait_for_memory(attempt_id, name, stop)
             worker.runner = worker.runner or self._make_runner(worker.number)
-            outcome = worker.runner.run(order, tell, stop.is_set)
+            outcome = worker.runner.run(order, report_progress, stop.is_set)
         except BaseException as error:
             outcome = failed_outcome(attempt_id, error)
             failed, worker.runner = worker.runner, None

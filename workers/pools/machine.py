@@ -103,7 +103,7 @@ class Machine:
         self._changed.notify_all()
 
 
-def most_processes(attempts: int, memory_bytes: int, threads: int = 0) -> int:
+def max_processes(attempts: int, memory_bytes: int, threads: int = 0) -> int:
     """Number of these attempts that can run at once if each has a process, except those in `threads` of this one.
 
     Their processes take at most half of the memory. At least one can run."""

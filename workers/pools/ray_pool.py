@@ -29,7 +29,7 @@ from workers.contract.request import Json
 from workers.errors import NoCapacity
 from workers.execution.renderer import remote_renderer
 from workers.faults import failed_outcome
-from workers.operations import Slot
+from workers.operator_views import Slot
 from workers.pools.actors import RenderActor
 from workers.pools.artefact_cache import SharedArtefacts
 from workers.pools.base import Report
@@ -61,7 +61,7 @@ to disk, even with new artefacts. Spilling took a seventh of the time of two pro
 
 
 @dataclass
-class _Worker:
+class _SlotActor:
     """An actor and its current attempt."""
 
     actor: Actor
@@ -110,7 +110,7 @@ class RayPool:
         # A file just written on this machine is read as quickly as shared memory.
         self.shares_memory = not (here and isinstance(blobs, DiskBlobs))
         self._shared = SharedArtefacts(_SHARED_BYTES)
-        self._workers: list[_Worker] = []
+        self._workers: list[_SlotActor] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
         self._stopping = False
@@ -135,7 +135,7 @@ class RayPool:
         with self._lock:
             return len(self._idle())
 
-    def _idle(self) -> list[_Worker]:
+    def _idle(self) -> list[_SlotActor]:
         return [worker for worker in self._workers if worker.idle and worker.node not in self._drained]
 
     def slots(self) -> tuple[Slot, ...]:
@@ -164,7 +164,7 @@ class RayPool:
         self._listen = listen
         connect(self._settings)
         with self._lock:
-            self._workers = [self._new_worker(self._usual) for _ in range(self._settings.most_workers)]
+            self._workers = [self._new_actor(self._usual) for _ in range(self._settings.most_workers)]
         self._pump.start()
 
     def submit(self, order: TaskOrder) -> None:
@@ -178,7 +178,7 @@ class RayPool:
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
 
-    def _place_for(self, capacity: Capacity) -> _Worker | None:
+    def _place_for(self, capacity: Capacity) -> _SlotActor | None:
         idle = self._idle()
         fitting = [worker for worker in idle if worker.capacity.covers(capacity)]
         if fitting or not idle:  # the smallest that suffices: larger ones may be needed for other tasks
@@ -247,7 +247,7 @@ class RayPool:
             self._take(ref, awaited[ref])
         return True
 
-    def _take(self, ref: ObjectRef, worker: _Worker) -> None:
+    def _take(self, ref: ObjectRef, worker: _SlotActor) -> None:
         try:
             value = RAY.get(ref)
         except ray.exceptions.RayTaskError as error:  # the actor is alive; our own code has raised the error
@@ -261,13 +261,13 @@ class RayPool:
         else:
             self._greeted(worker, *value)
 
-    def _greeted(self, worker: _Worker, name: str, node_id: str) -> None:
+    def _greeted(self, worker: _SlotActor, name: str, node_id: str) -> None:
         node = _node_names().get(node_id, node_id[:12])
         with self._lock:
             worker.name, worker.node, worker.hello, worker.too_large_since = name, node, None, None
         self._listen(Report("", worker=name))
 
-    def _answered(self, worker: _Worker, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
+    def _answered(self, worker: _SlotActor, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
         self._shared.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
@@ -289,7 +289,7 @@ class RayPool:
         for ref in come:
             self._report_progress(ref, asked[ref])
 
-    def _report_progress(self, ref: ObjectRef, worker: _Worker) -> None:
+    def _report_progress(self, ref: ObjectRef, worker: _SlotActor) -> None:
         try:
             attempt_id, done, preview, signs = ray.get(ref)
         except RayError:
@@ -306,7 +306,7 @@ class RayPool:
         with self._lock:
             starting = [worker for worker in self._workers if not worker.name]
             if not any(worker.attempt_id for worker in starting):
-                self._workers += [self._new_worker(self._usual) for _ in range(self._owed)]
+                self._workers += [self._new_actor(self._usual) for _ in range(self._owed)]
                 self._owed = 0
             late = [worker for worker in starting if now - worker.waiting_since > _WAIT_S]
         machines = _machines() if late else []
@@ -316,7 +316,7 @@ class RayPool:
         if not starting or late:
             self._update_shortage(machines)
 
-    def _check_waiting(self, worker: _Worker, machines: Machines, now: float) -> None:
+    def _check_waiting(self, worker: _SlotActor, machines: Machines, now: float) -> None:
         """Free capacity for a waiting actor, or fail its attempt if no machine is large enough."""
         suitable = machines_with(worker.capacity, machines)
         if suitable:
@@ -331,7 +331,7 @@ class RayPool:
         if worker.attempt_id and now - worker.too_large_since > self._settings.capacity_wait_s:
             self._give_up(worker, machines)
 
-    def _give_up(self, worker: _Worker, machines: Machines) -> None:
+    def _give_up(self, worker: _SlotActor, machines: Machines) -> None:
         """Fail the attempt of an actor that has waited too long for a machine that does not exist."""
         remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
         error = NoCapacity(
@@ -360,7 +360,7 @@ class RayPool:
                 self._workers.remove(found)
                 self._owed += 1
 
-    def _new_worker(self, capacity: Capacity) -> _Worker:
+    def _new_actor(self, capacity: Capacity) -> _SlotActor:
         elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
         actor = RenderActor.options(
             num_cpus=capacity.cpus,
@@ -368,23 +368,23 @@ class RayPool:
             memory=capacity.memory_bytes or None,
             label_selector=elsewhere,
         ).remote(self._make_runner, self._blobs)
-        return _Worker(actor, actor.hello.remote(), capacity, self._avoided)
+        return _SlotActor(actor, actor.hello.remote(), capacity, self._avoided)
 
-    def _exchange(self, worker: _Worker, capacity: Capacity) -> _Worker:
+    def _exchange(self, worker: _SlotActor, capacity: Capacity) -> _SlotActor:
         """End an idle actor; another one replaces it."""
         ray.kill(worker.actor)
-        new = self._new_worker(capacity)
+        new = self._new_actor(capacity)
         self._workers[self._workers.index(worker)] = new
         return new
 
-    def _replace(self, worker: _Worker, lost: str = "") -> None:
+    def _replace(self, worker: _SlotActor, lost: str = "") -> None:
         with self._lock:
             if worker in self._workers:
-                self._workers[self._workers.index(worker)] = self._new_worker(self._usual)
+                self._workers[self._workers.index(worker)] = self._new_actor(self._usual)
         if lost:
             self._listen(Report(lost, lost=True, worker=worker.name))
 
-    def _at_work(self, attempt_id: str) -> _Worker | None:
+    def _at_work(self, attempt_id: str) -> _SlotActor | None:
         with self._lock:
             return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
 

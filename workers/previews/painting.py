@@ -102,10 +102,10 @@ class LayerPainter:
     def _files(self, number: int, scale: float) -> Json:
         """The inputs that are files, scaled like the video, so that strokes keep their size relative to the picture."""
         still = {"image": 0, "image-or-video": 0, "video": number}
-        return {name: [self._shrunk(key, still[self._kinds[name]], scale)]
+        return {name: [self._downscaled(key, still[self._kinds[name]], scale)]
                 for name, key in self._layer.files.items() if self._kinds[name] in still}  # fmt: skip
 
-    def _shrunk(self, key: str, number: int, scale: float) -> Frame:
+    def _downscaled(self, key: str, number: int, scale: float) -> Frame:
         info = self._frames.info(key)
         return self._frames.frame(key, number, max(1, round(max(info.width, info.height) * scale)))
 

@@ -67,7 +67,7 @@ class _PreviewActor:
 
     def _check(self, run_id: int) -> None:
         if run_id in self._ended:
-            raise Cancelled("Nobody waits for this preview any more.")
+            raise Cancelled("The client of this preview has left.")
 
     def _close(self, run_id: int) -> None:
         records = self._runs.get(run_id)

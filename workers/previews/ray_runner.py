@@ -69,7 +69,7 @@ class PreviewActors:
 
 
 @dataclass(eq=False)
-class _PreviewWorker:
+class _PreviewProcess:
     """An actor and the projects that are assigned to it."""
 
     actor: Actor
@@ -93,7 +93,7 @@ class RayRunner:
         self._limits = actors
         make = partial(make_engine or partial(PreviewEngine, blobs), actors.limit_bytes // actors.most)
         self._make_engine: bytes = RAY.cloudpickle.dumps(make)
-        self._workers: list[_PreviewWorker] = []
+        self._workers: list[_PreviewProcess] = []
         self._lock = threading.Lock()
         self._ids = itertools.count(1)
         self._restarts = 0
@@ -152,7 +152,7 @@ class RayRunner:
         finally:
             actor.end.remote(run_id)
 
-    def _enter(self, project: str) -> _PreviewWorker:
+    def _enter(self, project: str) -> _PreviewProcess:
         """The project's actor, with its number of queries increased by one."""
         with self._lock:
             worker = next((worker for worker in self._workers if project in worker.projects), None) or self._assigned()
@@ -162,7 +162,7 @@ class RayRunner:
             self._keep_spare()
             return worker
 
-    def _assigned(self) -> _PreviewWorker:
+    def _assigned(self) -> _PreviewProcess:
         """An actor for a new project: the one with the fewest."""
         self._keep_spare()
         if not self._workers:
@@ -175,13 +175,13 @@ class RayRunner:
             return
         if all(worker.projects for worker in self._workers):
             options = PreviewActor.options(max_concurrency=self._limits.threads)
-            self._workers.append(_PreviewWorker(options.remote(self._make_engine, self._limits.warms_up)))
+            self._workers.append(_PreviewProcess(options.remote(self._make_engine, self._limits.warms_up)))
 
-    def _leave(self, worker: _PreviewWorker) -> None:
+    def _leave(self, worker: _PreviewProcess) -> None:
         with self._lock:
             worker.running -= 1
 
-    def _lost(self, worker: _PreviewWorker) -> None:
+    def _lost(self, worker: _PreviewProcess) -> None:
         with self._lock:
             if worker in self._workers:
                 self._workers.remove(worker)
@@ -193,7 +193,7 @@ class RayRunner:
             for worker in self._without_use():
                 ray.kill(worker.actor)
 
-    def _without_use(self) -> list[_PreviewWorker]:
+    def _without_use(self) -> list[_PreviewProcess]:
         """Remove and return the actors whose projects have sent no query for `idle_s`. A spare actor is started if
         there is none."""
         before = time.monotonic() - self._limits.idle_s

@@ -57,7 +57,7 @@ class _Ticket:
         if self.by is not None:
             raise Overtaken(self.by)
         if self.left.is_set():
-            raise Cancelled("Nobody waits for this preview any more.")
+            raise Cancelled("The client of this preview has left.")
 
 
 class PreviewRun:

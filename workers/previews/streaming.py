@@ -28,7 +28,7 @@ def streamed(work: Callable[[Callable[[T], None], Check], None], check: Check) -
 
     def checked() -> None:
         if left.is_set():
-            raise Cancelled("Nobody waits for this preview any more.")
+            raise Cancelled("The client of this preview has left.")
         check()
 
     def run() -> None:

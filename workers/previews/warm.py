@@ -12,7 +12,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import VideoInfo
-from pipeline.video.contact import fit
+from pipeline.video.contact_sheet import fit
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.pictures import guarded_raw
 from pipeline.video.guard.reader import GuardedReader

@@ -17,7 +17,7 @@ def log_extra(**facts: str | int | float) -> dict[str, LogContext]:
     return {_KEY: facts}
 
 
-def here() -> LogContext:
+def current_context() -> LogContext:
     """The context of the current thread or asynchronous task."""
     return _CURRENT.get()
 
@@ -25,10 +25,10 @@ def here() -> LogContext:
 def of(record: object) -> LogContext:
     """The context of a record: the fields passed with it, then the current context. Call it in the thread that
     logged."""
-    return {**here(), **getattr(record, _KEY, {})}
+    return {**current_context(), **getattr(record, _KEY, {})}
 
 
-def belong(facts: LogContext) -> None:
+def set_context(facts: LogContext) -> None:
     """Set the context of the current thread."""
     _CURRENT.set(facts)
 
@@ -36,7 +36,7 @@ def belong(facts: LogContext) -> None:
 @contextmanager
 def working_for(facts: LogContext) -> Iterator[None]:
     """Add to the context of the current thread or asynchronous task."""
-    token = _CURRENT.set({**here(), **facts})
+    token = _CURRENT.set({**current_context(), **facts})
     try:
         yield
     finally:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from workers.process.log_context import LogContext, here, of, working_for
+from workers.process.log_context import LogContext, current_context, of, working_for
 from workers.settings import FarmSettings
 
 OURS = ("impasto", "service", "workers", "pipeline")
@@ -80,7 +80,7 @@ class AttemptLog(logging.Handler):
         self._attempt_id = attempt_id
 
     def emit(self, record: logging.LogRecord) -> None:
-        if here().get("attempt") == self._attempt_id:
+        if current_context().get("attempt") == self._attempt_id:
             self._lines.append(shortened(self.format(record)))
 
     def text(self) -> str:
@@ -102,7 +102,7 @@ def attempt_facts(job_id: str, task_id: str, attempt_id: str) -> LogContext:
 
 @contextmanager
 def captured(job_id: str, task_id: str, attempt_id: str) -> Iterator[AttemptLog]:
-    """Collect records of level INFO and above from the current thread, and from threads that call `belong`."""
+    """Collect records of level INFO and above from the current thread, and from threads that call `set_context`."""
     root, handler = logging.getLogger(), AttemptLog(job_id, task_id, attempt_id)
     root.addHandler(handler)
     try:

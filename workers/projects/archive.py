@@ -173,7 +173,7 @@ def _manifest(archive: zipfile.ZipFile, limit_bytes: int) -> Manifest:
         _check(member)
     total = sum(member.file_size for member in members.values())
     if total > limit_bytes or members[MANIFEST].file_size > 2 * MAX_DOCUMENT_BYTES + (8 << 20):
-        _refuse("The archive unpacks to too many bytes.", total, f"At most {limit_bytes} bytes are taken.")
+        _refuse("The archive unpacks to too many bytes.", total, f"At most {limit_bytes} bytes are accepted.")
     manifest = _parsed(archive, members[MANIFEST])
     if manifest.format != FORMAT:
         _refuse("The archive has another format.", manifest.format, "Import it with the version that wrote it.")

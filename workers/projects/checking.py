@@ -12,8 +12,8 @@ from workers.contract.record import Asset
 from workers.jobs.frame_window import check_source, window_info
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
-from workers.projects.submissions import Pick, Selection, document_of, images_of, is_plain, parts_used, picks
-from workers.scheduling.requests import FITS
+from workers.projects.submissions import LayerImages, Selection, document_of, images_of, is_plain, parts_used, picks
+from workers.scheduling.check_request import FITS
 
 
 def problems(
@@ -45,7 +45,7 @@ def shot_problems(
         layers: the layers' numbers in the shot.
     """
     path: Path = ("shots", index)
-    pick = Pick(shot, path, tuple((*path, "layers", k) for k in layers))
+    pick = LayerImages(shot, path, tuple((*path, "layers", k) for k in layers))
     return list(dict.fromkeys(_Check(document, assets, Selection(), pick, jobs=False).shot()))
 
 
@@ -53,7 +53,12 @@ class _Check:
     """Checks one shot. `jobs`: whether to include problems that matter only to jobs."""
 
     def __init__(
-        self, document: Document, assets: Mapping[str, Asset], selection: Selection, pick: Pick, jobs: bool = True
+        self,
+        document: Document,
+        assets: Mapping[str, Asset],
+        selection: Selection,
+        pick: LayerImages,
+        jobs: bool = True,
     ) -> None:
         self._document, self._assets, self._pick = document, assets, pick
         self._output = selection.output or document.output
@@ -63,7 +68,7 @@ class _Check:
     def shot(self) -> Iterator[DocumentFault]:
         shot, path = self._pick.shot, self._pick.path
         video = self._asset(shot.video)
-        yield from self._there(shot.video, (*path, "video"))
+        yield from self._check_stored(shot.video, (*path, "video"))
         if video is not None and video.kind not in FITS["video"]:
             yield fault((*path, "video"), f"This asset is no video: it is {video.kind}.", value=video.id,
                         remedy="Name a video, an image or a zip of numbered images.")  # fmt: skip
@@ -95,18 +100,18 @@ class _Check:
         chosen = methods().get(layer.method)
         if chosen is None:
             remedy = f"Use one of: {', '.join(methods())}."
-            yield fault((*path, "method"), "There is no such method.", value=layer.method, remedy=remedy)
+            yield fault((*path, "method"), "Method not found.", value=layer.method, remedy=remedy)
             return
         for wrong in param_faults(chosen, layer.params):
             yield fault_at((*path, *wrong.field.split(".")), wrong)
         for member in ("source", "matte"):
             if (name := getattr(layer, member)) is not None:
-                yield from self._there(name, (*path, member))
-                yield from self._beside(self._asset(name), (*path, member), video)
+                yield from self._check_stored(name, (*path, member))
+                yield from self._check_video_input(self._asset(name), (*path, member), video)
         for artefact in self._output.artefacts:
             if artefact not in chosen.artefacts:
                 remedy = f"The method {chosen.name!r} makes: {', '.join(chosen.artefacts) or 'none'}."
-                yield fault(("output", "artefacts"), "There is no such artefact.", value=artefact, remedy=remedy)
+                yield fault(("output", "artefacts"), "Artefact not found.", value=artefact, remedy=remedy)
         for spec in chosen.inputs:
             if spec.name != "video":
                 yield from self._input(chosen, spec, layer, path, video, count)
@@ -124,7 +129,7 @@ class _Check:
             yield from self._json(chosen, spec, layer, path, value, count)
 
     def _file(self, spec: InputSpec, name: str, path: Path) -> Iterator[DocumentFault]:
-        yield from self._there(name, path)
+        yield from self._check_stored(name, path)
         asset = self._asset(name)
         if asset is not None and asset.kind not in FITS[spec.kind]:
             yield fault(path, f"This input is {spec.kind}, and the asset is {asset.kind}.", value=asset.id,
@@ -137,7 +142,7 @@ class _Check:
         places = {item.frame: index for index, item in enumerate(layer.pictures(part))}
         for frame, name in images_of(layer, spec.part).items():
             at = (*path, "parts", part, places[frame], member)
-            yield from self._there(name, at)
+            yield from self._check_stored(name, at)
             if count is not None and frame >= count:
                 remedy = f"Use 0 to {count - 1}."
                 yield fault((*at[:-1], "frame"), f"The video has {count} frames.", value=frame, remedy=remedy)
@@ -151,10 +156,10 @@ class _Check:
                         remedy="Upload it as PNG.")  # fmt: skip
         elif video is not None and _size(asset) != _size(video):
             wanted = "x".join(map(str, _size(video)))
-            yield fault(path, "It has not the video's size.", value="x".join(map(str, _size(asset))),
+            yield fault(path, "Its size differs from the video's.", value="x".join(map(str, _size(asset))),
                         remedy=f"Make it {wanted}.")  # fmt: skip
 
-    def _beside(self, asset: Asset | None, path: Path, video: Asset | None) -> Iterator[DocumentFault]:
+    def _check_video_input(self, asset: Asset | None, path: Path, video: Asset | None) -> Iterator[DocumentFault]:
         """A video whose frames correspond to those of the shot's video."""
         if asset is None or video is None:
             return
@@ -163,7 +168,7 @@ class _Check:
             yield fault(path, f"This asset is no video: it is {asset.kind}.", value=asset.id,
                         remedy="Name a video, an image or a zip of numbered images.")  # fmt: skip
         elif _size(asset) != _size(video):
-            yield fault(path, "It has not the video's size.", value="x".join(map(str, _size(asset))),
+            yield fault(path, "Its size differs from the video's.", value="x".join(map(str, _size(asset))),
                         remedy=f"Make it {'x'.join(map(str, _size(video)))}.")  # fmt: skip
         elif count is not None and own is not None and own < count and not (own == 1 and path[-1] == "matte"):
             yield fault(path, f"It has {own} frames, and the video {count}.", value=own,
@@ -181,7 +186,7 @@ class _Check:
             place = (*path, "parts", spec.part, *wrong.path)
             yield fault(place, wrong.message, value=wrong.value, remedy=wrong.remedy)
 
-    def _there(self, name: str, path: Path) -> Iterator[DocumentFault]:
+    def _check_stored(self, name: str, path: Path) -> Iterator[DocumentFault]:
         if self._asset(name) is None:
             yield fault(path, "The asset is not on the server.", value=self._document.assets[name].id,
                         remedy="Upload it again.")  # fmt: skip

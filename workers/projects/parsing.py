@@ -58,9 +58,9 @@ def _faults(document: Document) -> Iterator[DocumentFault]:
         path: Path = ("variants", index)
         known = [layer.id for layer in shots[variant.shot].layers] if variant.shot in shots else []
         if variant.shot not in shots:
-            yield fault((*path, "shot"), "There is no such shot.", value=variant.shot, remedy="Name one of `shots`.")
+            yield fault((*path, "shot"), "Shot not found.", value=variant.shot, remedy="Name one of `shots`.")
         elif variant.layer not in known:
-            yield fault((*path, "layer"), "The shot has no such layer.", value=variant.layer, remedy="Name one of it.")
+            yield fault((*path, "layer"), "Layer not found in the shot.", value=variant.layer, remedy="Name one of it.")
     for path, name in _names(document):
         if name not in document.assets:
             yield fault(path, f"There is no asset named {name!r}.", value=name, remedy="Add it to `assets`.")

@@ -296,7 +296,9 @@ def _one(items: Iterable[Any], wanted: str, field: str) -> Any:
     for item in items:
         if item.id == wanted:
             return item
-    raise NotFound(f"The project has no such {field}.", field=field, value=wanted, remedy=f"Name a {field} of it.")
+    raise NotFound(
+        f"The project has no {field} of this name.", field=field, value=wanted, remedy=f"Name a {field} of it."
+    )
 
 
 def _draft(value: Json, author: str) -> Draft:

@@ -67,7 +67,7 @@ class Submission:
 
 
 @dataclass(frozen=True)
-class Pick:
+class LayerImages:
     """A shot to be rendered, with the places of its layers in the document."""
 
     shot: Shot
@@ -76,7 +76,7 @@ class Pick:
     variant: str | None = None
 
 
-def picks(document: Document, selection: Selection = Selection()) -> list[Pick]:
+def picks(document: Document, selection: Selection = Selection()) -> list[LayerImages]:
     """The shots, or variants of them, that are selected, in the document's order.
 
     Raises:
@@ -92,7 +92,7 @@ def picks(document: Document, selection: Selection = Selection()) -> list[Pick]:
     for index, shot in enumerate(document.shots):
         if selection.shots is None or shot.id in selection.shots:
             path: Path = ("shots", index)
-            found.append(Pick(shot, path, tuple((*path, "layers", k) for k in range(len(shot.layers)))))
+            found.append(LayerImages(shot, path, tuple((*path, "layers", k) for k in range(len(shot.layers)))))
     return found
 
 
@@ -105,7 +105,7 @@ def submissions(document: Document, selection: Selection = Selection()) -> list[
     return [_submission(document, pick, selection) for pick in picks(document, selection)]
 
 
-def _submission(document: Document, pick: Pick, selection: Selection) -> Submission:
+def _submission(document: Document, pick: LayerImages, selection: Selection) -> Submission:
     shot = pick.shot
     frames = selection.frames or shot.range
     layers = [layer for layer in shot.layers if layer.visible]
@@ -127,7 +127,7 @@ def _submission(document: Document, pick: Pick, selection: Selection) -> Submiss
     )
 
 
-def _film_name(document: Document, pick: Pick) -> str:
+def _film_name(document: Document, pick: LayerImages) -> str:
     """Name of a job: the project's name, then the shot's (if it has a name, or the project has several shots) and the
     variant's."""
     shot = pick.shot.name or (pick.shot.id if len(document.shots) > 1 else "")
@@ -214,14 +214,14 @@ def parts_used(chosen: Method, layer: Layer) -> Iterator[tuple[InputSpec, dict[i
             yield spec, images_of(layer, spec.part)
 
 
-def _variant(document: Document, variant: Variant, index: int) -> Pick:
+def _variant(document: Document, variant: Variant, index: int) -> LayerImages:
     s, shot = next((s, shot) for s, shot in enumerate(document.shots) if shot.id == variant.shot)
     changed = tuple(_changed(layer, variant, index) if layer.id == variant.layer else layer for layer in shot.layers)
     paths: list[Path] = [
         ("variants", index, "set") if layer.id == variant.layer else ("shots", s, "layers", k)
         for k, layer in enumerate(shot.layers)
     ]
-    return Pick(shot.model_copy(update={"layers": changed}), ("shots", s), tuple(paths), variant.id)
+    return LayerImages(shot.model_copy(update={"layers": changed}), ("shots", s), tuple(paths), variant.id)
 
 
 def _changed(layer: Layer, variant: Variant, index: int) -> Layer:
@@ -236,6 +236,6 @@ def _known(wanted: Iterable[str], known: Collection[str], field_: str) -> None:
     for name in wanted:
         if name not in known:
             raise BadParameter(
-                f"The project has no such thing among its {field_}.", field=field_, value=name,
+                f"Not found among the project's {field_}.", field=field_, value=name,
                 remedy=f"There are: {', '.join(known) or 'none'}.",
             )  # fmt: skip

@@ -18,14 +18,14 @@ from workers.contract.order import TaskOutcome
 from workers.contract.record import Fault
 from workers.faults import failed_outcome, is_final, is_resource_away
 from workers.jobs import state_machine as machine
-from workers.operations import DrainScope, Slot, WorkerInfo
+from workers.operator_views import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
 from workers.process.log_context import log_extra
 from workers.scheduling import step_planner
 from workers.scheduling.flights import Flight, facts_of, log_end, log_hang, lost_outcome, stall_limit_s
 from workers.scheduling.orders import Orders
 from workers.scheduling.process_lock import ProcessLock
-from workers.scheduling.step_planner import StepPlanner, is_ours
+from workers.scheduling.step_planner import StepPlanner, is_user_error
 from workers.scheduling.versions import is_readable
 from workers.settings import FarmSettings
 from workers.store import Claim, ClaimFailed, Heartbeat, Store
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 
 _BUSY_TICK_S = 0.4
 """Interval of writing progress and of checking for cancelled attempts, while something runs."""
-_PACES = ((4.0, 1), (30.0, 3), (float("inf"), 6))
+_WRITE_INTERVALS = ((4.0, 1), (30.0, 3), (float("inf"), 6))
 """(Seconds since the dispatcher was last idle, ticks between writes of progress). Frequent writes would cost a fast
 method several percent of its time."""
 _IDLE_TICK_S = 1.0
@@ -84,7 +84,7 @@ class Dispatcher:
         self._flights: dict[str, Flight] = {}
         self._planner = StepPlanner(store)
         self._reports: deque[Report] = deque()
-        self._aside: deque[tuple[float, Flight, Report]] = deque()
+        self._postponed: deque[tuple[float, Flight, Report]] = deque()
         """Reports that could not be handled, and when each is tried again, monotonic s."""
         self._wake = threading.Event()
         self._stopping = False
@@ -92,7 +92,7 @@ class Dispatcher:
         self._slots: tuple[Slot, ...] | None = None
         """Slots as last written to the store."""
         self._running_parts = (
-            self._handle_reports, self._end_hanging, self._keep_leases, self._enrol, self._write_progress,
+            self._handle_reports, self._end_hanging, self._keep_leases, self._register, self._write_progress,
             self._revoke,
         )  # fmt: skip
         """Functions for running attempts, called in every tick. Repeatable: an exception in the middle loses
@@ -121,7 +121,7 @@ class Dispatcher:
         self._wake.set()
         self._thread.join(grace_s + _MAX_BACK_OFF_S)
         self._pool.stop(grace_s)
-        self._leave()
+        self._return_running()
         self._process_lock.end()
         self._process_lock = None
 
@@ -133,7 +133,7 @@ class Dispatcher:
             time.sleep(0.05)
         return not self._flights
 
-    def poke(self) -> None:
+    def wake(self) -> None:
         """Search for work now, because the store has changed."""
         self._last_cancel_check = float("-inf")
         self._wake.set()
@@ -162,7 +162,7 @@ class Dispatcher:
         back_off, woken, searched = 0.0, True, float("-inf")
         while not self._stopping:
             self._wake.clear()
-            self._forgive(time.monotonic() - self._last_tick)
+            self._ignore_own_pause(time.monotonic() - self._last_tick)
             self._last_tick = time.monotonic()
             try:
                 parts: list[Callable[[], None]] = [*self._running_parts]
@@ -197,7 +197,7 @@ class Dispatcher:
     def _handle_reports(self) -> None:
         """Handle the reports in order. One that cannot be handled is set aside for a while, so that it neither blocks
         the others nor occupies a slot."""
-        self._bring_back()
+        self._retry_postponed()
         while self._reports:
             try:
                 self._take(self._reports[0])
@@ -205,18 +205,18 @@ class Dispatcher:
                 raise
             except Exception:
                 log.exception("a report cannot be handled; it is set aside for %.0f s", step_planner.SKIP_S)
-                self._set_aside(self._reports[0])
+                self._postpone_report(self._reports[0])
             self._reports.popleft()
 
-    def _set_aside(self, report: Report) -> None:
+    def _postpone_report(self, report: Report) -> None:
         flight = self._flights.pop(report.attempt_id, None)
         if flight is not None:
-            self._aside.append((time.monotonic() + step_planner.SKIP_S, flight, report))
+            self._postponed.append((time.monotonic() + step_planner.SKIP_S, flight, report))
 
-    def _bring_back(self) -> None:
+    def _retry_postponed(self) -> None:
         """Try reports again that were set aside long enough ago."""
-        while self._aside and self._aside[0][0] <= time.monotonic():
-            _, flight, report = self._aside.popleft()
+        while self._postponed and self._postponed[0][0] <= time.monotonic():
+            _, flight, report = self._postponed.popleft()
             self._flights[report.attempt_id] = flight
             self._reports.append(report)
 
@@ -228,14 +228,14 @@ class Dispatcher:
         if report.worker and report.worker != flight.worker:
             flight.worker, flight.reported = report.worker, False
         if report.lost:
-            self._settle(report.attempt_id, flight, lost_outcome(report))
+            self._store_outcome(report.attempt_id, flight, lost_outcome(report))
         elif report.outcome is not None:
-            self._settle(report.attempt_id, flight, report.outcome)
+            self._store_outcome(report.attempt_id, flight, report.outcome)
         elif (report.progress, report.preview or flight.preview) != (flight.progress, flight.preview):
             flight.progress, flight.preview = report.progress, report.preview or flight.preview
             flight.reported = False
 
-    def _settle(self, attempt_id: str, flight: Flight, outcome: TaskOutcome) -> None:
+    def _store_outcome(self, attempt_id: str, flight: Flight, outcome: TaskOutcome) -> None:
         """Write an outcome to the store. The attempt is forgotten here only after that has succeeded.
 
         An outcome that cannot be written (a NaN, an object that is not JSON) fails its attempt; if even that cannot be
@@ -262,25 +262,25 @@ class Dispatcher:
             raise
         except Exception:
             log.exception("the failure cannot be stored either", extra=facts_of(attempt_id, flight))
-            return self._store.queue.put_off(attempt_id, step_planner.SKIP_S, "The outcome could not be stored.")
+            return self._store.queue.postpone(attempt_id, step_planner.SKIP_S, "The outcome could not be stored.")
 
     def _commit(self, outcome: TaskOutcome, worker: str) -> bool:
         work, fault = self._store.queue, outcome.fault
         if outcome.cancelled and self._stopping:
-            return work.put_off(outcome.attempt_id, 0.0, outcome.log)
+            return work.postpone(outcome.attempt_id, 0.0, outcome.log)
         if outcome.cancelled:
             # The method stopped by itself, which is its error. If the job was cancelled, the store refuses the outcome.
-            fault = fault or Fault("cancelled", "The task stopped by itself.", "See the log of the task.")
+            fault = fault or Fault("cancelled", "The task stopped without being cancelled.", "See the log of the task.")
         if fault is None:
             return work.finish(outcome, worker=worker)
         if is_resource_away(fault):
-            return work.put_off(outcome.attempt_id, _RESOURCE_AWAY_S, outcome.log)
+            return work.postpone(outcome.attempt_id, _RESOURCE_AWAY_S, outcome.log)
         return work.finish(outcome, machine.Failed(fault, is_final(fault)), worker)
 
     def _write_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.reported}
         now = time.monotonic()
-        if not news or now - self._progress_written < _BUSY_TICK_S * self._pace():
+        if not news or now - self._progress_written < _BUSY_TICK_S * self._write_interval():
             return
         self._progress_written = now
         heartbeats = {name: Heartbeat(flight.progress, flight.worker, flight.preview) for name, flight in news.items()}
@@ -293,10 +293,10 @@ class Dispatcher:
         for flight in news.values():
             flight.reported = True
 
-    def _pace(self) -> int:
+    def _write_interval(self) -> int:
         """Ticks between two writes of progress."""
         worked_s = time.monotonic() - self._last_idle
-        return next(ticks for until_s, ticks in _PACES if worked_s < until_s)
+        return next(ticks for until_s, ticks in _WRITE_INTERVALS if worked_s < until_s)
 
     # -- leases, revocations, silence
 
@@ -308,17 +308,17 @@ class Dispatcher:
         self._store.queue.renew(self._process_lock.id, lease_s)
         dead = self._process_lock.dead()
         if given_back := self._store.queue.interrupt(dead):
-            log.info("%d attempts of dead dispatchers were given back", given_back)
+            log.info("%d attempts of dead dispatchers were returned to the queue", given_back)
         self._process_lock.forget(dead)
         self._last_renewal = time.monotonic()
 
-    def _enrol(self) -> None:
+    def _register(self) -> None:
         """Write the slots for operators."""
         if (slots := self._pool.slots()) != self._slots:
-            self._store.workers.enrol(self.id, self._who, slots)
+            self._store.workers.register(self.id, self._who, slots)
             self._slots = slots
 
-    def _forgive(self, gap_s: float) -> None:
+    def _ignore_own_pause(self, gap_s: float) -> None:
         """Attempts are not silent while this thread was: the process was frozen, or the store did not answer."""
         if gap_s > _LATE_S:
             for flight in self._flights.values():
@@ -329,7 +329,7 @@ class Dispatcher:
         now = time.monotonic()
         for attempt_id, flight in list(self._flights.items()):
             if now - flight.last_report_s > flight.stall_s / 3:
-                self._look_for_bytes(attempt_id, flight)
+                self._check_io(attempt_id, flight)
             if now - flight.last_report_s <= flight.stall_s:
                 continue
             if not flight.hang:
@@ -341,7 +341,7 @@ class Dispatcher:
             self._store.queue.finish(outcome, machine.Interrupted(), flight.worker)
             self._flights.pop(attempt_id, None)
 
-    def _look_for_bytes(self, attempt_id: str, flight: Flight) -> None:
+    def _check_io(self, attempt_id: str, flight: Flight) -> None:
         """An attempt that moves bytes without reporting, for example a large file, does not hang."""
         moved = self._pool.moved_bytes(attempt_id)
         if moved - flight.moved_bytes >= _MOVES_BYTES:
@@ -351,9 +351,11 @@ class Dispatcher:
         """Cancel attempts in the pool that no longer count, because their job was cancelled."""
         assert self._process_lock is not None
         now = time.monotonic()
-        if not self._flights or now - self._last_cancel_check < _BUSY_TICK_S * min(self._pace(), _CANCEL_CHECK_TICKS):
+        if not self._flights or now - self._last_cancel_check < _BUSY_TICK_S * min(
+            self._write_interval(), _CANCEL_CHECK_TICKS
+        ):
             return
-        mine = self._store.queue.mine(self._process_lock.id)
+        mine = self._store.queue.attempts_of(self._process_lock.id)
         self._last_cancel_check = now
         for attempt_id, flight in list(self._flights.items()):
             if attempt_id not in mine and not flight.revoked:
@@ -402,16 +404,16 @@ class Dispatcher:
             self._flights[claim.attempt_id].stall_s = stall_limit_s(order, self._settings.stall_s)
             self._pool.submit(order)
         except Exception as error:
-            if not is_ours(error):
+            if not is_user_error(error):
                 log.exception("an order failed", extra=log_extra(job=claim.job_id))
             self._receive(Report(claim.attempt_id, outcome=failed_outcome(claim.attempt_id, error)))
 
-    def _leave(self) -> None:
+    def _return_running(self) -> None:
         """Return attempts that did not end in time to the queue."""
         try:
             self._handle_reports()
             for attempt_id in list(self._flights):
-                self._store.queue.put_off(attempt_id, 0.0, "The service was stopped.")
+                self._store.queue.postpone(attempt_id, 0.0, "The service was stopped.")
             self._store.queue.retire(self.id)
         except StorageError as error:
             log.warning("running attempts could not be returned to the queue; the next start does it: %s", error)

@@ -73,9 +73,9 @@ class Orders:
             source=request.source,
             resources=None if task["needs"] is None else Resources(**task["needs"]),
             earlier=self._earlier_task(claim.job["base_id"], step, task["key"]),
-            traced=claim.job["base_id"] is not None,
+            records_reads=claim.job["base_id"] is not None,
             versions=tuple((name, number) for name, number in versions[: task["step"] + 1]),
-            leads=self._shares_memory and self._store.task_inputs.leads(task["id"]),
+            has_dependents=self._shares_memory and self._store.task_inputs.has_dependents(task["id"]),
         )
 
     def _earlier_task(self, base_id: str | None, step: str, key: str) -> EarlierTask | None:

@@ -54,7 +54,7 @@ class StepPlanner:
         except StorageError:
             raise
         except Exception:
-            log.exception("a job of another version cannot be taken over", extra=log_extra(job=job_id))
+            log.exception("a job of another version cannot be continued", extra=log_extra(job=job_id))
             self.skip(job_id)
 
     def plan_one(self, todo: StepToPlan) -> None:
@@ -65,7 +65,9 @@ class StepPlanner:
         except StorageError:
             raise
         except Exception as error:
-            log.warning("planning failed: %s", error, extra=log_extra(job=todo.job_id), exc_info=not is_ours(error))
+            log.warning(
+                "planning failed: %s", error, extra=log_extra(job=todo.job_id), exc_info=not is_user_error(error)
+            )
             self._record_failure(todo, error)
 
     def _record_failure(self, todo: StepToPlan, error: Exception) -> None:
@@ -87,6 +89,6 @@ class StepPlanner:
         plans.planned(todo.job_id, todo.step, plan_step(todo.step, request, todo.params, info, results))
 
 
-def is_ours(error: Exception) -> bool:
+def is_user_error(error: Exception) -> bool:
     """Whether the message explains the error; others are logged with a traceback."""
     return isinstance(error, ImpastoError)

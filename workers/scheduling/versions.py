@@ -46,7 +46,7 @@ class VersionKeeper:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._told: set[str] = set()
+        self._announced: set[str] = set()
         """Ids of jobs that know that they wait."""
 
     def take_over(self, found: StepToPlan) -> bool:
@@ -55,7 +55,7 @@ class VersionKeeper:
         chosen = method(found.method)
         stored = [(str(name), int(number)) for name, number in found.versions]
         if is_newer(stored, _own_versions(chosen, found.params)):
-            self._tell_waiting(found)
+            self._announce_waiting(found)
             return False
         try:
             params = parse_params(chosen, found.request.params)
@@ -79,12 +79,12 @@ class VersionKeeper:
         weights = expected_weights(chosen, params, info)
         return Accepted(request, filled, steps_of(chosen, params), weights, versions_of(chosen, params))
 
-    def _tell_waiting(self, found: StepToPlan) -> None:
-        if found.job_id not in self._told:
-            self._told.add(found.job_id)
+    def _announce_waiting(self, found: StepToPlan) -> None:
+        if found.job_id not in self._announced:
+            self._announced.add(found.job_id)
             by = f" ({found.planned_by})" if found.planned_by else ""
             message = f"Waits for a newer version of Impasto{by}, which has planned it. This is {version()}."
-            self._store.plans.tell_waiting(found.job_id, message)
+            self._store.plans.announce_waiting(found.job_id, message)
             log.warning("the job waits for a newer version of Impasto%s", by, extra=log_extra(job=found.job_id))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workers.store.accepted import Accepted
+from workers.store.accepted_job import Accepted
 from workers.store.assets import Assets
 from workers.store.base import Clock
 from workers.store.bulk import Bulk

@@ -76,4 +76,4 @@ def _apply(job: JobTransaction, event: machine.StateEvent) -> None:
 
 
 def _unknown(job_id: str) -> NotFound:
-    return NotFound("There is no such job.", field="job_id", value=job_id, remedy="See GET /v1/jobs for yours.")
+    return NotFound("Job not found.", field="job_id", value=job_id, remedy="See GET /v1/jobs for yours.")

@@ -199,7 +199,7 @@ def _parse(url: str) -> URL:
         parsed = None
     if parsed is None or parsed.get_backend_name() not in ("sqlite", "postgresql", "postgres"):
         remedy = "Use sqlite:///path or postgresql://user:password@host/name."
-        raise BadParameter("The database's URL names none that is known.", field="database_url", remedy=remedy)
+        raise BadParameter("The URL names no supported database.", field="database_url", remedy=remedy)
     return parsed.set(drivername=known.get(parsed.drivername, parsed.drivername))
 
 

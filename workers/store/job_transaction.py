@@ -21,9 +21,9 @@ from workers.jobs import state_machine as machine
 from workers.jobs.job_warnings import merged_warnings
 from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.store import schema, shares, task_states
-from workers.store.accepted import Accepted, step_rows
+from workers.store.accepted_job import Accepted, step_rows
 from workers.store.records import TaskRow, Values, counts_of, fault_to_json
-from workers.store.tallies import Changes
+from workers.store.state_counts import CountChanges
 from workers.version import version
 
 _PRUNE_EVERY = 100
@@ -69,7 +69,7 @@ class JobTransaction:
         self._policy = policy
         self._changes: Values = {}
         self._events: list[Json] = []
-        self._tallies = Changes()
+        self._tallies = CountChanges()
         self._used_s = 0.0
         """Slot time of attempts that this transaction ends, seconds."""
         self._floor_s: float | None = None
@@ -173,7 +173,7 @@ class JobTransaction:
     def close_all(jobs: Sequence[JobTransaction]) -> None:
         """Close several jobs of one transaction. Rows that others need, too, are locked last, in a fixed order."""
         used: dict[str, float] = defaultdict(float)
-        counts = Changes()
+        counts = CountChanges()
         for job in jobs:
             if job.changed:
                 job._write()
@@ -216,8 +216,8 @@ class JobTransaction:
             self._write_counts(before.step, before.counts, counts)
         self._tallies.job(before.run.value, -1)
         self._tallies.job(after.run.value, 1)
-        self._set(state=after.run.value, step=after.step, planned=after.planned, doomed=after.doomed)
-        may_start = after.run.value in ACTIVE and after.planned and not after.doomed
+        self._set(state=after.run.value, step=after.step, planned=after.planned, doomed=after.failing)
+        may_start = after.run.value in ACTIVE and after.planned and not after.failing
         ready = after.counts.ready if may_start else 0
         self._tallies.startable(ready - self.row["ready"])
         self._set(ready=ready)

@@ -18,14 +18,14 @@ from workers.ids import new_id
 from workers.jobs import state_machine as machine
 from workers.jobs.job_warnings import merged_warnings
 from workers.store import bulk, schema, task_states
-from workers.store.accepted import Accepted, step_rows
+from workers.store.accepted_job import Accepted, step_rows
 from workers.store.base import StorePart
 from workers.store.event_notifier import GONE
 from workers.store.job_transaction import JobTransaction
 from workers.store.job_views import job_views
 from workers.store.queue_position import MethodAhead, ahead
 from workers.store.records import Row, Values, pack_cursor, request_to_json, unpack_cursor
-from workers.store.tallies import Changes
+from workers.store.state_counts import CountChanges
 from workers.version import version
 
 ACTIVE_JOBS = select(func.count()).select_from(
@@ -267,7 +267,7 @@ class Jobs(StorePart):
         _insert_all(connection, schema.job_labels, _pairs(job_id, request.labels, "value"))
         born = {"job_id": job_id, "seq": 1, "at": now, "type": "job.state", "data": {"state": "queued", "error": None}}
         connection.execute(insert(schema.events).values(born))
-        added = Changes()
+        added = CountChanges()
         added.job(RunState.QUEUED.value, 1)
         added.write(connection, job_id)
         return job_id

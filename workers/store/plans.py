@@ -16,7 +16,7 @@ from workers.contract.request import JobRequest, Json
 from workers.ids import new_id
 from workers.jobs import state_machine as machine
 from workers.store import fair_scheduler, schema
-from workers.store.accepted import Accepted
+from workers.store.accepted_job import Accepted
 from workers.store.base import StorePart
 from workers.store.job_transaction import JobTransaction
 from workers.store.records import Row, request_of
@@ -113,7 +113,7 @@ class Plans(StorePart):
                 job.add_warnings([warning])
             return True
 
-    def tell_waiting(self, job_id: str, message: str) -> None:
+    def announce_waiting(self, job_id: str, message: str) -> None:
         """Add an event to a job that waits for another program."""
         with self._transaction_if_any(job_id) as job:
             if job is not None:

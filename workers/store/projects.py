@@ -285,12 +285,12 @@ def _row(connection: Connection, project_id: str, lock: bool = False) -> Row:
 
 
 def _no_project(project_id: str) -> NotFound:
-    return NotFound("There is no such project.", field="project_id", value=project_id, remedy="See GET /v1/projects.")
+    return NotFound("Project not found.", field="project_id", value=project_id, remedy="See GET /v1/projects.")
 
 
 def _no_version(version: int) -> NotFound:
     return NotFound(
-        "There is no such version; old ones are thinned out.", field="version", value=version,
+        "Version not found; old versions are removed.", field="version", value=version,
         remedy="See GET /v1/projects/{id}/versions.",
     )  # fmt: skip
 

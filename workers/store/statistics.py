@@ -6,7 +6,7 @@ from sqlalchemy import Connection, func, select
 
 from workers.contract.record import RunState
 from workers.contract.request import Json
-from workers.store import schema, tallies
+from workers.store import schema, state_counts
 from workers.store.base import Clock, StorePart
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
@@ -29,18 +29,18 @@ class Statistics(StorePart):
     def jobs_by_state(self) -> dict[str, int]:
         """Number of jobs by state."""
         with self._db.read() as connection:
-            return tallies.jobs_by_state(tallies.read(connection))
+            return state_counts.jobs_by_state(state_counts.read(connection))
 
     def snapshot(self) -> Json:
         """Jobs and tasks by state, queue depth and age (s), attempts that run, failures by code (15 min), frames
         finished a second by method (5 min), webhook messages that wait; totals since this process began; and the
         time of all this."""
         with self._db.read() as connection:
-            counts = tallies.read(connection)
+            counts = state_counts.read(connection)
             return {
                 "at": self._now(),
-                "jobs": tallies.jobs_by_state(counts),
-                "tasks": tallies.tasks_by_state(counts),
+                "jobs": state_counts.jobs_by_state(counts),
+                "tasks": state_counts.tasks_by_state(counts),
                 "queue": {"ready_tasks": counts["startable"], "oldest_s": _oldest_s(connection, self._now())},
                 "attempts_running": _count(connection),
                 "failures": _failures(connection, self._now() - _FAILURE_WINDOW_S),

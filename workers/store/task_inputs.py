@@ -52,7 +52,7 @@ class TaskInputs(StorePart):
         artefacts = {name: key for row in found for name, key in (row.artefacts or {}).items()}
         return tuple(row.key if row.same_step else f"{row.name}/{row.key}" for row in found), artefacts
 
-    def leads(self, task_id: str) -> bool:
+    def has_dependents(self, task_id: str) -> bool:
         """Whether other tasks wait for this one."""
         with self._db.read() as connection:
             return connection.execute(_WAITING, {"task_id": task_id}).first() is not None

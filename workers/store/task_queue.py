@@ -14,7 +14,7 @@ from workers.contract.order import PEAK_MEMORY, TaskOutcome
 from workers.contract.record import TaskState
 from workers.jobs import state_machine as machine
 from workers.jobs.state_machine import StateEvent
-from workers.operations import DrainScope
+from workers.operator_views import DrainScope
 from workers.process.log_context import log_extra
 from workers.store import fair_scheduler, schema
 from workers.store.base import Clock, StorePart
@@ -57,7 +57,7 @@ class TaskQueue(StorePart):
     ) -> None:
         super().__init__(db, notifier, policy, now)
         self._counters = counters
-        self._enlisted: set[str] = set()
+        self._known_dispatchers: set[str] = set()
         """Dispatchers that this process has given a lease."""
 
     # -- claiming
@@ -80,7 +80,7 @@ class TaskQueue(StorePart):
             row: RowMapping | None = None
             try:
                 with self._db.write() as connection:
-                    self._enlist(connection, dispatcher, lease_s)
+                    self._add_dispatcher(connection, dispatcher, lease_s)
                     lanes = self._lanes(connection, dispatcher)
                     row = self._next_job(connection, lanes, skipped)
                     if row is None:
@@ -128,11 +128,11 @@ class TaskQueue(StorePart):
         lease = {"lease_until": now + lease_s, "seen_at": now}
         if not connection.execute(update(table).where(table.c.id == dispatcher).values(lease)).rowcount:
             connection.execute(insert(table).values(id=dispatcher, started_at=now, **lease))
-        self._enlisted.add(dispatcher)
+        self._known_dispatchers.add(dispatcher)
 
-    def _enlist(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
+    def _add_dispatcher(self, connection: Connection, dispatcher: str, lease_s: float) -> None:
         """Give the dispatcher a lease, which it needs before it claims."""
-        if dispatcher not in self._enlisted:
+        if dispatcher not in self._known_dispatchers:
             self._renew(connection, dispatcher, lease_s)
 
     def retire(self, dispatcher: str) -> None:
@@ -140,7 +140,7 @@ class TaskQueue(StorePart):
         with self._db.write() as connection:
             connection.execute(delete(schema.dispatchers).where(schema.dispatchers.c.id == dispatcher))
             _forget_drains(connection)
-        self._enlisted.discard(dispatcher)
+        self._known_dispatchers.discard(dispatcher)
 
     def dispatchers(self) -> list[str]:
         """Live dispatchers, the longest-running first."""
@@ -149,10 +149,10 @@ class TaskQueue(StorePart):
         with self._db.read() as connection:
             return list(connection.execute(query).scalars())
 
-    def mine(self, dispatcher: str) -> set[str]:
+    def attempts_of(self, dispatcher: str) -> set[str]:
         """The dispatcher's attempts that still count."""
         with self._db.read() as connection:
-            return set(connection.execute(_MINE, {"dispatcher": dispatcher}).scalars())
+            return set(connection.execute(_ATTEMPTS_OF, {"dispatcher": dispatcher}).scalars())
 
     def progress(self, heartbeats: Mapping[str, Heartbeat]) -> None:
         """Record progress, worker and preview of attempts, by id; attempts that no longer count are skipped."""
@@ -220,10 +220,10 @@ class TaskQueue(StorePart):
         except StorageError:
             raise
         except Exception:
-            log.exception("the attempt cannot be given back", extra=log_extra(attempt=outcome.attempt_id))
+            log.exception("the attempt cannot be returned to the queue", extra=log_extra(attempt=outcome.attempt_id))
             return False
 
-    def put_off(self, attempt_id: str, seconds: float, log: str) -> bool:
+    def postpone(self, attempt_id: str, seconds: float, log: str) -> bool:
         """Return an attempt to the queue without counting a failure; it can be claimed after `seconds` (storage was
         unreachable)."""
         with self._current_attempt(attempt_id) as current:
@@ -276,7 +276,7 @@ def _forget_drains(connection: Connection) -> None:
 
 # Built once, because building a statement takes longer than running it.
 _ATTEMPT = select(schema.attempts).where(schema.attempts.c.id == bindparam("id"))
-_MINE = select(schema.attempts.c.id).where(
+_ATTEMPTS_OF = select(schema.attempts.c.id).where(
     schema.attempts.c.dispatcher == bindparam("dispatcher"), schema.attempts.c.outcome == RUNNING
 )
 _STILL_RUNNING = select(schema.attempts.c.id, schema.attempts.c.job_id).where(

@@ -12,8 +12,8 @@ from typing import Any
 from sqlalchemy import Connection, bindparam, func, or_, select, text
 
 from workers.contract.record import RunState, TaskState
-from workers.operations import Violation
-from workers.store import schema, tallies, task_states
+from workers.operator_views import Violation
+from workers.store import schema, state_counts, task_states
 from workers.store.base import StorePart
 from workers.store.job_transaction import ACTIVE, RUNNING
 
@@ -83,13 +83,13 @@ def _checks(
         ("wrong-ready-count", cancel, lambda: _wrong_ready(rows, steps)),
         ("stuck-job", cancel, lambda: _stuck(rows, steps)),
         ("wrong-blockers", cancel, lambda: _wrong_blockers(connection, rows, small)),
-        ("wrong-times", "None is needed: nothing depends on it.", lambda: _wrong_times(rows)),
+        ("wrong-times", "No action is needed: nothing depends on it.", lambda: _wrong_times(rows)),
         ("missing-message", "Tell the receiver of the webhook how the job ended.",
          lambda: _missing_messages(connection, rows)),
         ("events-ahead", cancel, lambda: _events_ahead(connection, rows)),
         ("input-without-asset", "Cancel the job, and submit it again with an asset that exists.",
          lambda: _inputs_without_asset(connection, rows)),
-        ("wrong-sums", "None is needed: statistics only.", lambda: _wrong_sums(connection)),
+        ("wrong-sums", "No action is needed: statistics only.", lambda: _wrong_sums(connection)),
         ("orphan", "Delete the row: what it belonged to is gone.", lambda: _orphans(connection)),
         ("result-without-file", "Delete the job and submit it again.", lambda: _without_result(connection, rows)),
     )  # fmt: skip
@@ -181,7 +181,7 @@ def _wrong_counts(
 
 def _wrong_sums(connection: Connection) -> Found:
     """Sums over all jobs that differ from the unfinished jobs, which an index counts."""
-    counts, jobs = tallies.read(connection), schema.jobs
+    counts, jobs = state_counts.read(connection), schema.jobs
     query = select(jobs.c.state, func.count()).where(text(schema.UNFINISHED_TEXT)).group_by(jobs.c.state)
     real = {state: int(count) for state, count in connection.execute(query)}
     for state in RunState:
@@ -283,7 +283,7 @@ def _orphans(connection: Connection) -> Found:
     workers = select(slots.c.dispatcher).where(slots.c.dispatcher.not_in(select(schema.dispatchers.c.id))).distinct()
     for what, query in (("message", waiting), ("attempt", running), ("slot", workers)):
         for name in connection.execute(query).scalars():
-            yield name, f"This {what} belongs to nothing."
+            yield name, f"This {what} is not referenced."
 
 
 def _without_result(connection: Connection, jobs: dict[str, Any]) -> Found:

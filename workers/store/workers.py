@@ -12,7 +12,7 @@ from sqlalchemy import ColumnElement, Connection, Table, bindparam, delete, inse
 from workers.contract.record import Page
 from workers.contract.request import Json
 from workers.errors import NotFound
-from workers.operations import (
+from workers.operator_views import (
     AttemptLogView,
     Drain,
     DrainScope,
@@ -46,7 +46,7 @@ class Workers(StorePart):
 
     # -- workers
 
-    def enrol(self, dispatcher: str, who: WorkerInfo, slots: Sequence[Slot]) -> None:
+    def register(self, dispatcher: str, who: WorkerInfo, slots: Sequence[Slot]) -> None:
         """Register the worker and all its present slots. Does nothing if it has no lease."""
         table = schema.dispatchers
         with self._db.write() as connection:
@@ -179,7 +179,7 @@ class Workers(StorePart):
         table = schema.live_sessions
         with self._db.write() as connection:
             if not connection.execute(update(table).where(table.c.id == session_id).values(ending=True)).rowcount:
-                raise NotFound("There is no such live session.", field="session_id", value=session_id)
+                raise NotFound("Live session not found.", field="session_id", value=session_id)
 
 
 def is_drained(connection: Connection, dispatcher: str) -> bool:

@@ -14,7 +14,7 @@ from pipeline.colour.lab8 import Lab8, LabPlanes, rgb_to_lab8
 from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.frames import Flow, Frame, Plane, same_size
-from pipeline.kernels.background import Background, Pending, Ready
+from pipeline.kernels.executors import FrameExecutor, Pending, Ready
 from pipeline.lines.coherent import Ink
 from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -75,7 +75,7 @@ class FrameAnalyzer:
     """Analyses consecutive frames; keeps the previous frame, its denoised version, faces, importance and lines."""
 
     def __init__(
-        self, params: AbstractionParams, sizes: Sizes, tone: bool, shot: int, clock: Clock, background: Background
+        self, params: AbstractionParams, sizes: Sizes, tone: bool, shot: int, clock: Clock, background: FrameExecutor
     ) -> None:
         self.params, self.sizes, self.clock, self.shot, self.background = params, sizes, clock, shot, background
         self.importance = ImportanceTracker(_importance(params), sizes.frame)

@@ -11,7 +11,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.colour.memory import blend_colours, moving_borders
 from pipeline.colour.paint import flat, overlay
 from pipeline.frames import Flow, Frame, Labels
-from pipeline.kernels.background import Background, Pending
+from pipeline.kernels.executors import FrameExecutor, Pending
 from pipeline.lines.coherent import Ink
 from pipeline.lines.colour_stripes import erase_ink_on_thin_regions
 from pipeline.methods.abstraction.analysis import FrameAnalysis
@@ -56,7 +56,7 @@ class Compositor:
     filtered, and the picture is the whole frame.
     """
 
-    def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: Background) -> None:
+    def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: FrameExecutor) -> None:
         self.params, self.sizes, self.clock, self.background = params, sizes, clock, background
         self.round_px = params.boundary_smoothing / 1000 * min(sizes.work)
         self.curves = BorderCurves(params, sizes) if sizes.curves else None

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.colour.scheme import ColourStats, learn
 from pipeline.frames import Frame, Plane
-from pipeline.kernels.background import Background, LazyExecutor, ThreadExecutor
+from pipeline.kernels.executors import FrameExecutor, LazyExecutor, ThreadExecutor
 from pipeline.kernels.processors import usable_processors
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
 from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
@@ -56,7 +56,7 @@ class AbstractionSession:
         self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None = None, shot: int = 0,
         clock: Clock = no_clock, output_size: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
-        self.background = Background()
+        self.background = FrameExecutor()
         self.sizes = sizes = sizes_of(params, size, output_size)
         self.analyzer = FrameAnalyzer(params, sizes, reference is not None, shot, clock, self.background)
         self.regions = RegionStage(params, sizes.work, reference, clock)
@@ -145,7 +145,7 @@ class PipelinedRunner:
         self._analysed = self._composited = 0  # frames; each counted by one thread only
 
     def __enter__(self) -> PipelinedRunner:
-        self.session.compositor.background = Background()
+        self.session.compositor.background = FrameExecutor()
         later = ThreadExecutor(self._lines) if self._lines else self._deferring
         self.session.analyzer.background = later or self.session.background
         return self

@@ -103,7 +103,7 @@ def guided_still_schedule(
 
 
 def stretch_of_guides(frame: Bytes, style: Bytes, weights: Sequence[float]) -> float:
-    """How much faster guides change in the frame than in the style: ratio of their squared gradients, 1/16 to 16.
+    """Ratio of the squared gradients of the guides in the frame to those in the style, 1/16 to 16.
 
     For a style that is shown at half its size the ratio is 4. 1 if the style has no gradients.
 

@@ -92,7 +92,7 @@ class LevelFrames:
             for index in range(start, stop):
                 if (frame := next(frames, None)) is None:
                     break
-                pending.append((index, frame, threads.submit(_reduced_guides, frame, match, level)))
+                pending.append((index, frame, threads.submit(_downscaled_guides, frame, match, level)))
                 if len(pending) > _THREADS:
                     self._add(*pending.popleft())
             for each in pending:
@@ -102,24 +102,24 @@ class LevelFrames:
         """The same frames at the next coarser level."""
         coarse = copy(self)
         coarse.level += 1
-        coarse.frames = {index: _reduced(frame, 1) for index, frame in self.frames.items()}
-        coarse.guides = {index: _reduced(guide, 1) for index, guide in self.guides.items()}
-        coarse.line_distances = {index: _reduced_distances(px, 1) for index, px in self.line_distances.items()}
-        coarse.directions = {index: _reduced_plane(plane, 1) for index, plane in self.directions.items()}
-        coarse.paintable = {index: _reduced_mask(mask, 1) for index, mask in self.paintable.items()}
-        coarse.silhouettes = {index: _reduced_mask(mask, 1) for index, mask in self.silhouettes.items()}
+        coarse.frames = {index: _downscaled(frame, 1) for index, frame in self.frames.items()}
+        coarse.guides = {index: _downscaled(guide, 1) for index, guide in self.guides.items()}
+        coarse.line_distances = {index: _downscaled_distances(px, 1) for index, px in self.line_distances.items()}
+        coarse.directions = {index: _downscaled_plane(plane, 1) for index, plane in self.directions.items()}
+        coarse.paintable = {index: _downscaled_mask(mask, 1) for index, mask in self.paintable.items()}
+        coarse.silhouettes = {index: _downscaled_mask(mask, 1) for index, mask in self.silhouettes.items()}
         return coarse
 
-    def _add(self, index: int, frame: InputFrame, reduced: Future[tuple[Frame, Bytes]]) -> None:
+    def _add(self, index: int, frame: InputFrame, downscaled: Future[tuple[Frame, Bytes]]) -> None:
         level = self.level
-        self.frames[index], self.guides[index] = reduced.result()
+        self.frames[index], self.guides[index] = downscaled.result()
         if frame.line_distance is not None:
-            self.line_distances[index] = _reduced_distances(frame.line_distance, level)
+            self.line_distances[index] = _downscaled_distances(frame.line_distance, level)
         if frame.directions is not None:
-            self.directions[index] = _reduced_plane(frame.directions, level)
+            self.directions[index] = _downscaled_plane(frame.directions, level)
         if frame.paintable is not None and frame.silhouette is not None:
-            self.paintable[index] = _reduced_mask(frame.paintable, level)
-            self.silhouettes[index] = _reduced_mask(frame.silhouette, level)
+            self.paintable[index] = _downscaled_mask(frame.paintable, level)
+            self.silhouettes[index] = _downscaled_mask(frame.silhouette, level)
 
     def target(self, index: int) -> Target:
         """Frame `index` as the target of the synthesis."""
@@ -135,36 +135,36 @@ def direction_bins_of(sources: DirectionSources, params: AnalogyParams, level: i
     return sources.bins(params.rotation_sigma, params.lines_reach * 0.5**level)
 
 
-def _reduced_guides(frame: InputFrame, match: ToneMatch | None, level: int) -> tuple[Frame, Bytes]:
+def _downscaled_guides(frame: InputFrame, match: ToneMatch | None, level: int) -> tuple[Frame, Bytes]:
     """The picture and the guides of a frame at a level."""
     guide = lab_guide(frame.frame)
     guide = guide if match is None else match(guide)
     guide = guide if frame.guides is None else stacked([guide, frame.guides])
-    return _reduced(frame.frame, level), _reduced(guide, level)
+    return _downscaled(frame.frame, level), _downscaled(guide, level)
 
 
-def _reduced(image: Bytes, level: int) -> Bytes:
+def _downscaled(image: Bytes, level: int) -> Bytes:
     for _ in range(level):
         image = np.asarray(halved(image), np.uint8)
     return image
 
 
-def _reduced_mask(mask: Mask | Bytes, level: int) -> Bytes:
-    reduced = mask.astype(np.uint8)
+def _downscaled_mask(mask: Mask | Bytes, level: int) -> Bytes:
+    downscaled = mask.astype(np.uint8)
     for _ in range(level):
-        reduced = np.asarray(halved(reduced, nearest=True), np.uint8)
-    return reduced
+        downscaled = np.asarray(halved(downscaled, nearest=True), np.uint8)
+    return downscaled
 
 
-def _reduced_plane(plane: Plane, level: int) -> Plane:
+def _downscaled_plane(plane: Plane, level: int) -> Plane:
     for _ in range(level):
         plane = np.asarray(halved(plane), np.float32)
     return plane
 
 
-def _reduced_distances(distances: Plane, level: int) -> Plane:
+def _downscaled_distances(distances: Plane, level: int) -> Plane:
     """Distances in px of the level: they halve with each level."""
-    return _reduced_plane(distances, level) * np.float32(0.5**level)
+    return _downscaled_plane(distances, level) * np.float32(0.5**level)
 
 
 class EstimatedVelocities:

@@ -34,7 +34,7 @@ from pipeline.synthesis.orientation import authored_tensors
 from pipeline.synthesis.tone_matching import NO_CONTRASTS, ToneStatistics
 from pipeline.video.guard.pictures import guarded_planes, guarded_raw
 from pipeline.video.passes import depth, normals, object_ids, picture, raw_vectors
-from pipeline.video.shot import LayerFiles, ShotJson, ShotLayout, read_shot
+from pipeline.video.shot_archive import LayerFiles, ShotJson, ShotLayout, read_shot
 from pipeline.video.shot_files import FRAMES, Files, is_shot
 from pipeline.video.stills import over_white
 
@@ -154,7 +154,7 @@ def layered_shot(context: TaskContext[AnalogyParams]) -> LayeredShot | None:
 
     Raises:
         BadInput: the job also has inputs that a shot replaces.
-        UnreadableMedia: see `pipeline.video.shot.read_shot`.
+        UnreadableMedia: see `pipeline.video.shot_archive.read_shot`.
     """
     files = context.entries("video")
     layout = _layout(files)

@@ -22,7 +22,7 @@ from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import Bytes, Offsets, StyleImage, halved, packed
 from pipeline.synthesis.orientation import DirectionSources
 from pipeline.tensors.structure import structure_tensor, tangent_field
-from pipeline.video.contact import fit
+from pipeline.video.contact_sheet import fit
 
 MAX_CHANNELS = 32
 """Maximum number of bytes of a pixel that patches compare: colours, CIELAB, and 25 or more channels of guides."""

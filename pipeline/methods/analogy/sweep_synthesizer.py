@@ -43,7 +43,7 @@ FIRST_FRAME_SEARCH_PX = 16.0
 """Maximum radius of the random search, px: for the first frame at a fine level, and in all sweeps but the first of the
 coarsest level at the other levels."""
 COARSE_ROUNDS = 2
-"""Maximum number of rounds of those sweeps: only 1 to 5 % of the pixels change in each further round."""
+"""Maximum number of rounds of those sweeps: few pixels change in a further round."""
 
 
 def run_sweeps(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
@@ -253,6 +253,6 @@ def _matched_tones(
 
 
 def _stretch(guides: Bytes, pair: StylePair, params: AnalogyParams, inputs: SynthesisInputs) -> float:
-    """How much faster guides change in the first frame, uint8 (h, w, channels), than in the style."""
+    """Ratio of the squared gradients of the guides in the first frame, uint8 (h, w, channels), to the style's."""
     params = params.model_copy(update={"colour_weight": params.colour_weight * STRETCH_HUE_FACTOR})
     return stretch_of_guides(guides, pair.guides, energy_of(params, inputs.guides, 0).guides)

@@ -159,7 +159,7 @@ class StrokeAnalyzer:
         attention, features = self._attention(detail is not None)
         faces = self.importance.faces.copy()
         with self.clock("denoise"):
-            picture = self.denoiser.step(_shrunk(frame, self.work).astype(np.float32), back, attention)
+            picture = self.denoiser.step(_downscaled(frame, self.work).astype(np.float32), back, attention)
             raise_contrast(picture, faces, self.size)
         changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
@@ -221,7 +221,7 @@ class StrokeAnalyzer:
         if fresh or self.gray is None:
             return None, None
         with self.clock("flow"):
-            before, now = (_shrunk(plane, self.work) for plane in (self.gray, gray))
+            before, now = (_downscaled(plane, self.work) for plane in (self.gray, gray))
             back = zero_still_flow_by_texture(
                 estimate(now, before, self.params.flow), now, before, self.params.stillness
             )
@@ -261,10 +261,10 @@ class StrokeAnalyzer:
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
         with self.clock("directions"):
-            small = _shrunk(picture, self.small)
+            small = _downscaled(picture, self.small)
             sigma = max(self.params.edge_smoothing * min(self.small) / 1000, 0.8)
             now = gradient_tensor(small.astype(np.float32), sigma)
-            flow = None if back is None else _shrunk_flow(back, self.small)
+            flow = None if back is None else _downscaled_flow(back, self.small)
             if flow is not None and self.tensors is not None:
                 changed = self.denoiser.changed
                 trust = None if changed is None else _trust(changed, self.small)
@@ -306,13 +306,13 @@ def _unit(field: OrientationField) -> OrientationField:
     return np.asarray(field / (np.sqrt(field[0] * field[0] + field[1] * field[1]) + np.float32(1e-3)), np.float32)
 
 
-def _shrunk(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+def _downscaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
     if (image.shape[1], image.shape[0]) == size:
         return image
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _shrunk_flow(flow: Flow, size: tuple[int, int]) -> Flow:
+def _downscaled_flow(flow: Flow, size: tuple[int, int]) -> Flow:
     """The flow on a coarser grid, in px of that grid."""
     scale = np.float32(size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)

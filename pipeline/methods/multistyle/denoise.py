@@ -83,12 +83,12 @@ def zero_still_flow_by_texture(
     moving = (2 * votes[0] <= votes[1]).astype(np.uint8) + (votes[0] < np.float32(DENOISE.contested) * votes[1])
     decisions = np.asarray(moving, np.uint8)
     wide = np.asarray(cv2.resize(decisions, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-    _decide_contested(flow, np.float32((DENOISE.far * min(size)) ** 2), wide)
+    _decide_uncertain(flow, np.float32((DENOISE.far * min(size)) ** 2), wide)
     return zero_still_flow(flow, before, gray, tolerance, wide)
 
 
 @kernel
-def _decide_contested(flow: Flow, most2: np.float32, moving: NDArray[np.uint8]) -> None:
+def _decide_uncertain(flow: Flow, most2: np.float32, moving: NDArray[np.uint8]) -> None:
     """Replace 1 (contested) by 0 (rests) or 1 (moves), in place; 2 means moves."""
     height, width = moving.shape
     for y in range(height):

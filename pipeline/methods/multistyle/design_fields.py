@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.methods.multistyle.design import Design, DirectionKey, ElementAt, StyleKey, keys_around
-from pipeline.methods.multistyle.harmonic_weights import Weights, enlarge, mix, soften, solve_weights
+from pipeline.methods.multistyle.harmonic_weights import Weights, mix, soften, solve_weights, upscale
 from pipeline.methods.multistyle.label_propagation import RegionMap
 from pipeline.methods.multistyle.styles import FIELDS, TECHNIQUE_FIELDS, Style, Technique, vector
 from pipeline.solvers import Solution
@@ -119,7 +119,7 @@ class DesignFields:
         weights, solution = solve_weights(coarse, keys, self._walls(coarse))
         if solution is not None:
             self._record(solution)
-        weights = enlarge(weights, regions, keys)
+        weights = upscale(weights, regions, keys)
         soft = self._with_border("soft")
         return soften(weights, np.isin(regions, soft), SOFT * min(self.size), self.small) if soft else weights
 

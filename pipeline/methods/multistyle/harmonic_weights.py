@@ -44,12 +44,12 @@ def solve_weights(
         out[: len(keys) - 1] = solution.x
     if keys:
         out[len(keys) - 1] = 1 - out[:-2].sum(axis=0)
-    out[:, solver.adrift] = 0
-    out[-1, solver.adrift] = 1
+    out[:, solver.undetermined] = 0
+    out[-1, solver.undetermined] = 1
     return out, solution
 
 
-def enlarge(coarse: Weights, regions: RegionMap, keys: Sequence[int]) -> Weights:
+def upscale(coarse: Weights, regions: RegionMap, keys: Sequence[int]) -> Weights:
     """Coarse weights at the size of the map `regions`; styled regions keep pixel-accurate borders."""
     fixed, size = np.isin(regions, keys), (regions.shape[1], regions.shape[0])
     out = np.empty((len(coarse), *regions.shape), np.float32)

@@ -63,7 +63,7 @@ def accumulated_frames(params: MultistyleParams) -> int:
 class Painter:
     """Paints consecutive frames of one size. Not thread-safe.
 
-    The only state is the previous paintings. A painter that gets the previous analyses (`recall`) continues
+    The only state is the previous paintings. A painter that gets the previous analyses (`load_previous`) continues
     with the same bytes.
 
     Args:
@@ -95,7 +95,7 @@ class Painter:
         self._keep(analysis, now)
         return picture
 
-    def recall(self, analysis: StrokeAnalysis, shared: bool = False) -> None:
+    def load_previous(self, analysis: StrokeAnalysis, shared: bool = False) -> None:
         """Paint a previous frame for accumulation only; `shared`: the run of that frame paints it, too."""
         if self.accumulated:
             self._keep(analysis, self._shared_painting(analysis) if shared else self._painting(analysis))
@@ -106,7 +106,7 @@ class Painter:
         found = SHARED.take(origin, analysis)
         if found is None:
             found = self._painting(analysis)
-            SHARED.give(origin, analysis, found)
+            SHARED.put(origin, analysis, found)
         return found
 
     def state(self) -> State:
@@ -117,7 +117,7 @@ class Painter:
         self.past = []
         count = len({name.partition(".")[0] for name in state})
         for index in reversed(range(count)):
-            self.recall(unpack(part(state, str(index))))
+            self.load_previous(unpack(part(state, str(index))))
 
     def _previous(self, analysis: StrokeAnalysis) -> list[tuple[StrokeAnalysis, Painting]]:
         """Paintings of the frames directly before, latest first."""
@@ -191,11 +191,11 @@ class Painter:
         """The ground, whose target colour is the picture."""
         canvas = np.zeros((*ground.shape[:2], 7), np.float32)
         canvas[..., :3] = ground
-        canvas[..., TARGET:] = _enlarged(analysis.picture, self.size)
+        canvas[..., TARGET:] = _upscaled(analysis.picture, self.size)
         return canvas
 
     def _guide(self, analysis: StrokeAnalysis, layer: StrokeLayer) -> Frame:
-        return _enlarged(_blurred(analysis.picture, layer.sigma_px), self.size)
+        return _upscaled(_blurred(analysis.picture, layer.sigma_px), self.size)
 
     def _ground(self, analysis: StrokeAnalysis) -> Plane:
         """The ground, float32 (h, w, 3): a broad blur of the picture under a veil of the ground colour."""
@@ -237,7 +237,7 @@ def _round_off(canvas: Canvas) -> None:
         canvas[..., HEIGHT] = cv2.GaussianBlur(np.ascontiguousarray(canvas[..., HEIGHT]), (0, 0), sigma)
 
 
-def _enlarged(image: AnyArray, size: tuple[int, int]) -> AnyArray:
+def _upscaled(image: AnyArray, size: tuple[int, int]) -> AnyArray:
     if (image.shape[1], image.shape[0]) == size:
         return image
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_LINEAR))

@@ -190,7 +190,7 @@ def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     painter = Painter(context.params, context.size, context.seed, context.clock)
     if painter.accumulated and task.args["before"]:
         for analysis in _unpacked(context.load("paint", f"last-{task.args['before']}")):
-            painter.recall(analysis, shared=True)
+            painter.load_previous(analysis, shared=True)
     recalled = 0 if task.args["last"] else painter.accumulated
     frames = _unpacked(context.load("paint", key))
     if recalled:

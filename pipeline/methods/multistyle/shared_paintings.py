@@ -33,7 +33,7 @@ class SharedPaintings:
         self._waiting: OrderedDict[int, tuple[Origin, StrokeAnalysis, Painting]] = OrderedDict()
         self._given = 0
 
-    def give(self, origin: Origin, analysis: StrokeAnalysis, painting: Painting) -> None:
+    def put(self, origin: Origin, analysis: StrokeAnalysis, painting: Painting) -> None:
         """Leave a painting for the other run."""
         with self._lock:
             self._given += 1

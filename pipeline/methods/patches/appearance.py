@@ -319,4 +319,4 @@ def soft_mask(inside: Mask, grid: WorkingGrid) -> Plane:
     The masks of all labels, including 0, sum to 1.
     """
     soft = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), 0.7)
-    return np.asarray(grid.enlarge(soft), np.float32)
+    return np.asarray(grid.upscale(soft), np.float32)

@@ -46,7 +46,7 @@ SEED_WEIGHT = 5.0
 
 
 @dataclass(frozen=True)
-class Span:
+class FrameSpan:
     """Frames [start, stop) of a shot that are clustered again.
 
     Attributes:
@@ -58,14 +58,14 @@ class Span:
     keys: tuple[int, ...]
 
 
-def spans(keys: Mapping[int, tuple[int, int] | None], begin: int, end: int) -> list[Span]:
+def spans(keys: Mapping[int, tuple[int, int] | None], begin: int, end: int) -> list[FrameSpan]:
     """The spans of the shot [begin, end), ascending. Intervals that overlap are one span.
 
     Args:
         keys: frame with a corrected label map -> how many frames before and after it are clustered again; None: all
             frames of the shot.
     """
-    found: list[Span] = []
+    found: list[FrameSpan] = []
     for key, reach in sorted(keys.items()):
         if not begin <= key < end:
             continue
@@ -74,7 +74,7 @@ def spans(keys: Mapping[int, tuple[int, int] | None], begin: int, end: int) -> l
         while found and found[-1].stop > start:
             last = found.pop()
             start, stop, together = min(start, last.start), max(stop, last.stop), (*last.keys, *together)
-        found.append(Span(start, stop, together))
+        found.append(FrameSpan(start, stop, together))
     return found
 
 
@@ -93,7 +93,7 @@ def plan_correct(context: PlanContext[PatchesParams]) -> list[Task]:
     return tasks
 
 
-def _shot_tasks(context: PlanContext[PatchesParams], found: list[Span], begin: int, end: int) -> list[Task]:
+def _shot_tasks(context: PlanContext[PatchesParams], found: list[FrameSpan], begin: int, end: int) -> list[Task]:
     shot = [run for run in runs(context) if run[2] == begin]
     tasks: dict[str, Task] = {}
     for span in found:
@@ -128,12 +128,12 @@ def _key(which: str, span: int, start: int) -> str:
     return f"{which}-{span:07d}-{start:07d}"
 
 
-def _pass_args(span: Span, start: int, stop: int, begin: int, end: int) -> TaskResult:
+def _pass_args(span: FrameSpan, start: int, stop: int, begin: int, end: int) -> TaskResult:
     keys = [key for key in span.keys if start <= key < stop]
     return {"start": start, "stop": stop, "begin": begin, "end": end, "span": [span.start, span.stop], "keys": keys}
 
 
-def _blend_args(span: Span, start: int, stop: int, begin: int, end: int) -> TaskResult:
+def _blend_args(span: FrameSpan, start: int, stop: int, begin: int, end: int) -> TaskResult:
     """The part of a span in one run, with the fixed frames that enclose its frames.
 
     `fixed` begins with the last fixed frame before the run. A span that ends with the shot has none behind its last

@@ -25,7 +25,7 @@ FACE_BLUR = 0.25
 
 
 @dataclass(frozen=True)
-class FaceLayer:
+class FaceStrokeLayer:
     """One layer of strokes on faces, for small and for large faces; values for sizes in between are interpolated.
 
     Attributes:
@@ -42,9 +42,9 @@ class FaceLayer:
 
 
 LAYERS = (
-    FaceLayer(1 / 9, 2.0, (0.1, 0.1), (20.0, 24.0)),
-    FaceLayer(1 / 18, 1.0, (0.1, 0.5), (20.0, 22.0)),
-    FaceLayer(1 / 36, 0.5, (0.1, 0.7), (20.0, 20.0)),
+    FaceStrokeLayer(1 / 9, 2.0, (0.1, 0.1), (20.0, 24.0)),
+    FaceStrokeLayer(1 / 18, 1.0, (0.1, 0.5), (20.0, 22.0)),
+    FaceStrokeLayer(1 / 36, 0.5, (0.1, 0.7), (20.0, 20.0)),
 )
 """Layers, coarse to fine. The box of a face ends at brows and chin; a ninth of it is a twelfth of the head's height."""
 LEAST_SIZE_PX = 1.6
@@ -97,7 +97,7 @@ class FacePlanes:
             width = np.where(own, self.width_px, smallest_width(2.0**value))
             yield 2.0**value, self._cropped(own, np.where(own, self.weight, np.float32(0)), width)
 
-    def enlarged(self, box: tuple[slice, slice], width_px: float) -> FacePlanes:
+    def upscaled(self, box: tuple[slice, slice], width_px: float) -> FacePlanes:
         """These faces in a larger part of the picture, without faces around them.
 
         Args:
@@ -145,7 +145,7 @@ class FaceBrush:
         finest_px: width of the finest strokes outside faces, px.
     """
 
-    layer: FaceLayer
+    layer: FaceStrokeLayer
     finest_px: float
 
     def size_px(self, width_px: StyleField) -> StyleField:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Mask, Plane
-from pipeline.gaussian import enlarge_cells, sigma_in_cells, wide_gaussian
+from pipeline.gaussian import sigma_in_cells, upscale_cells, wide_gaussian
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import vector_norm
@@ -190,4 +190,4 @@ def patch_weight(frame: Frame, rendering: Rendering, limit: Plane, grid: Working
     near_rejected = cv2.dilate((off > REJECTED).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
     kept = np.where(near_rejected & (off > REJECTED_NEARBY), np.float32(0), weight)
     smooth = cv2.GaussianBlur(kept, (0, 0), unit) * np.clip((mean_weight - MIN_MEAN_WEIGHT) * 5, 0, 1)
-    return enlarge_cells(np.asarray(smooth, np.float32), cell, (frame.shape[0], frame.shape[1]))
+    return upscale_cells(np.asarray(smooth, np.float32), cell, (frame.shape[0], frame.shape[1]))

@@ -67,8 +67,8 @@ class PaintSource:
         """
         out = PaintSource(np.full_like(self.frame, NO_SOURCE), np.zeros_like(self.position))
         if pair is not None:
-            flow = scale_flow(np.asarray(grid.enlarge(pair[0]), np.float32), *grid.ratio)
-            valid = np.asarray(grid.enlarge(valid_flow(pair[1]).astype(np.float32)), np.float32)
+            flow = scale_flow(np.asarray(grid.upscale(pair[0]), np.float32), *grid.ratio)
+            valid = np.asarray(grid.upscale(valid_flow(pair[1]).astype(np.float32)), np.float32)
             _advect(self.frame, self.position, flow, where, valid, out.frame, out.position)
         return out
 

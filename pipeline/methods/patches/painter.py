@@ -206,7 +206,7 @@ class HertzmannPainter:
         pad = int(max(float(self.brush.size_px), width_px * LAYERS[0].share * FACE_LENGTH))
         outer, inner = _around(faces, pad, box, shape)
         part, own = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(canvas[inner])
-        near = faces.enlarged(outer, float(smallest_width(width_px)))
+        near = faces.upscaled(outer, float(smallest_width(width_px)))
         where = near.weight > LEAST_WEIGHT
         for index, layer in enumerate(LAYERS, start=self.layers):
             face = FaceBrush(layer, self.finest_px)

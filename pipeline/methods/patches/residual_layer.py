@@ -28,7 +28,7 @@ import numpy as np
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
-from pipeline.gaussian import enlarge_cells
+from pipeline.gaussian import upscale_cells
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.paint_error import Rendering, cell_px, fine_sigma_px, misfit
@@ -138,7 +138,7 @@ class ResidualLayer:
             previous = self.opacity
             for step in range(self.last + 1, index + 1):
                 previous = _warped(previous, self.flow.backward(step))
-            opacity = np.maximum(opacity, self.grid.enlarge(previous) - np.float32(MAX_OPACITY_DECREASE))
+            opacity = np.maximum(opacity, self.grid.upscale(previous) - np.float32(MAX_OPACITY_DECREASE))
         self.opacity = np.asarray(cv2.resize(opacity, self.grid.size, interpolation=cv2.INTER_AREA), np.float32)
         return opacity
 
@@ -216,7 +216,7 @@ class ResidualLayer:
         if not known.any():
             return rendering, (~visible).astype(np.float32)
         sigma = fine_sigma_px(self.grid)
-        off = enlarge_cells(misfit(frame, rendering, limit, sigma, known), cell_px(sigma), known.shape)
+        off = upscale_cells(misfit(frame, rendering, limit, sigma, known), cell_px(sigma), known.shape)
         source.clear_distorted(known)
         kept = np.empty(known.shape, np.float32)
         _kept(off, known, visible, kept)

@@ -160,14 +160,14 @@ class WorkingGrid:
             return frame
         return np.asarray(cv2.resize(frame, self.size, interpolation=cv2.INTER_AREA), np.uint8)
 
-    def shrink_flow(self, flow: NDArray[np.float32]) -> NDArray[np.float32]:
+    def downscale_flow(self, flow: NDArray[np.float32]) -> NDArray[np.float32]:
         """Reduce the flow of a frame, px, to the working size, working px."""
         if self.size == (self.width, self.height):
             return flow
         small = cv2.resize(flow, self.size, interpolation=cv2.INTER_AREA)
         return np.asarray(small / np.array(self.ratio, np.float32), np.float32)
 
-    def enlarge(self, plane: AnyArray) -> AnyArray:
+    def upscale(self, plane: AnyArray) -> AnyArray:
         """Enlarge a smooth plane of the working size to the frame's size, bilinearly."""
         if self.size == (self.width, self.height):
             return plane
@@ -282,7 +282,7 @@ def label_styles(given: JsonValue) -> Mapping[int, str]:
     found = {}
     for key, style in given.items():
         if not isinstance(style, str) or style not in STROKE_STYLES:
-            raise BadParameter("There is no such style.", field=f"inputs.styles.{key}", value=style,
+            raise BadParameter("Style not found.", field=f"inputs.styles.{key}", value=style,
                                remedy=f"Use one of: {', '.join(STROKE_STYLES)}.")  # fmt: skip
         number = 1 if key == "background" else int(key) if key.isdecimal() else 0
         if not 0 < number <= MAX_LABEL:

@@ -122,7 +122,7 @@ def flow_pair(first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGr
     forward, backward = _estimated(here, there, gap, params), _estimated(there, here, gap, params)
     of_forward = None
     if gap == 1:
-        forward, backward = grid.shrink_flow(forward), grid.shrink_flow(backward)
+        forward, backward = grid.downscale_flow(forward), grid.downscale_flow(backward)
         of_forward = reliability(first.colours, second.colours, forward, backward, params.colour_scale)
     of_backward = reliability(second.colours, first.colours, backward, forward, params.colour_scale)
     return FlowPair(forward, backward, of_forward, of_backward)

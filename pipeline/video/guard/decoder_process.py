@@ -76,14 +76,14 @@ class DecoderProcess:
             SERVER.fork(theirs.fileno(), file.fileno())
         try:
             limits: Message = {"memory": memory_bytes, "seconds": timeout_s}
-            self._pid = self._greet({"role": role, "shared": shared_bytes} | limits)
+            self._pid = self._handshake({"role": role, "shared": shared_bytes} | limits)
             self._wire.settimeout(timeout_s)
             self.began = self.ask(task, on_progress)
         except BaseException:
             self.close()
             raise
 
-    def _greet(self, message: Message) -> int:
+    def _handshake(self, message: Message) -> int:
         """The process id. Raises DecoderNotStarted."""
         try:
             send(self._wire, message)

@@ -64,7 +64,7 @@ class GuardedReader(FrameReader):
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What was chosen, corrected or assumed when the file was opened."""
+        """Notes on what was chosen, corrected or assumed when the file was opened."""
         return self._index.notes
 
     def read(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:

@@ -172,11 +172,11 @@ def _join(connection: ChildConnection) -> None:
     sound = Path(task["sound"]) if task["sound"] else None
     end_s = Fraction(*task["end"]) if task["end"] else None
 
-    def tell(done: float) -> None:
+    def report_progress(done: float) -> None:
         connection.answer({"progress": done})
 
     encoding = Encoding(task["format"], int(task["quality"]))
-    notes = join(segments, Path(task["out"]), encoding, sound, tell, end_s, _options(task))
+    notes = join(segments, Path(task["out"]), encoding, sound, report_progress, end_s, _options(task))
     connection.answer({"notes": notes})
 
 

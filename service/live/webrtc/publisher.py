@@ -33,7 +33,7 @@ TICKS_PER_S = 90_000
 
 
 @dataclass(frozen=True)
-class Painting:
+class PaintedFrame:
     """Validated painting parameters."""
 
     method: str
@@ -49,7 +49,7 @@ class Publisher:
     Until then it has no slot: an offer costs nothing, and may never be connected.
     """
 
-    def __init__(self, peer: Peer, sessions: Sessions, painting: Painting, idle_s: float) -> None:
+    def __init__(self, peer: Peer, sessions: Sessions, painting: PaintedFrame, idle_s: float) -> None:
         self._peer, self._sessions, self._painting, self._idle_s = peer, sessions, painting, idle_s
         self._session: LiveSession | None = None
         self._closed = asyncio.Event()

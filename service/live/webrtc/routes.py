@@ -38,7 +38,7 @@ async def publish(
 ) -> Response:  # fmt: skip
     """Open a session whose frames come over WebRTC."""
     peers = await _peers(request)
-    from service.live.webrtc.publisher import Painting, Publisher
+    from service.live.webrtc.publisher import PaintedFrame, Publisher
 
     offer, sessions = await _offer(request, context), _sessions(request)
     live = sessions.live
@@ -48,7 +48,7 @@ async def publish(
     if prefer not in ("fluent", "sharp"):
         raise BadParameter("Unknown preference.", field="prefer", value=prefer, remedy="Write fluent, or sharp.")
     checked = live.params(method, _object(params))
-    painting = Painting(method, checked, seed, live.filter(behind, {}) if behind else None, prefer == "fluent")
+    painting = PaintedFrame(method, checked, seed, live.filter(behind, {}) if behind else None, prefer == "fluent")
     sessions.check_free()
     peer, session_id = peers.open(caller.owner, sends=True), new_id("liv_")
     publisher = Publisher(peer, sessions, painting, context.settings.live_idle_s)
@@ -80,7 +80,7 @@ async def leave(request: Request, caller: Reader, peer_id: str) -> Response:
     """End a WebRTC connection of the caller."""
     peer = (await _peers(request)).find(peer_id, caller)
     if peer is None:
-        raise NotFound("There is no such connection.", field="peer", value=peer_id, remedy="It may have ended.")
+        raise NotFound("Connection not found.", field="peer", value=peer_id, remedy="It may have ended.")
     await peer.close()
     return Response(status_code=200)
 

@@ -128,13 +128,13 @@ def test_paintings_that_this_process_has_just_made_are_not_painted_again(monkeyp
     stored = [unpack(analysis.pack()) for analysis in analyses[2:4]]
     painted_frames.clear()
     for analysis in stored:
-        third.recall(analysis, shared=True)
-        second.recall(analysis, shared=True)
+        third.load_previous(analysis, shared=True)
+        second.load_previous(analysis, shared=True)
     assert painted_frames == [3, 4], "those of another seed"
     assert second.paint(analyses[4]).tobytes() == first.paint(analyses[4]).tobytes()
     painted_frames.clear()
     for analysis in stored:
-        second.recall(analysis, shared=True)
+        second.load_previous(analysis, shared=True)
     assert painted_frames == [3, 4], "two runs have used them"
     assert [fourth.paint(each, shared=each.number > 2).tobytes() for each in analyses[:4]] == pictures
     assert painted_frames == [3, 4, 1, 2], "the later run was the first"

@@ -19,7 +19,7 @@ from pipeline.methods.base import PlanContext, VideoInfo
 from pipeline.methods.local import LocalContext, iterate_plan
 from pipeline.methods.patches import Patches, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
-from pipeline.methods.patches.correction import Span, spans
+from pipeline.methods.patches.correction import FrameSpan, spans
 from pipeline.methods.patches.motion_clustering import uncertainty_of
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
@@ -233,8 +233,11 @@ def test_new_clusters_of_an_interval_have_numbers_that_the_shot_does_not_use() -
 
 
 def test_intervals_of_corrections_are_joined_where_they_overlap() -> None:
-    assert spans({5: (2, 2), 8: (2, 0), 20: (1, 9), 40: None}, 0, 24) == [Span(3, 9, (5, 8)), Span(19, 24, (20,))]
-    assert spans({5: (2, 2), 8: None}, 0, 24) == [Span(0, 24, (5, 8))]
+    assert spans({5: (2, 2), 8: (2, 0), 20: (1, 9), 40: None}, 0, 24) == [
+        FrameSpan(3, 9, (5, 8)),
+        FrameSpan(19, 24, (20,)),
+    ]
+    assert spans({5: (2, 2), 8: None}, 0, 24) == [FrameSpan(0, 24, (5, 8))]
 
 
 def test_a_mask_determines_the_foreground() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.frames import Frame
-from pipeline.gaussian import enlarge_cells
+from pipeline.gaussian import upscale_cells
 from pipeline.methods.patches.appearance import ColourSum, PanoramaRect, period_picture
 from pipeline.methods.patches.paint_error import (
     MIN_TOLERANCE,
@@ -86,7 +86,7 @@ def test_the_misfit_of_cells_is_that_of_pixels(sigma_px: float) -> None:
     """The Gaussian of the differences, exactly, against the one that is computed on cells."""
     frame = halves()[:, :331]
     changed, limit = with_spot(frame, 20, 60), np.full(frame.shape[:2], 20, np.float32)
-    found = enlarge_cells(misfit(changed, rendering(frame, frame), limit, sigma_px), cell_px(sigma_px), limit.shape)
+    found = upscale_cells(misfit(changed, rendering(frame, frame), limit, sigma_px), cell_px(sigma_px), limit.shape)
     exact = cv2.GaussianBlur(changed.astype(np.float32) - frame, (0, 0), sigma_px)
     assert cell_px(sigma_px) > 1 and found.shape == limit.shape
     np.testing.assert_allclose(found, np.linalg.norm(exact, axis=2) / 20, atol=0.35)

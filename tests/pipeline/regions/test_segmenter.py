@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Flow
-from pipeline.kernels.background import Ready
+from pipeline.kernels.executors import Ready
 from pipeline.perception.backward_maps import backward_maps
 from pipeline.perception.motion import denoise
 from pipeline.regions.edges import edges

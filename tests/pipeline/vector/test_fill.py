@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Labels
-from pipeline.kernels.background import Background
+from pipeline.kernels.executors import FrameExecutor
 from pipeline.vector.borders import find_borders, hide_borders_under_lines
 from pipeline.vector.fill import fill_regions
 from pipeline.vector.smoothing import diffusion_steps, smooth_borders
@@ -136,7 +136,7 @@ def test_two_threads_give_the_same_bytes() -> None:
     colours, borders = colours_for(labels), smooth_borders(find_borders(labels), 2.0, 2.0)
     alone = fill_regions(borders, colours, (131, 97))
     with ThreadPoolExecutor(1) as helper:
-        np.testing.assert_array_equal(fill_regions(borders, colours, (131, 97), Background(helper)), alone)
+        np.testing.assert_array_equal(fill_regions(borders, colours, (131, 97), FrameExecutor(helper)), alone)
 
 
 @pytest.mark.parametrize("sigma_px", [0.5, 2.0, 6.0])

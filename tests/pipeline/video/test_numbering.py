@@ -85,7 +85,7 @@ def test_gaps_are_refused_held_or_skipped_and_always_named() -> None:
     assert all("1003 to 1004 are missing" in " ".join(found.notes) for found in (held, skipped))
     ends = frames_of([2, 3], "hold", (1, 4))
     assert (ends.numbers, ends.shown) == ((1, 2, 3, 4), (0, 0, 1, 1))
-    assert frames_of([1, 3, 5], "fail").notes == ("The numbers go in steps of 2: no frame is taken as missing.",)
+    assert frames_of([1, 3, 5], "fail").notes == ("The numbers go in steps of 2: no frame counts as missing.",)
     with pytest.raises(NotASequence, match="too long"):
         frames_of([0, 1, 10**9], "hold")
 

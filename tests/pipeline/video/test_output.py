@@ -15,7 +15,7 @@ import pytest
 from pipeline.errors import BadFrame, BadParameter
 from pipeline.formats import OUTPUTS
 from pipeline.frames import Frame
-from pipeline.video.contact import contact_sheet, fit, poster
+from pipeline.video.contact_sheet import contact_sheet, fit, poster
 from pipeline.video.join import join
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe

@@ -31,7 +31,7 @@ def clusters(context: PreviewContext) -> Iterator[Record]:
     They are computed at full resolution, and cached. They do not depend on label maps that the user has corrected.
     """
     layer = context.query.layers[0]
-    chosen = _able(layer)
+    chosen = _method_with_clusters(layer)
     info = context.frames.info(layer.video)
     if info.frames * info.width * info.height > MOST_PIXELS:
         raise MediaTooLarge(
@@ -63,7 +63,7 @@ def spread(context: PreviewContext) -> Iterator[Record]:
     """A `mask` record of the frame and of each of those after it: white = foreground. None without scribbles at the
     frame or at most `REACH_FRAMES` before it."""
     layer, number = context.query.layers[0], context.options["frame"]
-    chosen = _able(layer)
+    chosen = _method_with_clusters(layer)
     plain = _for_clusters(chosen, layer)
     marked = [at for images in plain.images.values() for at in images if number - REACH_FRAMES <= at <= number]
     if not marked:
@@ -79,7 +79,7 @@ def spread(context: PreviewContext) -> Iterator[Record]:
             yield Record(header, encode_gray_png(plane))
 
 
-def _able(layer: LayerSources) -> Method:
+def _method_with_clusters(layer: LayerSources) -> Method:
     chosen = method(layer.method)
     if not chosen.clusters_step:
         able = ", ".join(name for name, known in methods().items() if known.clusters_step) or "none"

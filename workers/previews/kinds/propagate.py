@@ -38,7 +38,9 @@ def propagate(context: PreviewContext) -> Iterator[Record]:
             remedy=f"Choose a method that does: {able}.",
         )  # fmt: skip
     if key >= (total := context.frames.info(layer.video).frames):
-        raise BadParameter("The video has no such frame.", field="key", value=key, remedy=f"Use 0 to {total - 1}.")
+        raise BadParameter(
+            "The video has no frame of this number.", field="key", value=key, remedy=f"Use 0 to {total - 1}."
+        )
     side_px = min(context.query.side_px, PROXY_SIDE_PX)
     try:
         if (yield from _propagated(context, layer, name, side_px)):
@@ -91,10 +93,10 @@ def _key_image(
     size = (frame.shape[1], frame.shape[0])
     mask = layer.images.get(method(layer.method).keys_input("mask"), {}).get(key)
     shown = None if mask is None else context.frames.image(mask, "inputs")
-    return key_at_size(context.frames.image(source, "image"), shown, size)
+    return resized_key(context.frames.image(source, "image"), shown, size)
 
 
-def key_at_size(drawing: AnyArray, mask: AnyArray | None, size: tuple[int, int]) -> NDArray[np.uint8]:
+def resized_key(drawing: AnyArray, mask: AnyArray | None, size: tuple[int, int]) -> NDArray[np.uint8]:
     """A drawing as uint8 RGB, or RGBA if it has opacity or a mask, at `size` (width, height).
 
     Args:
@@ -109,10 +111,10 @@ def key_at_size(drawing: AnyArray, mask: AnyArray | None, size: tuple[int, int])
         opacity = eight[..., 3]
     else:
         return np.ascontiguousarray(resized(colours, size))
-    return _shrunk(np.ascontiguousarray(colours), np.ascontiguousarray(opacity), size)
+    return _downscaled(np.ascontiguousarray(colours), np.ascontiguousarray(opacity), size)
 
 
-def _shrunk(colours: NDArray[np.uint8], opacity: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+def _downscaled(colours: NDArray[np.uint8], opacity: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
     """RGBA at `size`. Colours are averaged with opacity as weight, because transparent pixels have no meaningful
     colour."""
     if (colours.shape[1], colours.shape[0]) == size:

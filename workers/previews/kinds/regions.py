@@ -117,7 +117,9 @@ def _shown(context: PreviewContext, layer: LayerSources, files: Files) -> Iterat
     number, side = context.options["frame"], context.query.side_px
     found = method(layer.method).frame_regions(files, number)
     if found is None:
-        raise BadParameter("The video has no such frame.", field="frame", value=number, remedy="Use one of its frames.")
+        raise BadParameter(
+            "The video has no frame of this number.", field="frame", value=number, remedy="Use one of its frames."
+        )
     numbers = _fit(found.numbers.astype(np.int32), side)
     coded = np.dstack([numbers & 0xFF, numbers >> 8 & 0xFF, numbers >> 16]).astype(np.uint8)
     header = {"type": "map", "kind": "tubes", "frame": number, "width": coded.shape[1], "height": coded.shape[0],

@@ -93,7 +93,7 @@ function useNarration(job: Job): void {
 function StepRow({ step }: { step: Step }) {
   const total = Object.values(step.counts).reduce((sum, n) => sum + n, 0);
   const tasks = total > 1 && `${step.counts.succeeded ?? 0} of ${total} tasks`;
-  const reused = step.reused ? `${step.reused} of ${total} tasks taken over` : "";
+  const reused = step.reused ? `${step.reused} of ${total} tasks reused` : "";
   const seconds = step.state === "succeeded" && step.seconds > 0 && duration(step.seconds);
   return (
     <li class="step" data-state={step.state} aria-label={`${step.title}: ${step.state}, ${percent(step.progress)}`}>

@@ -10,7 +10,7 @@ const WORDS = {
   starting: ["Live", "Painting the first frame…"],
   live: ["Live", ""],
   paused: ["Paused while the tab is hidden", ""],
-  busy: ["All places are taken", "All places are taken. Trying again"],
+  busy: ["All sessions are in use", "All sessions are in use. Trying again"],
   lost: ["Connection lost", "Connection lost. Trying again"],
   failed: ["Stopped", ""],
 } as const;

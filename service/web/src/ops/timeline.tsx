@@ -16,7 +16,7 @@ const WORDS: Record<string, string> = {
   running: "runs",
   failed: "failed",
   interrupted: "was interrupted",
-  released: "was given back",
+  released: "was returned to the queue",
   cancelled: "was cancelled",
 };
 

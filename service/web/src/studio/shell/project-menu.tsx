@@ -85,7 +85,7 @@ function Share({ store, saveAll }: ProjectMenuProps) {
           End all links
         </button>
       </div>
-      <h3>Take it elsewhere</h3>
+      <h3>Export the project</h3>
       <p class="hint">
         One file with everything in it. The start page of another service opens it; <code>impasto render</code> paints
         it.

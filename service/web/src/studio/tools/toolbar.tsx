@@ -202,7 +202,7 @@ function filmHint(store: Store, films: Films): string {
   if (films.newest.value) return "The newest finished frame of the film, which is being painted";
   return filmHas(store, store.frame.value)
     ? "The newest film"
-    : "The newest film has no such frame: this is the video's";
+    : "The newest film has no frame of this number: this is the video's";
 }
 
 const previewText = ({ final, scale }: Result): string =>

@@ -38,7 +38,7 @@ def sheet_frames(frames: int) -> list[int]:
 
 
 def contact_sheet(reader: VideoReader, tile_px: int = SHEET_TILE_PX, known: Mapping[int, Frame] | None = None) -> bytes:
-    """Up to twelve evenly spaced frames in rows of four on a dark background; JPEG.
+    """JPEG of at most twelve evenly spaced frames in rows of four on a dark background.
 
     Args:
         known: frames of the sheet by index, fitted already, which are not decoded again.

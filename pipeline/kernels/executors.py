@@ -35,14 +35,14 @@ class Ready(Generic[T]):
 class Submitted(Generic[T]):
     """A value submitted to the helper. If the helper has not started on it, `result` computes it in the caller."""
 
-    taken: Future[T]
+    future: Future[T]
     make: Callable[[], T]
 
     def result(self) -> T:
-        return self.make() if self.taken.cancel() else self.taken.result()
+        return self.make() if self.future.cancel() else self.future.result()
 
 
-class Deferred(Generic[T]):
+class LazyValue(Generic[T]):
     """A value that is computed by the thread that first asks for it.
 
     Args:
@@ -50,7 +50,7 @@ class Deferred(Generic[T]):
         before: a value that must be computed first, since `make` uses state that it changes.
     """
 
-    def __init__(self, make: Callable[[], T], before: Deferred[Any] | None = None) -> None:
+    def __init__(self, make: Callable[[], T], before: LazyValue[Any] | None = None) -> None:
         self._lock = threading.Lock()
         self._make, self._before = make, before
         self._made: Ready[T] | None = None
@@ -65,7 +65,7 @@ class Deferred(Generic[T]):
             return self._made.value
 
 
-class Background:
+class FrameExecutor:
     """Runs functions immediately in the caller, or in submission order on a helper thread.
 
     Stateful functions (temporal filters) are submitted frame after frame. The helper must therefore have exactly one
@@ -102,7 +102,7 @@ class Background:
         upper.result()
 
 
-class LazyExecutor(Background):
+class LazyExecutor(FrameExecutor):
     """Runs a function that is handed to `submit` in the thread that first asks for its value, or calls `finish`.
 
     The functions run in the order in which they were handed over, whichever thread runs them.
@@ -110,10 +110,10 @@ class LazyExecutor(Background):
 
     def __init__(self) -> None:
         super().__init__()
-        self._latest: Deferred[Any] | None = None
+        self._latest: LazyValue[Any] | None = None
 
     def submit(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
-        latest = Deferred(lambda: function(*args, **kwargs), self._latest)
+        latest = LazyValue(lambda: function(*args, **kwargs), self._latest)
         self._latest = latest
         return latest
 
@@ -123,7 +123,7 @@ class LazyExecutor(Background):
             self._latest.result()
 
 
-class ThreadExecutor(Background):
+class ThreadExecutor(FrameExecutor):
     """Runs a function that is handed to `submit` on a helper thread, in order, and everything else in the caller."""
 
     def __init__(self, thread: Executor) -> None:
@@ -134,5 +134,5 @@ class ThreadExecutor(Background):
         return self._thread.submit(function, *args, **kwargs)
 
 
-INLINE = Background()
+INLINE = FrameExecutor()
 """Runs everything in the caller: no helper thread."""

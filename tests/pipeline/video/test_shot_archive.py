@@ -14,7 +14,7 @@ from impasto.cli.input_files import gather
 from pipeline.errors import BadMedia
 from pipeline.video.probe import probe
 from pipeline.video.reader import VideoReader
-from pipeline.video.shot import check_pictures, read_shot
+from pipeline.video.shot_archive import check_pictures, read_shot
 from pipeline.video.shot_files import ShotFiles, is_shot, pictures_of
 from tests.pipeline.methods.shots import SIZE, pictures, png, scene_files
 

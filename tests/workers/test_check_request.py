@@ -10,7 +10,7 @@ import pytest
 from pipeline.errors import BadParameter
 from workers.contract.record import Asset
 from workers.contract.request import JobRequest, OutputSpec
-from workers.scheduling.requests import check_request
+from workers.scheduling.check_request import check_request
 
 
 def _asset(kind: str, **info: Any) -> Asset:

@@ -9,7 +9,7 @@ from pipeline.arrays import AnyArray
 from pipeline.kernels.jit import kernel
 
 
-def adrift(anchored: NDArray[np.bool_], right: AnyArray, down: AnyArray) -> NDArray[np.bool_]:
+def undetermined(anchored: NDArray[np.bool_], right: AnyArray, down: AnyArray) -> NDArray[np.bool_]:
     """Pixels from which no path over edges > 0 leads to an anchored one: bool (h, w).
 
     Args:

@@ -19,7 +19,7 @@ _COUNTS = [column.name for column in schema.tallies.columns if column.name != "s
 _SUMS = select(*(func.coalesce(func.sum(schema.tallies.c[name]), 0).label(name) for name in _COUNTS))
 
 
-class Changes:
+class CountChanges:
     """Changes of the counts by one transaction."""
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Changes:
         """Add `number` ready tasks of jobs that may start tasks; negative: fewer."""
         self._counts["startable"] += number
 
-    def add(self, other: Changes) -> None:
+    def add(self, other: CountChanges) -> None:
         """Add the changes of another job of the same transaction."""
         self._counts.update(other._counts)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workers.execution.handover import Handover
+from workers.execution.artefact_handover import ArtefactHandover
 
 
 def test_arrays_are_taken_once_and_belong_to_the_taker() -> None:
-    handover = Handover()
+    handover = ArtefactHandover()
     saved = {"b": np.arange(4), "a": np.ones((2, 3), np.float32).T, "count": np.int64(7)}
     handover.give("jobs/a.npz", saved)
     saved["b"][0] = 100
@@ -21,7 +21,7 @@ def test_arrays_are_taken_once_and_belong_to_the_taker() -> None:
 
 
 def test_arrays_that_are_read_again_stay() -> None:
-    handover = Handover(most_bytes=250)
+    handover = ArtefactHandover(most_bytes=250)
     for name in ("a", "b"):
         handover.give(name, {"": np.zeros(100, np.uint8)})
     for _ in range(2):
@@ -33,7 +33,7 @@ def test_arrays_that_are_read_again_stay() -> None:
 
 
 def test_the_oldest_arrays_are_dropped() -> None:
-    handover = Handover(most_bytes=250)
+    handover = ArtefactHandover(most_bytes=250)
     for name in ("a", "b", "c"):
         handover.give(name, {"": np.zeros(100, np.uint8)})
     handover.give("large", {"": np.zeros(251, np.uint8)})

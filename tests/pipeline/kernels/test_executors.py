@@ -7,18 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from pipeline.kernels.background import Background, LazyExecutor
+from pipeline.kernels.executors import FrameExecutor, LazyExecutor
 
 
 def test_without_a_helper_the_caller_computes_at_once() -> None:
     asked = []
-    later = Background()(lambda x: asked.append(threading.current_thread()) or x + 1, 1)
+    later = FrameExecutor()(lambda x: asked.append(threading.current_thread()) or x + 1, 1)
     assert asked == [threading.current_thread()]
     assert later.result() == 2
 
 
 def test_a_helper_thread_works_in_order() -> None:
-    background, called, gate = Background(), [], threading.Event()
+    background, called, gate = FrameExecutor(), [], threading.Event()
     with ThreadPoolExecutor(1) as background.helper:
         background(gate.wait, 5)
         laters = [background(lambda n: called.append(n) or threading.current_thread(), n) for n in range(5)]
@@ -29,7 +29,7 @@ def test_a_helper_thread_works_in_order() -> None:
 
 
 def test_an_exception_is_raised_where_the_result_is_read() -> None:
-    background = Background()
+    background = FrameExecutor()
     with ThreadPoolExecutor(1) as background.helper, pytest.raises(ZeroDivisionError):
         background(lambda: 1 / 0).result()
     background.helper = None
@@ -38,7 +38,7 @@ def test_an_exception_is_raised_where_the_result_is_read() -> None:
 
 
 def test_each_row_is_computed_once_and_the_helper_takes_the_upper_half() -> None:
-    background, done = Background(), []
+    background, done = FrameExecutor(), []
 
     def work(first: int, last: int) -> None:
         done.append((first, last, threading.current_thread().name))

@@ -34,7 +34,7 @@ _TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
 
 
 @dataclass(frozen=True)
-class Carried:
+class Passthrough:
     """Copies the data of one source file to an output from the source's time `zero_s` to `end_s` (None: to its end)."""
 
     path: Path
@@ -60,11 +60,11 @@ class Carried:
                 text = kept[packet.stream_index]
                 made = text.converted(packet) if packet.size and packet.pts is not None else None
                 if made is not None:
-                    yield from self._moved(made, shift_us, text.target)
+                    yield from self._shifted(made, shift_us, text.target)
         except (av.FFmpegError, OSError):
             return
 
-    def _moved(self, packet: Packet[Any], shift_us: int, target: Stream) -> Iterator[Timed]:
+    def _shifted(self, packet: Packet[Any], shift_us: int, target: Stream) -> Iterator[Timed]:
         """The packet in the output's time; one that begins before the output begins with it."""
         tick = packet.time_base
         start = (packet.pts or 0) + round((Fraction(shift_us, 1_000_000) - self.zero_s) / tick)

@@ -21,7 +21,7 @@ MOST_BYTES = 128 << 20
 """Maximum size of all arrays that wait, bytes; those that were read least recently are dropped."""
 
 
-class Handover:
+class ArtefactHandover:
     """Saved artefacts by blob key. Thread-safe.
 
     Args:

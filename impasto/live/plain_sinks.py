@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from impasto.delivery import Target, forget, swap, target
+from impasto.delivery import OutputTarget, forget, swap, target
 from impasto.live.sink import Sink
 from impasto.live.sources import Source
 from pipeline.errors import BadInput
@@ -57,7 +57,7 @@ class NullSink(Sink):
 class Frames(Sink):
     """A folder of PNGs, numbered from 0000 in the order of answers. It replaces one of an earlier run at the end."""
 
-    def __init__(self, where: Target) -> None:
+    def __init__(self, where: OutputTarget) -> None:
         self._where, self._count = where, 0
         self._part = where.path.with_name(f".{where.path.name}.part")
 
