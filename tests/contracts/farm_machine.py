@@ -78,7 +78,7 @@ class FarmMachine(RuleBasedStateMachine):
         with self.store.database.write() as connection:
             for table in reversed(schema.metadata.sorted_tables):
                 connection.execute(table.delete())
-        self.store.queue._enlisted.clear()
+        self.store.queue._known_dispatchers.clear()
         self.store.plans._last_owner = ""
         self.store.assets.add(ASSET, lambda: True)
         self.clock[0] = 10_000.0
@@ -326,7 +326,7 @@ class FarmMachine(RuleBasedStateMachine):
         """End the dispatcher without cleaning up; the others see that its lock is free."""
         dispatcher = draw(st.sampled_from(DISPATCHERS))
         self.store.queue.interrupt([dispatcher])
-        self.store.queue._enlisted.discard(dispatcher)
+        self.store.queue._known_dispatchers.discard(dispatcher)
         self._interrupted(dispatcher)
 
     def _interrupted(self, dispatcher: str) -> None:

@@ -103,11 +103,17 @@ def choose_style(page: Page, title: str) -> None:
 
 def render(page: Page, format_: str = "PNG frames", button: str = "Paint the film") -> str:
     """Submit the project for a film in this format, wait until it is finished; the job's id."""
-    if not page.get_by_label(format_).is_visible():
-        page.locator("summary", has_text="Film").click()
-    page.get_by_label(format_).check()
+    choose_format(page, format_)
     page.get_by_role("button", name=button).click()
     return finished(page)
+
+
+def choose_format(page: Page, format_: str = "PNG frames") -> None:
+    """Choose the film's format in the section Film, which is opened."""
+    choice = page.get_by_label("Format", exact=True)
+    if not choice.is_visible():
+        page.locator("summary", has_text="Film").click()
+    choice.select_option(label=format_)
 
 
 def finished(page: Page) -> str:

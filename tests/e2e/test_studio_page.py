@@ -15,6 +15,7 @@ from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched, accessibility_faults
 from tests.e2e.studio import (
     SOON_MS,
     asset,
+    choose_format,
     choose_style,
     decoded,
     draw,
@@ -54,8 +55,7 @@ def test_a_keyframe_painted_with_pressure_is_in_the_film_exactly(watched: Watche
 
     page.reload()
     expect(page.get_by_role("button", name="Key at frame 5")).to_be_visible(timeout=SOON_MS)
-    page.locator("summary", has_text="Film").click()
-    page.get_by_label("PNG frames").check()
+    choose_format(page)
     page.get_by_role("button", name="Paint the film").click()
     result = HTTP.get(f"{service}/v1/jobs/{finished(page)}/result").content
     with zipfile.ZipFile(io.BytesIO(result)) as frames:

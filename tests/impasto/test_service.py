@@ -130,7 +130,7 @@ def test_the_commands_use_the_service(
     assert len(list((tmp_path / "frames").iterdir())) == TINY_FRAMES
     assert run(["get", job, "-o", f"{tmp_path}/poster.jpg", "--file", "poster", *at]) == 0
     assert run(["get", job, "-o", f"{tmp_path}/a.mp4", *at]) == 2
-    assert "result is png" in capsys.readouterr().err.lower()
+    assert "does not fit the format png" in capsys.readouterr().err.lower()
     assert run(["jobs", "--json", "--state", "succeeded", *at]) == 0
     assert job in [each["id"] for each in json.loads(capsys.readouterr().out)]
     assert run(["jobs", *at]) == 0

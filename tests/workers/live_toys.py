@@ -18,7 +18,7 @@ from pydantic import Field
 
 from pipeline.errors import BadFrame, BadInput
 from pipeline.frames import Frame
-from pipeline.methods.base import Example, InputSpec, Params, Step
+from pipeline.methods.base import Example, InputSpec, Method, Params, Step
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
 from workers.live.worker import LiveWorkerLost, NoLiveWorker
 
@@ -82,7 +82,7 @@ def _green(references: Mapping[str, Iterator[Frame]]) -> int:
     return 0
 
 
-class Echo:
+class Echo(Method):
     name: ClassVar[str] = "echo"
     title: ClassVar[str] = "Echo"
     summary: ClassVar[str] = "Gives frames back."
