@@ -148,7 +148,7 @@ def test_versions_are_thinned_out_after_a_week(store: Store, clock: Clock) -> No
     assert store.projects.save(project.id, 8, _draft("v9", "ast_2")).version == 9
     assert store.projects.thin(Retention()) == 3
     assert [v.version for v in store.projects.versions(project.id).items] == [9, 8, 7, 6, 4, 3]
-    with pytest.raises(NotFound, match="thinned"):
+    with pytest.raises(NotFound, match="old versions are removed"):
         store.projects.document(project.id, 2)
     assert store.projects.thin(Retention()) == 0
     with store.database.read() as connection:
