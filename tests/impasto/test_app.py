@@ -79,7 +79,7 @@ def test_without_a_service_the_error_explains_how_to_start_one(
 
 
 def _raising(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
-    def refuse(text: str) -> object:
+    def refuse(text: str, form: str = "") -> object:
         raise error
 
     monkeypatch.setattr("impasto.delivery.target", refuse)
