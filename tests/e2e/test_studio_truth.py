@@ -80,14 +80,14 @@ def test_the_first_stroke_on_a_frame_keeps_its_painting(watched: Watched, servic
 def test_a_style_for_a_region_leaves_the_rest_as_it_is(watched: Watched, service: str, long: str) -> None:
     page = watched.page
     box = {"box": {"polygons": [{"frame": 12, "points": [[0.6, 0.1], [0.95, 0.1], [0.95, 0.9], [0.6, 0.9]]}]}}
-    project = open_project(page, service, long, "multistyle", frame=12, regions=box)
+    project = open_project(page, service, long, "multistyle", frame=12, parts={"design": {"regions": box}})
     page.get_by_role("button", name="box", exact=True).click()
     choose_style(page, "Pointillism")
     saved(page)
-    until(page, lambda: bool(layer_of(stored(service, project)).get("style_keys")))
-    layer = layer_of(stored(service, project))
-    assert [(key["region"], key["frame"], key["style"]) for key in layer["style_keys"]] == [("box", 12, "pointillism")]
-    assert layer["regions"]["box"]["border"] == "sharp", "the style does not spread to regions without a style"
+    until(page, lambda: bool(layer_of(stored(service, project))["design"].get("keys")))
+    design = layer_of(stored(service, project))["design"]
+    assert [(key["region"], key["frame"], key["style"]) for key in design["keys"]] == [("box", 12, "pointillism")]
+    assert design["regions"]["box"]["border"] == "sharp", "the style does not spread to regions without a style"
 
 
 def test_a_method_that_cannot_paint_yet_does_not_show_the_pictures_of_another(

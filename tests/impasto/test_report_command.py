@@ -49,7 +49,7 @@ def test_the_report_samples_pairs_and_accepts_other_lengths_and_sizes(
 def test_the_table_explains_each_measure(clips: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["report", str(clips["whole"]), str(clips["short"])]) == 0
     printed = capsys.readouterr()
-    assert "flicker" in printed.out and "as steady as the source" in printed.out
+    assert "flicker" in printed.out and "1 = that of the source" in printed.out
     assert "the first 5 are compared" in printed.err
 
 
