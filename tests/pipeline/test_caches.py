@@ -19,6 +19,7 @@ FEW_ARGUMENTS = {
     "pipeline/strokes/emboss.py": {"weave"},  # called with one seed
     "pipeline/synthesis/energy.py": {"taps"},  # radii of patches
     "service/methods/thumbnail.py": {"thumbnail"},  # methods of the program
+    "workers/projects/document.py": {"_type_of"},  # methods of the program
     "workers/store/state_counts.py": {"_addition"},  # kinds of databases
     "workers/process/free_memory.py": {"_return_free_memory_regularly"},  # called once
 }

@@ -28,6 +28,7 @@ from pipeline.methods.analogy.plan import (
     split_intervals,
 )
 from pipeline.methods.analogy.style_images import DEFAULT_PAIR, energy_of, paint_in_strokes
+from pipeline.methods.base import VideoInfo
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.scenes import scene
 from pipeline.scenes.shot import shot_files
@@ -164,11 +165,11 @@ def test_keyframes_are_reproduced_exactly_and_are_the_only_style() -> None:
     assert palette(out) <= palette(*keys.values())
 
 
-def test_the_default_style_is_painted_only_if_a_shot_has_no_keyframe() -> None:
+def test_the_default_style_is_painted_only_if_there_is_no_keyframe() -> None:
     cut = [*shot(6), *(255 - frame for frame in shot(6))]
-    for keys, expected in (({2: key(2, 1), 9: key(9, 1)}, False), ({2: key(2, 1)}, True)):
+    for keys, expected in (({2: key(2, 1), 9: key(9, 1)}, False), ({2: key(2, 1)}, False), ({}, True)):
         chosen = method("analogy")
-        context = LocalContext(parse_params(chosen, QUICK), cut, {"keyframes": keys})
+        context = LocalContext(parse_params(chosen, QUICK), cut, {"keyframes": keys} if keys else {})
         run_plan(chosen, context)
         assert (("scan", DEFAULT_PAIR) in context.kept) == expected, context.results["scan"]
 
@@ -496,7 +497,7 @@ def test_fine_levels_have_one_forward_sweep_unless_more_is_asked_for(
 def scanned_plan(params: dict[str, Any]) -> Any:
     """What the plan of six frames depends on, after the scan of a shot without keyframes."""
     scan = {"video": {"frames": 6, "cuts": [], "keys": [], "layers": []}}
-    video = SimpleNamespace(width=SIZE[0], height=SIZE[1], frames=6)
+    video = VideoInfo(*SIZE, 6, 25.0, 6 / 25)
     return SimpleNamespace(params=parse_params(method("analogy"), params), video=video, results={"scan": scan})
 
 
@@ -585,7 +586,7 @@ def test_the_coarse_levels_of_a_short_shot_are_one_task() -> None:
 
 def test_runs_of_coarse_levels_have_more_frames_and_consist_of_whole_fine_runs() -> None:
     scan = {"video": {"frames": 40, "cuts": [], "keys": [], "layers": []}}
-    video = SimpleNamespace(width=1920, height=1080, frames=40)
+    video = VideoInfo(1920, 1080, 40, 25.0, 40 / 25)
     params = parse_params(method("analogy"), {})
     tasks = plan_synthesis(SimpleNamespace(params=params, video=video, results={"scan": scan}))
     sweeps_by_key = {task.key: SweepTask(**task.args) for task in tasks}

@@ -134,7 +134,7 @@ def test_faces_of_different_width_are_painted_in_groups_whose_grids_of_seeds_do_
     assert (second.corner, second.weight.shape) == ((0, 0), (40, 40))
     alone = next(iter(one.groups(0.0)))[1]
     np.testing.assert_array_equal(second.width_px, alone.width_px)
-    whole = second.enlarged((slice(0, 40), slice(0, 80)), float(smallest_width(fine)))
+    whole = second.upscaled((slice(0, 40), slice(0, 80)), float(smallest_width(fine)))
     assert not whole.weight[:, 40:].any() and whole.width_px.min() >= 32 / 2**0.51
 
 

@@ -150,7 +150,7 @@ def test_a_mask_keeps_the_styled_frames_where_it_is_black() -> None:
 @pytest.mark.parametrize("frames", [3, 4, 7])
 def test_the_bytes_do_not_depend_on_the_length_of_runs(frames: int, monkeypatch: pytest.MonkeyPatch) -> None:
     video = moving_square(8)
-    masks = {"mask": {2: np.full((8, 8), 200, np.uint8), 5: np.full((8, 8), 90, np.uint8)}}
+    masks = {"mask": {2: np.full((8, 12), 200, np.uint8), 5: np.full((8, 12), 90, np.uint8)}}
     whole = run(video, flickering(video), masks)
     monkeypatch.setattr(plan, "RUN_FRAMES", frames)
     np.testing.assert_array_equal(run(video, flickering(video), masks), whole)
