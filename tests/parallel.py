@@ -35,6 +35,8 @@ IN_CHROMIUM = (
         "tests/e2e/test_studio_film_here.py",
         "tests/e2e/test_studio_painting.py",
         "tests/e2e/test_studio_shots.py",
+        "tests/e2e/test_studio_truth.py",
+        "tests/e2e/test_studio_pointers.py",
         "tests/e2e/test_live_page.py",
     ),
 )

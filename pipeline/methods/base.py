@@ -4,7 +4,7 @@ A method subclasses `Method` and states its parameters (`Params`), inputs (`Inpu
 the contract, by file:
 
     applies    when a parameter or an input has an effect, as data
-    input_check  what inputs must have in common, checked before any work
+    input_facts what inputs must have in common
     fields     base class of the parameters, and their fields
     tasks      steps, tasks, and the contexts in which they are planned and run
     live       sessions of causal methods on a live stream
@@ -31,7 +31,7 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.applies import Alternatives, Ineffective, Situation, When, ineffective, unmade
 from pipeline.methods.fields import P, P_co, Params
-from pipeline.methods.input_check import ANY, Fits, InputFacts, checked
+from pipeline.methods.input_facts import ANY, Fits, InputFacts, checked
 from pipeline.methods.live import LiveFilter, Session
 from pipeline.methods.parts import LayerPart, PaintedKeys
 from pipeline.methods.previews import FrameClusters, FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest

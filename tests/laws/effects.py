@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from pipeline.errors import BadInput
 from pipeline.methods import method, methods
 from tests.laws import ways
 from tests.laws.cases import Case, extremes, generated, meeting, properties_of
@@ -23,6 +24,10 @@ NEEDS_MORE = {
 """Parameters that small synthetic films cannot show, with what they need; other tests paint them."""
 _LOOKS = ((1, 1.0), (1, 1.0), (2, 0.3), (4, 1.0))
 """Size and brightness of the films that are tried one after another."""
+
+
+REQUIRED = 255.0
+"""Effect of an input without which another one is refused."""
 
 
 def parameters() -> Iterator[tuple[str, str]]:
@@ -60,7 +65,8 @@ def _most(case: Case, parameter: str, schema: Mapping[str, Any], paint: Callable
 
 
 def effect_of_input(name: str, given: str, tries: int = len(_LOOKS)) -> float:
-    """Mean change of the picture by an input where its conditions hold, gray levels."""
+    """Mean change of the picture by an input where its conditions hold, gray levels; `REQUIRED`: another input is refused
+    without it."""
     chosen = method(name)
     (spec,) = [one for one in chosen.inputs if one.name == given]
     for seed in range(tries):
@@ -68,7 +74,12 @@ def effect_of_input(name: str, given: str, tries: int = len(_LOOKS)) -> float:
         needed = tuple(one for one in (*case.inputs, spec.needs) if one and one != given)
         without = replace(case, inputs=tuple(one.name for one in chosen.inputs if one.name in needed))
         with_it = without.with_inputs(given)
-        if (found := difference(ways.film(without), ways.film(with_it))) > 0:
+        after = ways.film(with_it)
+        try:
+            before = ways.film(without)
+        except BadInput:
+            return REQUIRED
+        if (found := difference(before, after)) > 0:
             return found
     return 0.0
 
