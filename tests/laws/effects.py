@@ -65,8 +65,8 @@ def _most(case: Case, parameter: str, schema: Mapping[str, Any], paint: Callable
 
 
 def effect_of_input(name: str, given: str, tries: int = len(_LOOKS)) -> float:
-    """Mean change of the picture by an input where its conditions hold, gray levels; `REQUIRED`: another input is refused
-    without it."""
+    """Mean change of the picture by an input where its conditions hold, gray levels; `REQUIRED` if another input needs
+    it."""
     chosen = method(name)
     (spec,) = [one for one in chosen.inputs if one.name == given]
     for seed in range(tries):

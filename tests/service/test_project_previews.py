@@ -395,6 +395,6 @@ def test_scribbles_are_spread_to_the_frames_after_them(client: TestClient, at: s
         mask = picture(data)
         assert mask[:, :10].mean() > 200 and mask[:, 80:].mean() < 50
     assert types(_ask(client, f"{at}/spread", frame=1, document=document)) == ["begin", "end"]
-    document["shots"][0]["layers"][0]["scribbles"].append({"frame": 20, "image": "scribble"})
+    document["shots"][0]["layers"][0]["parts"]["scribbles"].append({"frame": 20, "image": "scribble"})
     more = _ask(client, f"{at}/spread", frame=3, around=2, document=document)
     assert types(more) == ["begin", "mask", "mask", "mask", "end"], "scribbles of a later frame are left out"

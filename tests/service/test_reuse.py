@@ -159,7 +159,9 @@ def test_a_correction_does_not_register_other_runs_of_its_shot_again(tmp_path: P
         project = http.post("/v1/projects", json={"document": value}).json()["id"]
         rendered(http, project)
         value["assets"]["map"] = {"id": upload(http, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
-        value["shots"][0]["layers"][0]["labels"] = [{"frame": at, "image": "map", "solve": solve}]
+        value["shots"][0]["layers"][0].setdefault("parts", {})["labels"] = [
+            {"frame": at, "image": "map", "solve": solve}
+        ]
         http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
         found = tasks(http, rendered(http, project))
     ran = {name for name, reused in found.items() if not reused}

@@ -194,7 +194,7 @@ def test_an_asset_in_use_cannot_be_deleted(farm: Farm, data: Path) -> None:
         farm.assets.delete(request.inputs["data"], "")
     farm.jobs.cancel(job.id)
     farm.assets.delete(request.inputs["data"], "")
-    with pytest.raises(NotFound, match="asset"):
+    with pytest.raises(NotFound, match="Asset"):
         farm.jobs.submit(request)
     with pytest.raises(NotFound):
         farm.jobs.retry(job.id)

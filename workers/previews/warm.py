@@ -93,8 +93,9 @@ class WarmFrames:
         return found
 
     def entries(self, key: str, exit_stack: ExitStack) -> Mapping[str, bytes]:
-        """The files of an archive by path, read on access until `exit_stack` ends; empty if it is no archive."""
-        path = exit_stack.enter_context(self._blobs.local(key))
+        """The files of an archive by path, read on access until `exit_stack` ends; empty if it is no archive. `key`: a
+        `video_key`."""
+        path = exit_stack.enter_context(self._blobs.local(of_video_key(key)[0]))
         with path.open("rb") as stream:
             if sniff(stream) != "application/zip":
                 return {}
