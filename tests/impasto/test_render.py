@@ -194,7 +194,7 @@ def test_styled_frames_that_do_not_match_the_video_are_refused(render: Here, tin
         cv2.imwrite(str(tmp_path / "styled" / f"{index:04d}.png"), tiny_frame(index)[..., ::-1])
     words = ("-m", "steady", "--input", f"styled={tmp_path / 'styled'}")
     render(tiny_clip, "-o", f"{tmp_path}/out/", *words, code=2)
-    assert f"has {TINY_FRAMES - 1} frames, the video has {TINY_FRAMES}" in render.err
+    assert f"has {TINY_FRAMES - 1} frames, and 'video' has {TINY_FRAMES}" in render.err
 
 
 def test_references_parameters_and_artefacts_are_passed_on(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
