@@ -15,10 +15,17 @@ USUAL_S = 0.05
 
 
 def test_no_attack_of_one_key_stops_the_service_for_others() -> None:
-    found = list(run(list(ATTACKS), SECONDS))
+    late = _failing(list(ATTACKS))
+    again = _failing([CONTROL, *late]) if late else {}  # one second is short: another program can have caused it
+    assert not [one for name, one in again.items() if name in late]
+
+
+def _failing(names: list[str]) -> dict[str, str]:
+    """The attacks among these that harm others: name -> its measurements."""
+    found = list(run(names, SECONDS))
     control = next(one for one in found if one.name == CONTROL)
     busier = max(1.0, p99(control.health_s) / USUAL_S)
-    assert not [row(one) for one in found if _failed(one, busier)]
+    return {one.name: row(one) for one in found if _failed(one, busier)}
 
 
 def _failed(found: Found, busier: float) -> bool:
