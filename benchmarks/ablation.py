@@ -1,4 +1,4 @@
-"""What each correction of abstraction and multistyle is worth: the measures of a film with it and without it.
+"""Ablation of the corrections of abstraction and multistyle: measures of a film with each of them and without it.
 
 A correction is switched off from outside, by replacing functions or constants of its module (`CORRECTIONS`). All
 variants of a clip are rendered in one process, one after the other, from the same decoded frames. `python -m
@@ -382,7 +382,7 @@ def _keep(folder: Path, name: str, plain: Sequence[Frame], done: Sequence[Frame]
 
 
 def changes(rows: Iterable[dict[str, str]], name: str) -> dict[str, float]:
-    """What switching a correction off changes: per cent of each measure, mean over the clips; faces and eyes in points
+    """Change of each measure without a correction: per cent, mean over the clips; faces and eyes in points
     of the share of all clips."""
     by_clip: dict[str, dict[str, dict[str, str]]] = defaultdict(dict)
     for row in rows:

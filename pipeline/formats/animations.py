@@ -81,7 +81,7 @@ def _pictures(segments: Segments) -> Iterator[Image.Image]:
 
 
 def _durations_ms(segments: Segments) -> list[int]:
-    """From the exact times of all frames, so that rounding does not add up."""
+    """Duration of each frame, ms: the difference of its rounded end and start, so that rounding does not add up."""
     edges: list[Fraction] = []
     for start, path in segments:
         with open_container(path, Limits()) as source:

@@ -44,7 +44,7 @@ def square_pixels(picture: AnyArray, aspect: float) -> AnyArray:
 
 
 def aspect_notes(aspect: float) -> tuple[str, ...]:
-    """What `square_pixels` does, for the warnings of a job."""
+    """The warning of a job whose pictures `square_pixels` has scaled; none for square pixels."""
     return (f"Pixels have the aspect {aspect:g}: pictures are scaled to square pixels.",) if aspect != 1 else ()
 
 

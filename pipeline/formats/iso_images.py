@@ -56,7 +56,7 @@ AVIF, HEIF = Avif(), Heif()
 
 
 def _options(quality: int) -> dict[str, Any]:
-    """Of Pillow. At quality 0 the error is at most a few levels: AV1 converts to YCbCr."""
+    """Arguments of Pillow's encoder. Quality 0 differs by a few levels, because AV1 stores YCbCr."""
     return {
         "quality": round(100 - 1.6 * quality), "speed": 8, "max_threads": 2, "subsampling": "4:4:4", "range": "full"
     }  # fmt: skip

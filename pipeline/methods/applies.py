@@ -74,7 +74,7 @@ Alternatives = tuple[When, ...]
 
 @dataclass(frozen=True)
 class Situation:
-    """What a job or a session has.
+    """Parameters, inputs and way of painting of a job or a live session.
 
     Attributes:
         params: every parameter with its value.

@@ -1,4 +1,4 @@
-"""What is known of inputs without decoding a picture, and what they must have in common."""
+"""Facts about inputs that need no decoding (sizes, lengths, numbers), and the sizes and lengths that must agree."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.methods.previews import InputFault
 
 @dataclass(frozen=True)
 class Fits:
-    """What an input must have in common with others.
+    """Other inputs whose size or length an input must match.
 
     Attributes:
         size: the input whose frame size it must have; aspect: the input whose aspect ratio it must have.

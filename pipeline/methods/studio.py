@@ -1,4 +1,4 @@
-"""What the studio offers for layers of a method, as data: web pages name no method, and nothing of one."""
+"""Description of the sections, tools and overlays of the studio for a method, as data: web pages name no method."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Slider:
 
 @dataclass(frozen=True)
 class Overlay:
-    """What the studio draws over the stage.
+    """A picture that the studio can draw over the stage.
 
     Attributes:
         kind: `mask` = a veil over what is black in it, `labels` = a colour for each label of a label map, and a lane of

@@ -117,7 +117,7 @@ class Index:
 
 
 class FrameReader(ABC):
-    """What readers of frames have in common: facts from their index, and closing."""
+    """Base class of readers of frames: frame count, times and frame rate from the index, and closing."""
 
     @property
     @abstractmethod

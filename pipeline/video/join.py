@@ -186,7 +186,7 @@ def _film_stream(
 
 
 def _pictures_only(form: OutputFormat, path: Path | None) -> tuple[Note, ...]:
-    """What of the source a format of pictures leaves out."""
+    """Notes on sound, subtitles and data of the source, which a format of pictures cannot hold."""
     source = None if path is None else open_source(path)
     if source is None:
         return ()

@@ -21,6 +21,7 @@ export function SubmitBar({ store, films, saveAll }: SubmitBarProps) {
   const [problem, setProblem] = useState("");
   const [sending, setSending] = useState(false);
   const found = useEstimate(store);
+  const [first, end] = store.shot.value.range ?? [0, store.frames];
   const short = Math.min(store.frames, Math.round(SHORT_S * store.fps));
 
   async function send(range?: [number, number]): Promise<void> {
@@ -41,7 +42,7 @@ export function SubmitBar({ store, films, saveAll }: SubmitBarProps) {
     <div class="submit-bar designer-submit">
       <FilmProgress store={store} films={films} />
       <div class="submit-hint">
-        <span>{store.frames} frames</span>
+        <span>{Math.min(end, store.frames) - first} frames</span>
         {found && <span>{estimateText(found)}</span>}
         <p class="field-error" role="alert">
           {problem}
