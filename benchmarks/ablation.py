@@ -14,7 +14,6 @@ import importlib
 import importlib.util
 import statistics
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -99,8 +98,29 @@ def _none(*_: Any, **__: Any) -> None:
     return None
 
 
-def _both_inks(ink: Any, small: Any, *_: Any) -> Any:
-    return ink, small
+def _no_stripes(points: Any, curves: Any, *_: Any) -> Any:
+    return np.zeros(len(curves.order), np.float32)
+
+
+def _no_texture(points: Any, curves: Any, shape: tuple[int, int], side: int) -> Any:
+    return np.zeros((shape[0] // side + 1, shape[1] // side + 1), np.float32)
+
+
+def _choose_by_all_points(
+    points: Any, curves: Any, past: Any, texture: Any, side: int, strong: float, least: float, drawn: Any
+) -> None:  # fmt: skip
+    """`lines.selection._choose`, where a point weaker than the texture around takes ink away."""
+    from pipeline.lines.selection import SELECTION, _was_drawn
+
+    for k in range(drawn.size):
+        own = points[curves.order[curves.starts[k] : curves.starts[k + 1]]]
+        excess = own["response"] - own["threshold"]
+        unimportant = 1 - SELECTION.importance_share * np.minimum(own["importance"], 1)
+        around = texture[own["y"].astype(int) // side, own["x"].astype(int) // side]
+        ink = float((excess - SELECTION.texture * unimportant * around).sum())
+        known = 4 * sum(_was_drawn(point, past) for point in own) > len(own)
+        share = SELECTION.known_share if known else 1.0
+        drawn[k] = (known or excess.max() > strong) and ink >= least * unimportant.min() * share
 
 
 def _no_edges_of_faces(planes: Any, importance: Any, threshold: float, faces: Any) -> Any:
@@ -158,28 +178,19 @@ CORRECTIONS = {
             "face_lines", {f"{ABSTRACTION}.line_extractor:LineExtractor._finer": lambda _, response, *__: response}
         ),
         Correction("face_feature_gain", {f"{ABSTRACTION}.line_extractor:_feature_gain": lambda *_: np.float32(1)}),
-        Correction(
-            "short_strokes_in_faces", {f"{ABSTRACTION}.line_extractor:LineExtractor._for_strokes": staticmethod(_first)}
-        ),
+        Correction("texture_left_out", {"lines.selection:_texture": _no_texture}),
+        Correction("weak_points_count_nothing", {"lines.selection:_choose": _choose_by_all_points}),
+        Correction("lines_fade_out", {f"{ABSTRACTION}.line_extractor:join_strokes": lambda _, strokes: strokes}),
         Correction("ramps", {f"{ABSTRACTION}.border_curves:divide_ramps": _first}),
-        Correction(
-            "colour_stripes",
-            {f"{ABSTRACTION}.compositor:erase_ink_on_thin_regions": lambda ink, small, *_: (ink, small)},
-        ),
+        Correction("coloured_stripes", {f"{ABSTRACTION}.line_extractor:stripe_shares": _no_stripes}),
+        Correction("lines_on_edges", {"lines.inking:_shift_to_edges": _none}),
+        Correction("fair_lines", {"lines.inking:fair": _first}),
         Correction("borders_under_lines", {f"{ABSTRACTION}.border_curves:hide_borders_under_lines": _first}),
         Correction("simplified_borders", {f"{ABSTRACTION}.border_curves:simplify_borders": _first}),
-        Correction("steep_fast_borders", {f"{ABSTRACTION}.compositor:steepen_fast_borders": _none}),
-        Correction(
-            "moving_borders",
-            {
-                f"{ABSTRACTION}.compositor:moving_borders": lambda labels, _: np.zeros(labels.shape, np.uint8),
-                f"{ABSTRACTION}.compositor:steepen_fast_borders": _none,
-            },
-        ),
         Correction("still_pixels", {f"{ABSTRACTION}.analysis:zero_still_flow": _first}),
         Correction("shot_contrast", {f"{ABSTRACTION}.analysis:FrameAnalyzer._contrast": lambda *_: 1.0}),
         Correction("line_response_blended", {f"{ABSTRACTION}.line_extractor:blend_response": _first}),
-        Correction("line_opacity_blended", {f"{ABSTRACTION}.line_extractor:blend_opacity": _first}),
+        Correction("strokes_follow_the_past", {f"{ABSTRACTION}.line_extractor:follow_marks": _first}),
         Correction("released_changed_pixels", {"regions.segmenter:CHANGED": 255.0}),
         Correction("distinct_small_regions", {f"{ABSTRACTION}.region_stage:REGIONS.distinct": 1e9}),
     ),
@@ -189,7 +200,7 @@ CORRECTIONS = {
         Correction("face_layer", {f"{MULTISTYLE}.analyzer:StrokeAnalyzer._on_faces": lambda *_: ()}),
         Correction("attention", {f"{MULTISTYLE}.analyzer:StrokeAnalyzer._attention": lambda *_: (None, None)}),
         Correction("large_faces", {f"{MULTISTYLE}.analyzer:ANALYZER.large_faces": 1.0}),
-        Correction("resting_flat_areas", {f"{MULTISTYLE}.analyzer:zero_still_flow_by_texture": _plain_rest}),
+        Correction("resting_flat_areas", {f"{MULTISTYLE}.backward_flow:zero_still_flow_by_texture": _plain_rest}),
         Correction(
             "torn_flow",
             {
@@ -383,11 +394,15 @@ def _keep(folder: Path, name: str, plain: Sequence[Frame], done: Sequence[Frame]
 
 def changes(rows: Iterable[dict[str, str]], name: str) -> dict[str, float]:
     """Change of each measure without a correction: per cent, mean over the clips; faces and eyes in points
-    of the share of all clips."""
-    by_clip: dict[str, dict[str, dict[str, str]]] = defaultdict(dict)
+    of the share of all clips. A row is compared with the row "all on" of its clip before it."""
+    everything: dict[str, dict[str, str]] = {}
+    by_clip: dict[str, tuple[dict[str, str], dict[str, str]]] = {}
     for row in rows:
-        by_clip[row["clip"]][row["without"]] = row
-    pairs = [(each["all on"], each[name]) for each in by_clip.values() if name in each]
+        if row["without"] == "all on":
+            everything[row["clip"]] = row
+        elif row["without"] == name:
+            by_clip[row["clip"]] = everything[row["clip"]], row
+    pairs = list(by_clip.values())
     found = {}
     for measure in MEASURES:
         if measure in ("faces", "eyes"):

@@ -37,6 +37,14 @@ class Memory:
     def frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
         return iter(self.inputs[name][start:stop])
 
+    deep = paints_opacity = False
+
+    def deep_frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
+        return self.frames(name, start, stop)
+
+    def mattes(self, start: int, stop: int) -> None:
+        return None
+
     def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
         return map(thumbnail, self.frames(name, start, stop))
 
@@ -54,6 +62,16 @@ class Memory:
 
     def entries(self, name: str) -> Mapping[str, bytes]:
         return self._files if name == "video" else {}
+
+    def passes(self) -> Mapping[str, bytes]:
+        return self._files
+
+    pass_facts: Mapping[str, Any] = {}
+
+    def wants_pass(self, name: str) -> bool:
+        return False
+
+    def emit_passes(self, index: int, made: Arrays) -> None: ...
 
     def save(self, name: str, arrays: Arrays) -> None:
         self.kept[self.step, name] = dict(arrays)

@@ -16,16 +16,14 @@ are 1280 px wide, and the time of every task grows in proportion to the pixels.
 
 from __future__ import annotations
 
-import heapq
 import json
 import sys
 import tempfile
-import time
-from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from workers.jobs.replay import TimedTask, critical_path, replayed
 
 RECORDED = Path(__file__).parent / "recorded"
 METHODS = ("abstraction", "patches", "analogy", "multistyle")
@@ -49,16 +47,6 @@ of pixels to a width of {FILM_WIDTH_PX} px. The simulation does not model conten
 
 
 @dataclass(frozen=True)
-class Timed:
-    """A task of a recorded job."""
-
-    step: int
-    key: str
-    seconds: float
-    after: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Recorded:
     method: str
     clip: str
@@ -67,7 +55,7 @@ class Recorded:
     steps: tuple[str, ...]
     dispatch_s: float
     """Seconds of database work per task: one claim and one answer."""
-    tasks: tuple[Timed, ...]
+    tasks: tuple[TimedTask, ...]
 
     @property
     def work_s(self) -> float:
@@ -86,54 +74,23 @@ class Outcome:
 # -- the simulation
 
 
-def simulate(job: Recorded, workers: int, dispatch_s: float | None = None) -> float:
+def simulate(job: Recorded, workers: int) -> float:
     """Seconds from the first claim to the last answer."""
-    cost = job.dispatch_s if dispatch_s is None else dispatch_s
-    now = 0.0
-    for step in range(len(job.steps)):
-        now = _run_step([task for task in job.tasks if task.step == step], workers, cost, now)
-    return now
-
-
-def _run_step(tasks: Sequence[Timed], workers: int, cost: float, now: float) -> float:
-    """End time of the last task of the step. Ready tasks go in plan order to the next idle worker."""
-    blockers = {task.key: len(task.after) for task in tasks}
-    order = {task.key: place for place, task in enumerate(tasks)}
-    waiting_for: dict[str, list[str]] = defaultdict(list)
-    for task in tasks:
-        for key in task.after:
-            waiting_for[key].append(task.key)
-    ready = [order[key] for key, n in blockers.items() if not n]
-    heapq.heapify(ready)
-    running: list[tuple[float, int]] = []
-    database = last = now
-    while ready or running:
-        if ready and len(running) < workers:  # each pays for its own claim and for the previous outcome
-            database = max(database, now) + cost
-            place = heapq.heappop(ready)
-            heapq.heappush(running, (database + tasks[place].seconds, place))
-            continue
-        now, place = heapq.heappop(running)
-        last = max(last, now)
-        for key in waiting_for[tasks[place].key]:
-            blockers[key] -= 1
-            if not blockers[key]:
-                heapq.heappush(ready, order[key])
-    return last
+    return replayed(job.tasks, workers, job.dispatch_s)
 
 
 def explain(job: Recorded, workers: int) -> Outcome:
     """Simulate the job, and name the largest lower bound of its time."""
     seconds = simulate(job, workers)
-    chains = [_longest_chain(job, step) for step in range(len(job.steps))]
+    path = critical_path(job.tasks)
+    chains = [sum(task.shortest_s for task in path if task.step == step) for step in range(len(job.steps))]
     bounds = {"workers": job.work_s / workers, "the database's claims": len(job.tasks) * job.dispatch_s}
     for step, chain in enumerate(chains):
         bounds[_name(job, step)] = chain
-    path = sum(chains)
-    if max(bounds["workers"], bounds["the database's claims"]) >= path:
+    if max(bounds["workers"], bounds["the database's claims"]) >= sum(chains):
         return Outcome(seconds, max(("workers", "the database's claims"), key=lambda name: bounds[name]))
     worst = max(range(len(chains)), key=lambda step: chains[step])
-    return Outcome(seconds, f"{_name(job, worst)}: {100 * chains[worst] / path:.0f} % of the longest path")
+    return Outcome(seconds, f"{_name(job, worst)}: {100 * chains[worst] / sum(chains):.0f} % of the longest path")
 
 
 def _name(job: Recorded, step: int) -> str:
@@ -142,13 +99,6 @@ def _name(job: Recorded, step: int) -> str:
         return f"`{job.steps[step]}`, one task"
     kind = "the longest chain" if any(task.after for task in tasks) else "the longest task"
     return f"`{job.steps[step]}`, {kind} of {len(tasks)} tasks"
-
-
-def _longest_chain(job: Recorded, step: int) -> float:
-    ends: dict[str, float] = {}
-    for task in (task for task in job.tasks if task.step == step):
-        ends[task.key] = task.seconds + max((ends[key] for key in task.after), default=0.0)
-    return max(ends.values(), default=0.0)
 
 
 def larger(job: Recorded, width_px: int) -> Recorded:
@@ -161,7 +111,7 @@ def larger(job: Recorded, width_px: int) -> Recorded:
 
 def film(job: Recorded, clips: int) -> Recorded:
     """The job of a film of `clips` such clips in a row."""
-    tasks: list[Timed] = []
+    tasks: list[TimedTask] = []
     for step in range(len(job.steps)):
         mine = [task for task in job.tasks if task.step == step]
         if len(mine) == 1:
@@ -182,7 +132,6 @@ def record(name: str) -> Recorded:
     """Run a job of the method in this process, one task after another, and record the time of each task."""
     from workers.execution.renderer import Renderer
     from workers.farm import Farm
-    from workers.scheduling.orders import Orders
     from workers.settings import FarmSettings
 
     with tempfile.TemporaryDirectory(prefix="impasto-speedup-") as folder:
@@ -195,10 +144,10 @@ def record(name: str) -> Recorded:
         with Renderer(farm.blobs, settings.scratch) as renderer:
             warm = short(Path(folder), WARM_FRAMES, SIZES[name][1])[0]  # compilers have done their work after it
             submit(farm, name, {**inputs, "video": farm.assets.add(warm, warm.name).id})
-            _run(farm, Orders(farm.store, shares_memory=False), renderer)
+            _run(farm, renderer)
             print("  recorded run:", flush=True)
             job = submit(farm, name, inputs)
-            timed, dispatch_s = _run(farm, Orders(farm.store, shares_memory=False), renderer)
+            timed, dispatch_s = _run(farm, renderer)
         state = farm.jobs.get(job)
         farm.stop()
     if state.state != "succeeded":
@@ -213,39 +162,20 @@ def submit(farm: Any, name: str, inputs: dict[str, str]) -> str:
     return str(farm.jobs.submit(JobRequest(name, inputs)).id)
 
 
-def _run(farm: Any, orders: Any, renderer: Any) -> tuple[list[Timed], float]:
-    """Act as a dispatcher and one worker in turn."""
-    store, timed, costs = farm.store, [], []
-    while True:
-        plan(store)
-        began = time.process_time()
-        claim = store.queue.claim("benchmark", 3600.0)
-        cost = time.process_time() - began
-        if claim is None:
-            break
-        order = orders.order(claim)
-        began = time.process_time()
-        outcome = renderer.run(order)
-        seconds = time.process_time() - began
-        if outcome.fault is not None:
-            raise SystemExit(f"{order.step}/{order.key}: {outcome.fault}\n{outcome.log}")
-        began = time.process_time()
-        store.queue.finish(outcome)
-        costs.append(cost + time.process_time() - began)
-        timed.append(Timed(claim.task["step"], order.key, round(seconds, 4), order.after))
-        print(f"    {order.step}/{order.key}: {seconds:.2f} s", flush=True)
+def _run(farm: Any, renderer: Any) -> tuple[list[TimedTask], float]:
+    """Run the job; its tasks, and the median cost of their claims and outcomes, seconds."""
+    from workers.scheduling.in_turn import run_in_turn
+
+    timed, costs = [], []
+    for run in run_in_turn(farm.store, renderer):
+        order = run.order
+        if run.outcome.fault is not None:
+            raise SystemExit(f"{order.step}/{order.key}: {run.outcome.fault}\n{run.outcome.log}")
+        costs.append(run.database_s)
+        after = tuple(name for name in order.after if "/" not in name)
+        timed.append(TimedTask(run.step, order.key, round(run.seconds, 4), after))
+        print(f"    {order.step}/{order.key}: {run.seconds:.2f} s", flush=True)
     return timed, round(sorted(costs)[len(costs) // 2], 5)
-
-
-def plan(store: Any) -> None:
-    from workers.scheduling.planning import plan_step
-
-    while todos := store.plans.to_plan():
-        for todo in todos:
-            results, _ = store.task_inputs.before(todo.job_id, todo.step)
-            info = store.task_inputs.input_info(todo.request.inputs)
-            tasks = plan_step(todo.step, todo.request, todo.params, info, results)
-            store.plans.planned(todo.job_id, todo.step, tasks)
 
 
 def short(folder: Path, frames: int, width: int) -> tuple[Path, tuple[int, int]]:
@@ -299,7 +229,7 @@ def main() -> None:
 def load(name: str) -> Recorded:
     """Read a recording of the repository."""
     given = json.loads((RECORDED / f"{name}.json").read_text())
-    tasks = tuple(Timed(**{**task, "after": tuple(task["after"])}) for task in given.pop("tasks"))
+    tasks = tuple(TimedTask(**{**task, "after": tuple(task["after"])}) for task in given.pop("tasks"))
     return Recorded(**{**given, "size": tuple(given["size"]), "steps": tuple(given["steps"]), "tasks": tasks})
 
 

@@ -1,6 +1,7 @@
 """Peak memory of the tasks of each step, and the memory that the method requests for them.
 
     python -m benchmarks.task_memory METHOD FRAMES WIDTH ...      peaks at these widths (16:9), MiB
+    python -m benchmarks.task_memory --deep METHOD ...            of 10-bit video painted to floating point
 
 A worker in this process runs a job's tasks one after the other. The peak of a task is the kernel's VmHWM, reset before
 the task begins, plus the memory of its decoders.
@@ -13,12 +14,11 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import psutil
 
 from benchmarks.loops import source
-from benchmarks.speedup import METHODS, plan, style_of, submit
+from benchmarks.speedup import METHODS, style_of
 
 CLIP, SIZE = "dog_720p_audio.mp4", "1280x720"
 FRAMES = {"abstraction": 60, "patches": 24, "analogy": 4, "multistyle": 36}
@@ -29,6 +29,8 @@ MIB = 1 << 20
 def main() -> None:
     """Print the largest task peak of each step, and the requested memory."""
     words = sys.argv[1:] if __name__ == "__main__" else []
+    deep = words[:1] == ["--deep"]
+    words = words[deep:]
     names = words[:1] or METHODS
     widths = tuple(map(int, words[2:])) or WIDTHS
     spawn = multiprocessing.get_context("spawn")
@@ -37,44 +39,45 @@ def main() -> None:
         frames = int(words[1]) if len(words) > 1 else FRAMES[name]
         for width in widths:
             with tempfile.TemporaryDirectory(prefix="impasto-needs-") as folder, spawn.Pool(1) as one:
-                for step, (peak, asked) in one.apply(measure, (name, Path(folder), frames, width)).items():
+                for step, (peak, asked) in one.apply(measure, (name, Path(folder), frames, width, deep)).items():
                     size = f"{width}x{width * 9 // 16}"
                     print(f"{name:>12} {step:>12} {size:>10} {frames:7} {peak:9.0f} {asked:10.0f}", flush=True)
 
 
-def measure(name: str, folder: Path, frames: int, width: int) -> dict[str, Sequence[float]]:
+def measure(name: str, folder: Path, frames: int, width: int, deep: bool) -> dict[str, Sequence[float]]:
     """Step -> (largest peak of its tasks, memory that they request), MiB."""
+    from pipeline.methods import method
+    from workers.contract.request import JobRequest, OutputSpec
     from workers.execution.renderer import Renderer
     from workers.farm import Farm
-    from workers.scheduling.orders import Orders
+    from workers.scheduling.in_turn import run_in_turn
     from workers.settings import FarmSettings
 
     farm = Farm(FarmSettings(home=folder, pool="none", reserve_bytes=0), None)
-    clip = _clip(folder, frames, width)
+    clip = _clip(folder, frames, width, deep)
     inputs = {"video": farm.assets.add(clip, clip.name).id}
     if style := style_of(name):
         inputs["style_output"] = farm.assets.add(style, style.name).id
-    submit(farm, name, inputs)
+    needed = [spec.name for spec in method(name).inputs if spec.required and spec.kind.endswith("video")]
+    inputs |= dict.fromkeys(needed, inputs["video"])
+    farm.jobs.submit(JobRequest(name, inputs, output=OutputSpec("exr" if deep else "mp4")))
     found: dict[str, list[float]] = {}
-    orders = Orders(farm.store, shares_memory=False)
     with Renderer(farm.blobs, folder / "scratch") as renderer:
-        while (order := _next(farm.store, orders)) is not None:
-            Path("/proc/self/clear_refs").write_text("5")
-            outcome = renderer.run(order)
+        _reset_peak()
+        for run in run_in_turn(farm.store, renderer):
+            order, outcome = run.order, run.outcome
             if outcome.fault is not None:
                 raise SystemExit(f"{order.step}/{order.key}: {outcome.fault}")
-            farm.store.queue.finish(outcome)
             peak, asked = found.setdefault(order.step, [0.0, 0.0])
             wants = 0 if order.resources is None else order.resources.memory_bytes
             found[order.step] = [max(peak, _peak() / MIB), max(asked, wants / MIB)]
+            _reset_peak()
     farm.stop()
     return {step: tuple(both) for step, both in found.items()}
 
 
-def _next(store: Any, orders: Any) -> Any:
-    plan(store)
-    claim = store.queue.claim("benchmark", 3600.0)
-    return None if claim is None else orders.order(claim)
+def _reset_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5")
 
 
 def _peak() -> int:
@@ -84,18 +87,20 @@ def _peak() -> int:
     return int(own.split()[1]) * 1024 + sum(child.memory_full_info().pss for child in children)
 
 
-def _clip(folder: Path, frames: int, width: int) -> Path:
-    """The first frames of a real clip at this width."""
+def _clip(folder: Path, frames: int, width: int, deep: bool) -> Path:
+    """The first frames of a real clip at this width; `deep`: with 10 bits, losslessly."""
     import av
 
-    path = folder / f"clip-{width}.mp4"
+    path = folder / f"clip-{width}.{'mkv' if deep else 'mp4'}"
+    codec, pixels = ("ffv1", "yuv420p10le") if deep else ("libx264", "yuv420p")
     with av.open(str(source(CLIP, SIZE, folder))) as given, av.open(str(path), "w") as out:
-        stream = out.add_stream("libx264", rate=given.streams.video[0].average_rate)
-        stream.width, stream.height, stream.pix_fmt = width, width * 9 // 16, "yuv420p"
+        stream = out.add_stream(codec, rate=given.streams.video[0].average_rate)
+        assert isinstance(stream, av.VideoStream)
+        stream.width, stream.height, stream.pix_fmt = width, width * 9 // 16, pixels
         for number, frame in enumerate(given.decode(video=0)):
             if number == frames:
                 break
-            out.mux(stream.encode(frame.reformat(stream.width, stream.height, "yuv420p")))
+            out.mux(stream.encode(frame.reformat(stream.width, stream.height, pixels)))
         out.mux(stream.encode(None))
     return path
 

@@ -7,11 +7,10 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-import numpy as np
-
 from pipeline.frames import Frame
 from pipeline.methods.base import AnyParams, Method, P, Task
 from pipeline.methods.local import LocalContext, iterate_plan
+from workers.jobs.replay import TimedTask, replayed
 
 TimedTasks = dict[str, list[tuple[Task, float]]]
 """Step name -> the tasks of the step in the order in which they ran, each with its CPU seconds."""
@@ -46,14 +45,6 @@ def run_timed(method: Method, context: LocalContext[AnyParams]) -> TimedTasks:
 
 
 def makespan(tasks: Sequence[tuple[Task, float]], workers: int) -> float:
-    """Seconds that a step takes: tasks start in plan order, when a worker is idle and their dependencies are done."""
-    free, done = [0.0] * workers, dict[str, float]()
-    waiting = list(tasks)
-    while waiting:
-        ready = [max([0.0, *(done[key] for key in task.after)]) if set(task.after) <= set(done) else np.inf
-                 for task, _ in waiting]  # fmt: skip
-        place = min(range(len(waiting)), key=lambda k: (max(ready[k], min(free)), k))
-        task, cost = waiting.pop(place)
-        worker = free.index(min(free))
-        free[worker] = done[task.key] = max(free[worker], ready[place]) + cost
-    return max([0.0, *done.values()])
+    """Seconds that a step takes, see `workers.jobs.replay`."""
+    timed = [TimedTask(0, task.key, seconds, task.after) for task, seconds in tasks]
+    return replayed(timed, workers, dispatch_s=0.0)

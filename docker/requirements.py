@@ -11,9 +11,10 @@ EXTRAS = {"cpu": ("cpu", *FARM), "gpu": FARM}
 
 
 def requirements(project: Path, device: str) -> list[str]:
-    """The dependencies that `project` declares, with the extras for a device of this kind."""
+    """The dependencies that `project` declares, with the extras for a device of this kind, without our own client."""
     found = tomllib.loads(project.read_text("utf-8"))["project"]
-    return [*found["dependencies"], *(row for extra in EXTRAS[device] for row in found["optional-dependencies"][extra])]
+    rows = [*found["dependencies"], *(row for extra in EXTRAS[device] for row in found["optional-dependencies"][extra])]
+    return [row for row in rows if not row.startswith("impasto-client")]
 
 
 if __name__ == "__main__":

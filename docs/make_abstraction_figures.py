@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from docs.parameters import rewrite
 from docs.pictures import CLIPS, DOCS, MEDIA, OURS, Clip, colours_of, frames, grid, render, save, session_for
 from pipeline.frames import Flow, Frame, Labels, Plane
-from pipeline.methods.abstraction import AbstractionParams, AbstractionSession
+from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
 from pipeline.perception.flow import estimate
 from pipeline.regions.propagation import propagate, smooth_labels
 from pipeline.vector.svg import to_svg
@@ -68,6 +68,13 @@ MEADOW = ("bunny", 225)
 CHANGE = "how much each still pixel changes from frame to frame (darker = more; mean in 8-bit levels; blue = moves)"
 
 STRIPS: Mapping[str, Strip] = {
+    "algorithm": Strip(
+        "coffee",
+        40,
+        ("printed",),
+        "the default and the preset of the printed algorithm; below, both without lines.",
+        height=480,
+    ),
     "growing_limit": Strip(*BIRD, (9, 45), "more shades at low values, few flat areas at high values."),
     "core_tolerance": Strip(*BIRD, (0.2, 1.5), "the number of bands in the sky."),
     "smallest_region": Strip(*BROOK, (0, 3), "small regions such as blossoms and pebbles, or large ones only."),
@@ -112,12 +119,13 @@ STRIPS: Mapping[str, Strip] = {
     "importance_half_life": Strip(
         "bunny", 410, (0, 40), "the importance map of this frame, or averaged over many frames.", show="importance"
     ),
-    "lines": Strip(*BIRD, ("flow", "off"), "difference of Gaussians, along the edges, no lines.", zoom=(0.3, 0.1, 0.5)),
+    "lines": Strip(*BIRD, ("off",), "with lines and without.", zoom=(0.3, 0.1, 0.5)),
     "line_width": Strip(*BIRD, (1.2, 6), "from thin to broad lines.", zoom=(0.2, 0.1, 0.6)),
     "line_threshold": Strip(*BROOK, (0.3, 4), "lines at every fold, or at strong contours only."),
     "line_sharpness": Strip(
         *BIRD, (0.15, 6), "gradual or abrupt transition between line and ground.", zoom=(0.2, 0.1, 0.6)
     ),
+    "line_colour": Strip(*BIRD, ("#7a1f1f", "#1f3d7a"), "red, warm black and blue ink.", zoom=(0.2, 0.1, 0.6)),
     "line_opacity": Strip(*BIRD, (0.35, 1), "from faint to black lines.", zoom=(0.2, 0.1, 0.6)),
     "line_length": Strip(*MEADOW, (0, 200), "short and long lines, or long ones only.", zoom=(0.35, 0.2, 0.6)),
     "mean_shift_steps": Strip(*MEADOW, (0, 12), "towards the hues of *The Great Wave*.", painting="great_wave"),
@@ -126,6 +134,11 @@ STRIPS: Mapping[str, Strip] = {
         *MEADOW, (0, 1), "with *The Starry Night*: its darkness, or the video's light.", painting="starry_night"
     ),
     "vividness": Strip("blackswan", 16, (0.4, 2), "weak or strong saturation."),
+    "palette": Strip(
+        *MEADOW,
+        (("#1d2b3a", "#2f6f5e", "#8fae5d", "#f2e3b6"), ("#2b1a3d", "#e8a87c", "#f6e7cb", "#3f6c8f")),
+        "the regions' own colours, greens and cream, orange and blue.",
+    ),
 }
 
 
@@ -141,7 +154,9 @@ def main() -> None:
 
 def draw(name: str, media: Path) -> None:
     """One figure."""
-    if name == "table":
+    if name == "algorithm":
+        print(save(algorithms(media), FOLDER / "algorithm.jpg", limit=120_000))
+    elif name == "table":
         rewrite(captions())
     elif name == "pipeline":
         print(save(pipeline(media), FOLDER / "pipeline.jpg", limit=150_000))
@@ -154,15 +169,19 @@ def draw(name: str, media: Path) -> None:
 def captions() -> dict[str, str]:
     """Caption of each parameter's figure."""
     return {
-        name: f"{', '.join(str(value) for value in _values(name))}: {shown.words}" for name, shown in STRIPS.items()
+        name: f"{', '.join(_label(value) for value in _values(name))}: {shown.words}" for name, shown in STRIPS.items()
     }
+
+
+def _label(value: Any) -> str:
+    return (" ".join(value) or "none") if isinstance(value, tuple) else str(value)
 
 
 def _values(name: str) -> tuple[Any, ...]:
     """The displayed values: low, default, high; the default comes first if the values have no order."""
     default = AbstractionParams.model_fields[name].default
     others = STRIPS[name].values
-    if isinstance(default, str):
+    if isinstance(default, (str, tuple)):
         return (default, *others)
     return tuple(sorted((round_(default), *others)))
 
@@ -179,7 +198,7 @@ def strip(name: str, media: Path) -> Frame:
         params = () if value in (default, round_(default)) else ((name, value),)
         tile, suffix = _tile(shown, media, params)
         tiles.append(tile)
-        names.append(f"{value}{suffix}")
+        names.append(f"{_label(value)}{suffix}")
     return grid(tiles, 3, names)
 
 
@@ -248,6 +267,16 @@ def _zoomed(picture: Frame, part: tuple[float, float, float]) -> Frame:
     return picture[y : y + round(side * height), x : x + round(side * width)]
 
 
+def algorithms(media: Path) -> Frame:
+    """A frame by default and with the preset of the printed algorithm, and both without lines."""
+    (preset,) = [example.params for example in Abstraction.examples if example.name == "printed"]
+    shown = STRIPS["algorithm"]
+    ways: list[dict[str, Any]] = [{}, dict(preset), {"lines": "off"}, {**preset, "lines": "off"}]
+    pictures = [_pairs(shown, media, tuple(params.items()))[-1] for params in ways]
+    tiles = [_zoomed(tile, shown.zoom) for _, tile in pictures]
+    return grid(tiles, 2, ["extended", "printed, as its preset", "extended, no lines", "printed, no lines"])
+
+
 # -- pipeline
 
 
@@ -259,7 +288,7 @@ def pipeline(media: Path) -> Frame:
         session.step(earlier)
     known = session.regions.segmenter.last
     analysis = session.analyzer.step(frame)
-    if known is None or analysis.flow is None or analysis.residual is None or analysis.ink is None:
+    if known is None or analysis.flow is None or analysis.residual is None or analysis.lines is None:
         raise RuntimeError("The figure needs a frame with previous frames.")
     limit = session.regions.params.flow_error_limit
     remainder = session.regions.segmenter.remainder
@@ -278,7 +307,7 @@ def pipeline(media: Path) -> Frame:
         "7 labels completed": show_labels(sketch.regions.labels, sketch.regions.ids),
         "8 region colours": sketch.colours[sketch.regions.labels],
         "9 boundaries rounded": sketch.colours[painting.labels],
-        "10 lines": 255 - np.dstack([analysis.ink.result()] * 3),
+        "10 lines": 255 - np.dstack([analysis.lines.result().coverage] * 3),
         "11 the picture": painting.frame,
         "12 in the Great Wave's colours": _in_colours(media, [*before, frame]),
     }

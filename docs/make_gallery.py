@@ -1,7 +1,7 @@
 """Draws the gallery from real renders of the media folder: docs/gallery/*.jpg, docs/gallery.md, the README's picture.
 
-    python -m docs.make_gallery [MEDIA] [--only NAME ...]   draws the committed pictures python -m docs.make_gallery
-    [MEDIA] --all FOLDER        draws a sheet of every clip into FOLDER, for private use only
+    python -m docs.make_gallery [MEDIA] [--only NAME ...]   draws the committed pictures
+    python -m docs.make_gallery [MEDIA] --all FOLDER        draws a sheet of every clip, for private use only
 
 Pictures are committed only of clips whose licence in the media folder's MANIFEST.md clearly allows it (`Clip.credit`)
 and that show no face.
@@ -185,14 +185,14 @@ def details(name: str, media: Path) -> Frame:
 
 
 def presets(scene: Scene, media: Path) -> Frame:
-    """One frame of the video, and its paintings with every preset of the method."""
+    """One frame of the video, and its paintings by default and with every preset of the method."""
     pick = scene.picks[:1]
-    ((original, _),) = _frame_pairs(scene, media, pick, height=360)
-    tiles, names = [original], ["original"]
+    ((original, default),) = _frame_pairs(scene, media, pick, height=360)
+    tiles, names = [original, default], ["original", "default"]
     for example in Abstraction.examples:
         tiles += [cartoon for _, cartoon in _frame_pairs(scene, media, pick, example.params, height=360)]
         names.append(example.title)
-    return grid(tiles, 3, names)
+    return grid(tiles, 2, names)
 
 
 def recoloured(name: str, media: Path) -> Frame:

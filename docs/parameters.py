@@ -61,10 +61,16 @@ def _condition(field: Mapping[str, Any]) -> str:
 def _range(field: Mapping[str, Any]) -> str:
     if "enum" in field:
         return ", ".join(f"`{value}`" for value in field["enum"])
+    if "pattern" in field:
+        return "#000000 to #ffffff"
+    if field.get("type") == "array":
+        return f"up to {field['maxItems']} colours"
     return f"{_value(field['minimum'])} to {_value(field['maximum'])}"
 
 
 def _value(value: object) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
     return f"{value:.3g}" if isinstance(value, float) else f"{value}"
 
 
@@ -91,6 +97,7 @@ def methods_page(found: Iterable[Method]) -> str:
     lines = ["# Methods", "", "Written by `python -m docs.parameters` from the registry.", "", *methods_table(listed)]
     for method in listed:
         lines += ["", f"## {method.title}: `{method.name}`", "", method.summary, "", *_inputs(method)]
+        lines += ["", "[Passes](method-passes.md):", "", *_passes(method)] if method.makes_passes else []
     return "\n".join(lines) + "\n"
 
 
@@ -111,6 +118,18 @@ def _inputs(method: Method) -> Iterator[str]:
         required = "yes" if spec.required else "no"
         only = f" Applies only {in_words(spec.applies_when)}." if spec.applies_when else ""
         yield f"| `{spec.name}` | {spec.kind} | {required} | {(spec.help + only).replace('|', '&#124;')} |"
+
+
+def _passes(method: Method) -> Iterator[str]:
+    yield "| pass | channels | what it is | in PNG |"
+    yield "|---|---|---|---|"
+    for made in method.makes_passes:
+        when = method.passes_when.get(made.name, ())
+        only = f" Made only {in_words(when)}." if when else ""
+        unit = f" Unit: {made.unit}." if made.unit else ""
+        stored = "65536 G + R" if made.ids else f"{made.png_zero:g} + {made.png_scale:g} v" if made.png_zero else ""
+        cells = (f"`{made.name}`", ", ".join(made.channels), made.help + unit + only, stored or f"{made.png_scale:g} v")
+        yield "| " + " | ".join(cells) + " |"
 
 
 if __name__ == "__main__":

@@ -22,20 +22,40 @@ from docs.measurement_pages import PAGES as MEASURED
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "DESIGN.md", "CONTRIBUTING.md", "CHANGELOG.md")
 FOLDERS = ("docs", "examples", "deploy")
-LINKED = ("LICENSE", "impasto/live/client.py", "tests/regression/README.md")
+LINKED = (
+    "LICENSE",
+    "NOTICE",
+    "client/README.md",
+    "integrations/blender/README.md",
+    "integrations/comfyui/README.md",
+    "impasto/live/client.py",
+    "tests/regression/README.md",
+)
 """Single files that pages link to."""
 WRITTEN = sorted({page.stem for page in (ROOT / "docs/measurements").glob("*.md")} - {"README", *MEASURED})
 """Pages of measurements that are not drawn from tables."""
 CHAPTERS: dict[str, tuple[str, ...]] = {
     "Start": (
         "README",
-        *(f"docs/tutorials/{name}" for name in ("shot", "painter", "streamer", "pipeline", "researcher")),
+        *(f"docs/tutorials/{name}" for name in ("shot", "film", "painter", "streamer", "pipeline", "researcher")),
     ),
     "Methods": tuple(
-        f"docs/{name}" for name in ("methods", "abstraction", "multistyle", "patches", "analogy", "steady", "gallery")
+        f"docs/{name}"
+        for name in ("methods", "abstraction", "multistyle", "patches", "analogy", "steady", "method-passes", "gallery")
     ),
-    "Use": tuple(f"docs/{name}" for name in ("studio", "projects", "live", "quality", "api", "http", "python")),
-    "Operate": tuple(f"docs/{name}" for name in ("operations", "runbook", "security", "performance")),
+    "Use": (
+        *(
+            f"docs/{name}"
+            for name in ("studio", "projects", "groups", "batch", "live", "quality", "api", "http", "python")
+        ),
+        "client/README",
+        "integrations/blender/README",
+        "integrations/comfyui/README",
+    ),
+    "Operate": tuple(
+        f"docs/{name}"
+        for name in ("operations", "systems", "users", "scale", "runbook", "security", "licences", "performance")
+    ),
     "Measurements": tuple(f"docs/measurements/{name}" for name in ("README", *MEASURED, *WRITTEN)),
     "Develop": ("docs/architecture", "docs/testing", "docs/glossary", "DESIGN", "CONTRIBUTING", "CHANGELOG"),
 }
@@ -45,7 +65,7 @@ PYTHON = """\
 ```{eval-rst}
 .. autofunction:: impasto.library.render
 
-.. autoclass:: impasto.client.Client
+.. autoclass:: impasto_client.Client
    :members:
 
 .. autoclass:: impasto.live.client.LiveClient

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
+import impasto.own_packages  # noqa: F401 (before the first import of one of them)
 from workers.process.starting import without_garbage_collection
 
 

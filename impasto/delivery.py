@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import BadInput, StorageError, StorageFull
-from pipeline.formats import OUTPUTS, output_format, output_of_suffix
+from pipeline.formats import IN_FILM, OUTPUTS, PASS_FORMATS, output_format, output_of_suffix
 from pipeline.formats.base import OutputFormat, Profile
 from pipeline.video.media import MediaInfo
 from pipeline.video.numbering import has_place, name_by, number_by
+from workers.contract.request import OutputSpec
 
 _ARCHIVE = ".zip"
 _FRAMES = next(form for form in OUTPUTS.values() if form.frame_suffixes)
@@ -71,6 +72,34 @@ def target(text: str, field: str = "--output", form: str = "") -> OutputTarget:
         return _folder(path.parent, made, path.name, field)
     _check_parent(path, field)
     return OutputTarget(path, made.name, "still" if is_frame else "file")
+
+
+def passes_target(text: str, output: OutputSpec) -> OutputTarget | None:
+    """The target of the passes of a job; None: beside its result.
+
+    Args:
+        text: a .zip; for passes in one image a frame also a folder, "DIR/" or "DIR/name.####.EXTENSION"; "": none.
+
+    Raises: BadInput.
+    """
+    field = "--passes-to"
+    if not text:
+        return None
+    if not output.passes:
+        raise BadInput("No pass is asked for.", field=field, value=text, remedy="Name passes: --passes flow,labels.")
+    if output.passes_format == IN_FILM:
+        raise BadInput("The passes are in the film's images.", field=field, value=text, remedy="Leave it out.")
+    if text.lower().endswith(_ARCHIVE):
+        path = expanded(Path(text)).absolute()
+        _check_parent(path, field)
+        return OutputTarget(path, "", "file")
+    if output.passes_format not in ("", PASS_FORMATS[0]):
+        raise BadInput("Passes of this format are saved as one file.", field=field, value=text,
+                       remedy=f"Name a {_ARCHIVE} file.")  # fmt: skip
+    found = target(text, field, PASS_FORMATS[0])
+    if found.kind == "still":
+        raise BadInput("An image holds one frame.", field=field, value=text, remedy=f"Name a folder, or a {_ARCHIVE}.")
+    return found
 
 
 def _folder(path: Path, form: OutputFormat, pattern: str, field: str) -> OutputTarget:

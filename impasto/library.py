@@ -7,72 +7,45 @@ source several times; then a source that is an iterator is first written to a te
 
 from __future__ import annotations
 
-import json
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 from typing import Any, cast, overload
 
-import numpy as np
-
-from impasto.delivery import OutputTarget, deliver, expanded, output_faults, same_file, target
+from impasto.delivery import OutputTarget, beside, deliver, expanded, output_faults, same_file, target
+from impasto.rendering import NoEffect, Rendering, Tell
+from impasto.sources import (
+    Source,
+    SourceFile,
+    SourceNotice,
+    file_of,
+    opened,
+    options_of_source,
+    showing,
+    warn_of_damage,
+)
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
+from pipeline.formats import IN_FILM
 from pipeline.formats.base import Encoding
-from pipeline.frames import Frame, check_frame, same_size
+from pipeline.frames import Frame
 from pipeline.methods import method as find_method
 from pipeline.methods import parse_params
-from pipeline.methods.base import AnyParams, Arrays, InputSpec, Method, VideoInfo, missing_inputs
-from pipeline.methods.local import DEFAULT_FPS, FrameSource, Input, LocalContext, iterate_plan
+from pipeline.methods.base import Method, missing_inputs
+from pipeline.methods.local import DEFAULT_FPS
+from pipeline.passes.made import PASSES
 from pipeline.video.depth import with_opacity
 from pipeline.video.join import join
-from pipeline.video.media import SEQUENCE_FPS, Opacity, SourceOptions
-from pipeline.video.numbered import NumberedImages, by_frame
-from pipeline.video.reader import VideoReader
-from pipeline.video.sequence_options import SequenceOptions, options_of
 from pipeline.video.writer import SegmentSpec, segment_writer
 from workers.contract.request import Alpha, OutputSpec
-from workers.execution.arrays import read_arrays, write_arrays
 from workers.execution.input_damage import InputDamage
+from workers.execution.pass_files import add_to_film
 from workers.scheduling.outputs import check_output
-
-
-@dataclass(frozen=True)
-class SourceFile:
-    """A video file, and how it is read."""
-
-    path: str | Path
-    options: SourceOptions = field(default_factory=SourceOptions)
-
-
-@dataclass(frozen=True)
-class ImageSequence:
-    """Numbered images as a source or input.
-
-    Attributes:
-        path: a folder, a zip, one image, or a pattern: "shot/name.####.png", "name.%04d.png", "name.[1-20].png".
-        fps: frames per second.
-        missing: numbers that are missing: "fail", "hold" (repeat the frame before) or "skip".
-        layer, view: which picture of images with several layers or views; "": the usual one.
-    """
-
-    path: str | Path
-    fps: float | str = SEQUENCE_FPS
-    missing: str = "fail"
-    layer: str = ""
-    view: str = ""
-    source: SourceOptions = field(default_factory=SourceOptions)
-    """Whether the colours of pictures with opacity are premultiplied; the rest is for videos."""
-
-    def options(self) -> SequenceOptions:
-        """Raises BadParameter."""
-        values = {"fps": self.fps, "missing": self.missing, "layer": self.layer, "view": self.view}
-        return options_of(values, "source")
 
 
 @dataclass(frozen=True)
@@ -82,63 +55,53 @@ class OutputFile:
     Attributes:
         path: see `render`.
         profile: encoding of the format, for example "4444" of .mov: see `impasto formats`; "": its usual one.
-        alpha: opacity of the output: "source", "none" (the source over white), or "auto": that of the source if the
-            profile has opacity.
+        alpha: opacity of the output: "source", "painted" (that of the paint), "none" (the source over white), or
+            "auto": that of the source if the profile has opacity.
+        colour: colour space of the output, a name of the OpenColorIO configuration, for images of more than 8 bits;
+            "PQ" or "HLG" for video of more than 8 bits; "": that of the profile.
+        passes: names of passes of the method, such as "flow" (`impasto methods NAME` lists them): they are saved beside
+            the output, "painted-passes.zip" beside "painted.mp4".
+        passes_format: their format, one of `pipeline.formats.PASS_FORMATS`; "": the first one, an image a frame with a
+            layer for each pass; "film": layers in the images of the output itself, if they can hold any.
     """
 
     path: str | Path
     profile: str = ""
     alpha: Alpha = "auto"
-
-
-Source = str | Path | SourceFile | ImageSequence | Iterable[Frame]
-PICTURES = frozenset({"video", "image", "image-or-video"})
-
-
-class DamagedSource(UserWarning):
-    """Frames of a file are missing or unreadable."""
-
-
-class NoEffect(UserWarning):
-    """A parameter or an input was given that has no effect."""
-
-
-class MethodNotice(UserWarning):
-    """The method tells something about the inputs and the result."""
-
-
-class SourceNotice(UserWarning):
-    """Something of a file was chosen, corrected, assumed or left out, on reading it or on writing the output."""
+    colour: str = ""
+    passes: tuple[str, ...] = ()
+    passes_format: str = ""
 
 
 @overload
 def render(
     method: str, source: Source, output: None = None, *, inputs: Mapping[str, object] | None = None,
-    seed: int = 0, fps: float = DEFAULT_FPS, **params: Any,
-) -> Iterator[Frame]: ...  # fmt: skip
+    seed: int = 0, fps: float = DEFAULT_FPS, progress: Tell | None = None, **params: Any,
+) -> Iterator[AnyArray]: ...  # fmt: skip
 
 
 @overload
 def render(
     method: str, source: Source, output: str | Path | OutputFile, *, inputs: Mapping[str, object] | None = None,
     seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20, overwrite: bool = False,
-    **params: Any,
+    progress: Tell | None = None, **params: Any,
 ) -> Path: ...  # fmt: skip
 
 
-def render(
+def render(  # noqa: PLR0913 (all but three by name)
     method: str, source: Source, output: str | Path | OutputFile | None = None, *,
     inputs: Mapping[str, object] | None = None, seed: int = 0, fps: float = DEFAULT_FPS, quality: int = 20,
-    overwrite: bool = False, **params: Any,
-) -> Iterator[Frame] | Path:  # fmt: skip
+    overwrite: bool = False, progress: Tell | None = None, **params: Any,
+) -> Iterator[AnyArray] | Path:  # fmt: skip
     """Stylise a video.
 
     Args:
         method: a method's name: "abstraction", "multistyle", "patches", "analogy", or one of an installed package.
         source: path of a video, image, or folder, zip or pattern of numbered images; a `SourceFile`, which also says
             which streams of a video are read, and how; an `ImageSequence`, which also has a frame rate and a treatment
-            of missing numbers; or an iterable of frames, arrays uint8 (height, width, 3), RGB, all of one size, at
-            least 16 px on each side. Frames are read lazily.
+            of missing numbers; or an iterable of frames: RGB arrays (height, width, 3), or 4 channels with straight
+            opacity; uint8, uint16, or floats with white at 1; all alike, at least 16 px on each side. Frames are read
+            lazily.
         output: None, or a path with the extension of an output format (`pipeline.formats`: .mp4, .webm, .zip of PNG
             frames, .png for one frame, ...), a folder "name/", or a folder with names "folder/name.####.tif"; an
             `OutputFile` also chooses codec, depth and opacity.
@@ -148,10 +111,14 @@ def render(
         fps: frames per second of a source that is an iterable.
         quality: rate factor of a video file, 0 (lossless) to 51.
         overwrite: whether an existing output may be replaced. An input is never overwritten.
+        progress: called with the share of the work that is done, 0 to 1, after each frame or part of a task; not for
+            frames that come from an iterator without a length and leave one by one. An exception that it raises ends
+            the render, and no output is left.
         params: parameters of the method, as `impasto methods NAME` lists them.
 
     Returns:
-        Without `output`, an iterator of frames, uint8 (height, width, 3); else the path of the finished file.
+        Without `output`, an iterator of frames, uint8 (height, width, 3), or for arrays in their type and with their
+        opacity (a method without deep colours computes 8 bits); else the path of the finished file.
 
     Raises:
         BadParameter: an unknown method or input, or a parameter that is out of range.
@@ -185,27 +152,47 @@ def render(
         >>> impasto.render("abstraction", gray, line="off")
         Traceback (most recent call last):
         ...
-        pipeline.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
+        impasto_client.errors.BadParameter: Unknown parameter 'line'. ... Did you mean 'lines'? ...
     """
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
     _check_names(chosen, inputs or {})
-    for found in chosen.ineffective(parsed, {"video", *(inputs or {})}, stream=False, piece=False):
-        warnings.warn(found.message, NoEffect, stacklevel=2)
     file = output if isinstance(output, OutputFile) else OutputFile("" if output is None else output)
+    for found in chosen.ineffective(parsed, {"video", *(inputs or {})}, False, False, passes=file.passes):
+        warnings.warn(found.message, NoEffect, stacklevel=2)
     where = None if output is None else _checked_output(file.path, source, inputs or {}, overwrite)
     stack = ExitStack()
     if where is not None:
-        spec = OutputSpec(where.format, quality, profile=file.profile, alpha=file.alpha)
+        spec = OutputSpec(
+            where.format, quality, profile=file.profile, alpha=file.alpha, colour=file.colour, passes=file.passes,
+            passes_format=file.passes_format,
+        )  # fmt: skip
         check_output(chosen, spec)
-        source = _reading(source, "straight") if spec.keeps_opacity else source
+        source = showing(source, "straight") if spec.reads_colours else source
     damage = InputDamage(fails=False)
-    stack.callback(_warn, damage)
-    frames = _Rendering(chosen, parsed, seed, fps, stack, damage).frames(source, inputs or {})
+    stack.callback(warn_of_damage, damage)
+    rendering = Rendering(chosen, parsed, seed, fps, stack, damage, progress)
     if where is None:
-        return frames
-    with stack:
-        _write(frames, source, SegmentSpec(where.format, (0, 0), Fraction(1), fps, quality, file.profile), where)
+        return rendering.frames(source, inputs or {})
+    rendering.returns = False
+    rendering.opacity = "straight" if spec.reads_colours else "white"
+    rendering.deep = spec.encoding.is_deep and chosen.depth_bits > 8
+    rendering.paints_opacity = spec.alpha == "painted"
+    wanted = SegmentSpec(
+        where.format, (0, 0), Fraction(1), fps, quality, file.profile, rendering.paints_opacity, file.colour,
+        options_of_source(source).colour_view,
+    )  # fmt: skip
+    with stack, tempfile.TemporaryDirectory(prefix="impasto-") as folder:
+        rendering.output, rendering.passes_file = spec, Path(folder) / PASSES
+        passes_to = beside(where, f"{PASSES}.zip")
+        in_film = spec.passes_format == IN_FILM
+        if spec.passes and not in_film and passes_to.exists() and not overwrite:
+            raise BadInput("The passes exist already.", field="output", value=passes_to,
+                           remedy="Pass overwrite=True, or name another output.")  # fmt: skip
+        frames = rendering.frames(source, inputs or {})
+        _write(frames, source, wanted, where, rendering.passes_file if in_film else None)
+        if rendering.passes_file.exists() and not in_film:
+            deliver(rendering.passes_file, OutputTarget(passes_to, "", "file"))
     return where.path
 
 
@@ -226,7 +213,7 @@ def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
 def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> OutputTarget:
     where = target(str(output), field="output")
     for given in (source, *inputs.values()):
-        if (file := _file(given)) is not None and same_file(where.path, Path(file.path)):
+        if (file := file_of(given)) is not None and same_file(where.path, Path(file.path)):
             raise BadInput("The output is an input.", field="output", value=output, remedy="Name another file.")
     if where.path.exists() and not overwrite and not (where.path.is_dir() and not any(where.path.iterdir())):
         raise BadInput(
@@ -235,234 +222,26 @@ def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, obj
     return where
 
 
-class _Rendering:
-    """One call of `render`. `stack` closes what the frames are made from."""
-
-    def __init__(
-        self, chosen: Method, params: AnyParams, seed: int, fps: float, stack: ExitStack, damage: InputDamage
-    ) -> None:
-        self._method, self._params, self._seed, self._fps, self._stack = chosen, params, seed, fps, stack
-        self._damage = damage
-        self._specs = {spec.name: spec for spec in chosen.inputs}
-
-    def frames(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
-        """The finished frames. Closing the iterator, or its end, frees everything."""
-        with self._stack:
-            if self._streams(inputs):
-                arriving = _checked(self._open_frames("video", source))
-                first = next(arriving, None)
-                if first is None:
-                    return
-                streamed = self._stream(first, arriving, inputs)
-                if streamed is not None:
-                    yield from streamed
-                    return
-                if _file(source) is None:
-                    source = chain([first], arriving)
-            yield from self._planned(source, inputs)
-
-    def _streams(self, inputs: Mapping[str, object]) -> bool:
-        """Whether a session has everything that is given: otherwise the plan runs."""
-        lost, whole = (
-            {found.field for found in self._method.ineffective(self._params, {"video", *inputs}, stream, False)}
-            for stream in (True, False)
-        )
-        return lost <= whole and all(self._specs[name].kind in PICTURES for name in inputs)
-
-    def _stream(self, first: Frame, rest: Iterator[Frame], inputs: Mapping[str, object]) -> Iterator[Frame] | None:
-        size = (first.shape[1], first.shape[0])
-        references = {name: _checked(self._open_frames(name, _many(given))) for name, given in inputs.items()}
-        session = self._method.stream(self._params, size, self._seed, references)
-        if session is None:
-            return None
-        return (session.step(frame) for frame in chain([first], rest))
-
-    def _open_frames(self, name: str, source: Source) -> Iterator[Frame]:
-        """The frames of the input `name`."""
-        file = _file(source)
-        if file is None:
-            return iter(cast("Iterable[Frame]", source))
-        return _read(self._stack.enter_context(opened(file)), name, self._damage)
-
-    def _planned(self, source: Source, inputs: Mapping[str, object]) -> Iterator[Frame]:
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="impasto-")))
-        given: dict[str, Any] = {}
-        video = self._source("video", source, folder)
-        numbers = video.numbers if isinstance(video, FileFrames) else ()
-        for name, value in inputs.items():
-            given |= self._input(self._specs[name], value, folder, numbers)
-        context = _DiskContext(self._params, video, given, self._seed, folder=folder)
-        following = 0
-        for _ in iterate_plan(self._method, context):
-            while following in context.emitted:
-                yield context.emitted.pop(following)
-                following += 1
-        for message in context.warnings:
-            warnings.warn(message, MethodNotice, stacklevel=2)
-
-    def _source(self, name: str, source: Source, folder: Path) -> FrameSource:
-        if (file := _file(source)) is not None:
-            return FileFrames(file, self._stack, name, self._damage)
-        number = sum(1 for _ in folder.iterdir())
-        return SpooledFrames(_checked(iter(cast("Iterable[Frame]", source))), self._fps, folder / f"frames-{number}")
-
-    def _input(self, spec: InputSpec, value: Any, folder: Path, numbers: tuple[int, ...]) -> dict[str, Any]:
-        """An input in the form that `LocalContext` accepts."""
-        is_path = isinstance(value, str | Path)
-        if spec.kind in PICTURES:
-            return {spec.name: self._source(spec.name, _many(value), folder)}
-        if spec.kind == "json":
-            return {spec.name: json.loads(Path(value).read_text("utf-8-sig")) if is_path else value}
-        field = f"inputs.{spec.name}"
-        if not is_path:
-            return {spec.name: by_frame(value, numbers, field)}
-        images = NumberedImages(Path(value), field)
-        self._stack.callback(images.close)
-        return {spec.name: by_frame(images, numbers, field)}
-
-
-def _file(given: object) -> SourceFile | ImageSequence | None:
-    """A source that is a path, with its options; None: it is something else."""
-    if isinstance(given, str | Path):
-        return SourceFile(given)
-    return given if isinstance(given, SourceFile | ImageSequence) else None
-
-
-def _reading(source: Source, opacity: Opacity) -> Source:
-    """The source, read so that frames show this of its pictures."""
-    file = _file(source)
-    if isinstance(file, SourceFile):
-        return replace(file, options=replace(file.options, opacity=opacity))
-    return source if file is None else replace(file, source=replace(file.source, opacity=opacity))
-
-
-def opened(file: SourceFile | ImageSequence) -> VideoReader:
-    """A reader of the file. Close it. Raises: as `VideoReader`."""
-    path = expanded(Path(file.path))
-    if isinstance(file, SourceFile):
-        return VideoReader(path, options=file.options)
-    return VideoReader(path, options=file.source, sequence=file.options())
-
-
-def _many(value: Any) -> Source:
-    """An input's pictures: one array is a video of one frame."""
-    return [value] if isinstance(value, np.ndarray) and value.ndim == 3 else value
-
-
-def _read(
-    reader: VideoReader, name: str, damage: InputDamage, start: int = 0, stop: int | None = None
-) -> Iterator[Frame]:
-    """Frames [start, stop) of the input `name`; what is wrong with them is recorded. Raises DamagedMedia."""
-    damage.note(name, reader.notes)
-    damage.record(name, reader.index, ())
-    known = len(reader.unreadable)
-    for frame in reader.read(start, stop):
-        if len(reader.unreadable) > known:
-            damage.record(name, reader.index, reader.unreadable[known:])
-            known = len(reader.unreadable)
-        yield frame
-
-
-def _warn(damage: InputDamage) -> None:
-    for warning in damage.warnings():
-        kind = DamagedSource if warning.damage else SourceNotice
-        warnings.warn(warning.message, kind, stacklevel=2)
-
-
-def _checked(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Yield the frames; raises BadFrame unless each has the size of the first one."""
-    size: tuple[int, int] | None = None
-    for index, array in enumerate(frames):
-        frame = check_frame(array, f"source[{index}]")
-        size = size or (frame.shape[1], frame.shape[0])
-        yield same_size(frame, size, f"source[{index}]")
-
-
-class FileFrames:
-    """A video file as a `FrameSource`. Iterators that are open at once have decoders of their own."""
-
-    def __init__(self, file: SourceFile | ImageSequence, stack: ExitStack, name: str, damage: InputDamage) -> None:
-        self._file, self._stack, self._name, self._damage = file, stack, name, damage
-        self._idle = [self._open()]
-        reader = self._idle[0]
-        self.numbers = reader.index.numbers
-        """Numbers of the frames of an image sequence; empty: they are counted from 0."""
-        width, height = reader.size
-        self.info = VideoInfo(width, height, reader.frames, reader.fps, reader.index.duration_s)
-
-    def _open(self) -> VideoReader:
-        return self._stack.enter_context(opened(self._file))
-
-    def read(self, start: int, stop: int | None) -> Iterator[Frame]:
-        reader = self._idle.pop() if self._idle else self._open()
-        try:
-            yield from _read(reader, self._name, self._damage, start, stop)
-        finally:
-            self._idle.append(reader)
-
-
-class SpooledFrames:
-    """Frames of an iterator as a `FrameSource`: written once to the file `path`, uncompressed, then read in any
-    order."""
-
-    def __init__(self, frames: Iterator[Frame], fps: float, path: Path) -> None:
-        count, height, width = 0, 0, 0
-        with path.open("wb") as file:
-            for frame in frames:
-                height, width = frame.shape[:2]
-                file.write(frame.tobytes())
-                count += 1
-        if count == 0:
-            raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
-        self._frames = np.memmap(path, np.uint8, "r", shape=(count, height, width, 3))
-        self.info = VideoInfo(width, height, count, fps, count / fps)
-
-    def read(self, start: int, stop: int | None) -> Iterator[Frame]:
-        for index in range(start, self.info.frames if stop is None else min(stop, self.info.frames)):
-            yield np.array(self._frames[index])
-
-
-class _DiskContext(LocalContext[AnyParams]):
-    """A context whose artefacts lie in a folder, so that memory does not grow with the length of the video."""
-
-    def __init__(
-        self, params: AnyParams, video: FrameSource, inputs: Mapping[str, Input], seed: int, *, folder: Path
-    ) -> None:
-        super().__init__(params, video, inputs, seed)
-        self._folder = folder
-
-    def save(self, name: str, arrays: Arrays) -> None:
-        super().save(name, {})
-        with self._path(self.step, name).open("wb") as file:
-            write_arrays(file, arrays)
-
-    def load(self, step: str, name: str) -> dict[str, AnyArray]:
-        super().load(step, name)  # whether the task may
-        with self._path(step, name).open("rb") as file:
-            return read_arrays(file.read())
-
-    def _path(self, step: str, name: str) -> Path:
-        return self._folder / f"{step}--{name.replace('/', '--')}"
-
-
 def _matte(source: Source, stack: ExitStack) -> Iterator[Frame] | None:
     """The opacity of the source's frames, gray, if the output gets it."""
-    file = _file(source)
-    options = file.options if isinstance(file, SourceFile) else None if file is None else file.source
-    if options is None or options.opacity != "straight":
+    if options_of_source(source).opacity != "straight":
         return None
-    return stack.enter_context(opened(cast("SourceFile", _reading(source, "matte")))).read()
+    return stack.enter_context(opened(cast("SourceFile", showing(source, "matte")))).read()
 
 
-def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: OutputTarget) -> None:
+def _write(
+    frames: Iterator[AnyArray], source: Source, wanted: SegmentSpec, where: OutputTarget, passes: Path | None
+) -> None:  # fmt: skip
     """Encode the frames at the times of the source, add its sound, and put the file in its place.
 
     Args:
-        wanted: format, profile and quality, and the frame rate of a source without one.
+        wanted: format, profile, quality and colour space, the frame rate of a source without one, and whether the
+            frames have opacity themselves.
+        passes: a file that exists when all frames are painted, whose layers are added to their images; None: no file.
     """
     with tempfile.TemporaryDirectory(prefix="impasto-") as folder, ExitStack() as stack:
         segment, whole = Path(folder) / "segment", Path(folder) / "whole"
-        file = _file(source)
+        file = file_of(source)
         sound = None if file is None else expanded(Path(file.path))
         reader = None if file is None else stack.enter_context(opened(file))
         times = None if reader is None else reader.index
@@ -472,8 +251,9 @@ def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: 
             raise BadInput("The source has no frames.", field="source", remedy="Give at least one.")
         size = (first.shape[1], first.shape[0])
         base, nominal = (1 / rate, wanted.fps) if times is None else (times.time_base, times.fps)
-        matte = _matte(source, stack) if reader is not None and reader.has_alpha else None
-        spec = replace(wanted, size=size, time_base=base, fps=nominal, alpha=matte is not None)
+        matte = _matte(source, stack) if reader is not None and reader.has_alpha and not wanted.alpha else None
+        alpha = wanted.alpha or matte is not None or first.shape[2] == 4
+        spec = replace(wanted, size=size, time_base=base, fps=nominal, alpha=alpha)
         with segment_writer(segment, spec) as writer:
             for index, frame in enumerate(chain([first], frames)):
                 start, stop = (index, index + 1) if times is None else (times.time(index), times.time(index + 1))
@@ -483,5 +263,8 @@ def _write(frames: Iterator[Frame], source: Source, wanted: SegmentSpec, where: 
         options = file.options if isinstance(file, SourceFile) else None
         for note in join([(origin, segment)], whole, Encoding(spec.format, spec.quality), sound, options=options):
             warnings.warn(note.message, SourceNotice, stacklevel=4)
+        if passes is not None and passes.exists():
+            add_to_film(whole, passes, Path(folder) / "with-passes")
+            whole = Path(folder) / "with-passes"
         with output_faults("output", where.path):
             deliver(whole, where)

@@ -9,9 +9,9 @@ import platformdirs
 from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from impasto_client import DEFAULT_SERVER
 from pipeline.errors import BadInput
 
-DEFAULT_SERVER = "http://127.0.0.1:8420"
 S = TypeVar("S", bound=BaseSettings)
 
 

@@ -12,7 +12,9 @@ from starlette.staticfiles import StaticFiles
 
 from service import bundle, errors, openapi
 from service.access.admission import Admission, classes
+from service.access.audit import AuditTrail
 from service.access.gate import Gate
+from service.access.provider import Provider
 from service.access.rates import Rates
 from service.artefacts.routes import router as artefacts
 from service.assets.routes import router as assets
@@ -34,17 +36,20 @@ from service.live.webrtc.routes import router as webrtc
 from service.methods.routes import router as methods
 from service.middleware import Edge
 from service.ops.fleet import router as fleet
-from service.ops.keys import router as keys
 from service.ops.load import router as load
 from service.ops.machine import add_machine
 from service.ops.metrics import FarmMetrics, HttpMetrics, LiveMetrics
+from service.ops.owners import router as owners
 from service.ops.queued_jobs import router as queued_jobs
+from service.ops.records import router as records
 from service.ops.routes import router as ops
 from service.pages import router as pages
 from service.prefix import InsidePrefix, OutsidePrefix
 from service.previews.routes import router as previews
 from service.projects.archive import router as project_archives
+from service.projects.comments import router as project_comments
 from service.projects.estimates import router as estimates
+from service.projects.films import router as project_films
 from service.projects.jobs import router as project_jobs
 from service.projects.previews import router as project_previews
 from service.projects.routes import router as projects
@@ -54,6 +59,9 @@ from service.scenes.routes import router as scenes
 from service.settings import Settings
 from service.styles.library import StyleLibrary
 from service.uploads.routes import router as uploads
+from service.users.keys import router as keys
+from service.users.me import router as me
+from service.users.sign_in import router as sign_in
 from service.webhooks.secrets import WebhookSecrets
 from workers.contract.request import Json
 from workers.farm import Farm
@@ -77,13 +85,19 @@ ROUTERS = (
     project_archives,
     projects,
     project_versions,
+    project_films,
+    project_comments,
     project_jobs,
     project_previews,
     estimates,
     sharing,
     live,
     webrtc,
+    me,
+    sign_in,
     keys,
+    owners,
+    records,
     ops,
     fleet,
     queued_jobs,
@@ -150,11 +164,16 @@ def _context(settings: Settings, farm: Farm) -> ServiceContext:
         admission=Admission(classes(settings)),
         webhook_secrets=_secrets(settings),
         styles=StyleLibrary(farm, settings.styles_dir),
+        provider=_provider(settings),
         registry=CollectorRegistry(),
     )
     service.registry.register(FarmMetrics(farm))
     add_machine(service.registry, settings)
     return service
+
+
+def _provider(settings: Settings) -> Provider | None:
+    return Provider(settings, _secrets(settings).master()) if settings.oidc_issuer else None
 
 
 def _secrets(settings: Settings) -> WebhookSecrets:
@@ -165,6 +184,7 @@ def _secrets(settings: Settings) -> WebhookSecrets:
 def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
     """Add the middleware. The one added last is the outermost."""
     settings = service.settings
+    app.add_middleware(AuditTrail, audit=service.farm.audit)
     app.add_middleware(InsidePrefix)
     app.add_middleware(
         JsonBodies,
@@ -172,6 +192,6 @@ def _add_middleware(app: FastAPI, service: ServiceContext) -> None:
         max_project_bytes=settings.max_project_bytes,
         idle_s=settings.idle_s,
     )
-    app.add_middleware(Gate, settings=settings, keys=service.farm.keys, rates=Rates())
+    app.add_middleware(Gate, settings=settings, farm=service.farm, rates=Rates())
     app.add_middleware(Edge, metrics=HttpMetrics(service.registry, service.streams.count))
     app.add_middleware(OutsidePrefix)

@@ -22,7 +22,9 @@ PAGE_CSP = (
 PERMISSIONS = (
     "camera=(self), display-capture=(self), fullscreen=(self), microphone=(), geolocation=(), payment=(), usb=()"
 )
-"""Browser features that pages may use: the live page needs a camera or the screen. Never a microphone."""
+"""Browser features that pages may use: the live page needs a camera or the screen."""
+LIVE_PERMISSIONS = PERMISSIONS.replace("microphone=()", "microphone=(self)")
+"""Of the live page alone, whose recordings have the sound of a microphone if the user turns it on."""
 TUS = "/v1/uploads"
 _FACTS = {"job_id": "job", "task_id": "task", "asset_id": "asset", "key_id": "key", "upload_id": "upload"}
 """Path parameters -> their names in log lines."""

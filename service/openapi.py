@@ -46,7 +46,8 @@ TAGS = {
     "styles": "Paintings of the style library, which every user may choose.",
     "projects": "Projects of the studio: documents with versions, previews, estimates and jobs.",
     "live": "Live sessions. The WebSocket itself is described in docs/live.md.",
-    "ops": "For operators: health, metrics, queue, workers, machines, keys.",
+    "users": "Who the caller is, and the members of groups.",
+    "ops": "For operators: health, metrics, queue, workers, machines, keys, users, audit trail, costs.",
 }
 _GENERIC = re.compile(r"^Listing_(\w+)_$")
 

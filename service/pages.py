@@ -12,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, RedirectResponse, Response
 
 from service import bundle
+from service.middleware import LIVE_PERMISSIONS
 from service.prefix import with_prefix
 from service.routing import Router
 
@@ -32,7 +33,9 @@ def shared(token: Annotated[str, Path(max_length=1000, pattern=r"^[A-Za-z0-9._~-
 
 @router.get("/live")
 def live(request: Request) -> Response:
-    return _page(request, "live.html")
+    page = _page(request, "live.html")
+    page.headers["Permissions-Policy"] = LIVE_PERMISSIONS
+    return page
 
 
 @router.get("/live/view")

@@ -1,7 +1,9 @@
 """The path prefix under which a proxy serves the service, for example "/paint".
 
 It comes from the proxy's header X-Forwarded-Prefix or from uvicorn's root path. A proxy may remove it from addresses or
-leave it. Pages, redirects, `Location`, `Address`es in answers and the servers of the OpenAPI document carry it.
+leave it. The address of a group, `/groups/grp_...`, is such a prefix, too: everything under it is done for the group,
+whose id is `scope["group"]`. Pages, redirects, `Location`, `Address`es in answers and the servers of the OpenAPI
+document carry it.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 HEADER = "X-Forwarded-Prefix"
 _PREFIX = re.compile(r"(?:/[A-Za-z0-9._~-]{1,64}){1,8}")
+_GROUP = re.compile(r"/groups/(grp_[0-9a-z]{26})(?=/|$)")
 _LINK = re.compile(r'((?:href|src)=")/(?!/)')
 
 _current: ContextVar[str] = ContextVar("prefix", default="")
@@ -44,11 +47,17 @@ class OutsidePrefix:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        prefix = prefix_of(scope) if scope["type"] in ("http", "websocket") else ""
+        proxied = prefix_of(scope) if scope["type"] in ("http", "websocket") else ""
+        path = str(scope.get("path", ""))
+        path = path.removeprefix(proxied) if path.startswith(f"{proxied}/") else path
+        group = _GROUP.match(path)
+        prefix = proxied + (group[0] if group else "")
         _current.set(prefix)
         if not prefix:
             await self._app(scope, receive, send)
             return
+        if group:
+            path, scope = path[group.end() :] or "/", {**scope, "group": group[1]}
 
         async def send_with_prefix(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -58,7 +67,6 @@ class OutsidePrefix:
                 headers.add_vary_header(HEADER)
             await send(message)
 
-        path = scope["path"].removeprefix(prefix) if scope["path"].startswith(f"{prefix}/") else scope["path"]
         await self._app({**scope, "path": path, "root_path": "", "prefix": prefix}, receive, send_with_prefix)
 
 
@@ -69,9 +77,15 @@ class InsidePrefix:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if prefix := scope.get("prefix"):
-            scope = {**scope, "root_path": prefix, "path": prefix + scope["path"]}
-        await self._app(scope, receive, send)
+        prefix = scope.get("prefix")
+        if not prefix:
+            await self._app(scope, receive, send)
+            return
+        inside = {**scope, "root_path": prefix, "path": prefix + scope["path"]}
+        try:
+            await self._app(inside, receive, send)
+        finally:  # for logs and metrics
+            scope.update({name: inside[name] for name in ("route", "path_params") if name in inside})
 
 
 def with_prefix(page: str, prefix: str) -> str:

@@ -141,7 +141,12 @@ def address_of(listener: socket.socket) -> str:
 
 
 def _require_a_key_or_local_mode(settings: Settings, farm: Farm) -> None:
-    if settings.open or settings.admin_key or any(key.revoked_at is None for key in farm.keys.list()):
+    if (
+        settings.open
+        or settings.admin_key
+        or settings.oidc_issuer
+        or any(key.revoked_at is None for key in farm.keys.list())
+    ):
         return
     raise BadParameter(
         "Requests need an API key, and none exists.",

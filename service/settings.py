@@ -5,9 +5,10 @@ from __future__ import annotations
 import ipaddress
 from pathlib import Path
 from typing import Literal
+from urllib.parse import urlsplit
 
 import platformdirs
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from workers.settings import FarmSettings
@@ -30,18 +31,33 @@ class Settings(BaseSettings, FarmSettings):
     answers requests to names of loopback, to IP addresses, and to `allowed_hosts`."""
     admin_key: SecretStr | None = None
     """A key with every scope that is not stored, for a new server without keys."""
+    public_url: str = Field(default="", pattern=r"^$|^https?://[^/?#]+(/[^?#]*)?$")
+    """The service's address in browsers, such as `https://paint.example` or `https://example/paint`; needed for signing
+    in."""
+    oidc_issuer: str = Field(default="", pattern=r"^$|^https?://[^?#]+$")
+    """Address of the OpenID provider with which users sign in, as its discovery document has it; empty: none."""
+    oidc_client_id: str = ""
+    oidc_client_secret: SecretStr | None = None
+    """None: a public client, which PKCE alone protects."""
+    oidc_scopes: str = "openid profile email"
+    """What is requested from the provider."""
+    oidc_admins: str = ""
+    """Users whose claim `groups` contains this name are operators; empty: nobody is by signing in."""
+    session_s: float = Field(default=12 * 3600.0, gt=0)
+    """A browser's user signs in again after this long."""
+
     allowed_hosts: frozenset[str] = frozenset()
     """Names, in addition to those of loopback, that are accepted as Host while no key is required."""
 
     requests_per_minute: int = Field(default=6000, ge=1)
     """Rate limit per owner, or per address without a key; a sixth of it may come at once. An owner may have its own."""
     quota_active_jobs: int = Field(default=1000, ge=1)
-    """Unfinished jobs of an owner; a key may have its own limit."""
+    """Unfinished jobs of an owner; an owner may have another limit, as of the next ones."""
     quota_asset_bytes: int | None = Field(default=None, ge=1)
-    """Bytes of an owner's assets and unfinished uploads (None: unlimited); a key may have its own limit."""
+    """Bytes of an owner's assets and unfinished uploads (None: unlimited)."""
     quota_document_bytes: int = Field(default=256 * MIB, ge=1)
     """Bytes that all versions of an owner's projects take in the database, compressed. Deleted projects count until
-    they can be restored no more. A key may have its own limit."""
+    they can be restored no more."""
 
     quota_open_uploads: int = Field(default=1000, ge=1)
     """Unfinished resumable uploads of an owner."""
@@ -91,6 +107,21 @@ class Settings(BaseSettings, FarmSettings):
     webhook_timeout_s: float = Field(default=10.0, gt=0)
     webhook_poll_s: float = Field(default=1.0, gt=0)
 
+    @model_validator(mode="after")
+    def _check_sign_in(self) -> Settings:
+        if not self.oidc_issuer:
+            return self
+        for name in ("oidc_client_id", "public_url"):
+            if not getattr(self, name):
+                raise ValueError(f"Signing in with {self.oidc_issuer} needs IMPASTO_{name.upper()}.")
+        if self.auth == "off":
+            raise ValueError("With IMPASTO_AUTH=off nobody signs in: leave out IMPASTO_AUTH or IMPASTO_OIDC_ISSUER.")
+        for name in ("oidc_issuer", "public_url"):
+            url = urlsplit(getattr(self, name))
+            if url.scheme != "https" and not is_loopback(url.hostname or ""):
+                raise ValueError(f"IMPASTO_{name.upper()} begins with https://, except on loopback.")
+        return self
+
     @property
     def loopback(self) -> bool:
         """Whether the service is bound to loopback."""
@@ -99,7 +130,7 @@ class Settings(BaseSettings, FarmSettings):
     @property
     def open(self) -> bool:
         """Whether requests without a key are accepted, with every scope."""
-        return self.auth == "off" or (self.auth == "auto" and self.loopback)
+        return self.auth == "off" or (self.auth == "auto" and self.loopback and not self.oidc_issuer)
 
     @property
     def uploads_dir(self) -> Path:

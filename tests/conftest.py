@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import importlib.util
 import os
 import shutil
+import subprocess
+import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -101,6 +105,19 @@ def _missing_systemd() -> str:
     return "" if shutil.which("systemd-analyze") else "there is no systemd-analyze: apt-get install systemd"
 
 
+def _missing_webrtc() -> str:
+    return "" if importlib.util.find_spec("aiortc") else "aiortc is not installed: pip install 'impasto[webrtc]'"
+
+
+def _missing_registry() -> str:
+    command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", tempfile.mkdtemp(), "h11"]
+    try:
+        reached = subprocess.run(command, capture_output=True, timeout=60).returncode == 0
+    except subprocess.TimeoutExpired:
+        reached = False
+    return "" if reached else "pip reaches no package registry"
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "chromium": _missing_chromium,
     "opencl": _missing_opencl,
@@ -112,9 +129,12 @@ PARTS: dict[str, Callable[[], str]] = {
     "systemd": _missing_systemd,
     "nginx": _missing_nginx,
     "compose": _missing_compose,
+    "registry": _missing_registry,
+    "webrtc": _missing_webrtc,
 }
-MAY_BE_ABSENT = {"media"}
-"""Test media are not ours to ship: another machine may lack them even where every part must be real."""
+MAY_BE_ABSENT = {"media", "registry"}
+"""Test media are not ours to ship, and a build must not depend on a server: they may be absent even where every part
+must be real."""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -132,6 +152,25 @@ def pytest_collection_finish() -> None:
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
     return Scheduling(config, log)
+
+
+HANGING_S = 420
+"""How long a phase of a test may last. pytest-timeout fails a test after 300 s; this limit is for what its exception
+cannot end: a fixture that waits in its end for what has hung, a call into a library. The process prints its stacks and
+ends, its test fails, and another process goes on."""
+
+
+@pytest.hookimpl(wrapper=True)
+def _ended_if_it_hangs() -> Iterator[None]:
+    assert sys.__stderr__ is not None
+    faulthandler.dump_traceback_later(HANGING_S, exit=True, file=sys.__stderr__)
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+pytest_runtest_call = pytest_runtest_teardown = _ended_if_it_hangs
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

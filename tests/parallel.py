@@ -7,6 +7,8 @@ takes longest comes first, so that no process works alone at the end.
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
@@ -15,9 +17,16 @@ IN_CHROMIUM = (
         "tests/e2e/test_studio_page.py",
         "tests/e2e/test_studio_clusters.py",
         "tests/e2e/test_studio_films.py",
+        "tests/e2e/test_studio_film_shots.py",
+        "tests/e2e/test_studio_looks.py",
+        "tests/e2e/test_studio_room.py",
+        "tests/e2e/test_studio_whole_film.py",
+        "tests/e2e/test_studio_play_film.py",
+        "tests/e2e/test_studio_comments.py",
         "tests/e2e/test_studio_access.py",
         "tests/e2e/test_studio_saving.py",
         "tests/e2e/test_studio_layers.py",
+        "tests/e2e/test_studio_colours.py",
         "tests/e2e/test_studio_corrections.py",
         "tests/e2e/test_studio_variants.py",
         "tests/e2e/test_studio_lesson.py",
@@ -27,13 +36,18 @@ IN_CHROMIUM = (
     (
         "tests/e2e/test_page.py",
         "tests/e2e/test_ops_page.py",
+        "tests/e2e/test_account_page.py",
         "tests/e2e/test_studio_losses.py",
         "tests/e2e/test_studio_design.py",
+        "tests/e2e/test_studio_region_styles.py",
+        "tests/e2e/test_studio_paper_figures.py",
         "tests/e2e/test_studio_neighbours.py",
         "tests/e2e/test_studio_sharing.py",
         "tests/e2e/test_works_page.py",
         "tests/e2e/test_studio_film_here.py",
         "tests/e2e/test_studio_painting.py",
+        "tests/e2e/test_studio_brushes.py",
+        "tests/e2e/test_studio_paint_layers.py",
         "tests/e2e/test_studio_shots.py",
         "tests/e2e/test_studio_truth.py",
         "tests/e2e/test_studio_pointers.py",
@@ -87,3 +101,14 @@ class Scheduling(LoadFileScheduling):
     def _split_scope(self, nodeid: str) -> str:
         file = super()._split_scope(nodeid)
         return next((group[0] for group in (*IN_CHROMIUM, ON_RAY) if file in group), file)
+
+    def remove_node(self, node: Any) -> str | None:
+        """Give the work of a process that has ended to others, without the test in which it ended: it would end each of
+        them. Returns that test."""
+        for tests in self.assigned_work[node].values():
+            for name, done in tests.items():
+                if not done:
+                    tests[name] = True
+                    super().remove_node(node)
+                    return name
+        return super().remove_node(node)

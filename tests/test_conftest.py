@@ -55,7 +55,7 @@ def test_the_slowest_files_exist_and_run_first(request: pytest.FixtureRequest) -
 
 def test_every_file_that_uses_the_browser_is_in_a_group() -> None:
     pages = (ROOT / "tests" / "e2e").glob("test_*.py")
-    shared = [path for path in pages if re.search(r"\b(browser: Browser|watched: Watched)\b", path.read_text())]
+    shared = [path for path in pages if re.search(r"\b(browser: Browser|\w+: Watched)\b", path.read_text())]
     alone = {path.relative_to(ROOT).as_posix() for path in shared if "mark.serial" not in path.read_text()}
     assert alone == {file for group in IN_CHROMIUM for file in group}
 

@@ -29,7 +29,8 @@ CALLS = (
 )  # fmt: skip
 """Calls that open a connection, or might: the last parts of their names."""
 LIMITS = {
-    ("impasto/client.py", "httpx.Client"): "timeout=timeout",
+    ("client/impasto_client/_async/http.py", "httpx.AsyncClient"): "timeout=timeout",
+    ("client/impasto_client/_sync/http.py", "httpx.Client"): "timeout=timeout",
     ("impasto/live/service.py", "httpx.get"): "timeout=2.0",
     ("impasto/live/whip.py", "httpx.AsyncClient"): "timeout=CONNECT_S",
     ("impasto/live/client.py", "connect"): "open_timeout=",
@@ -50,7 +51,7 @@ LOCAL_FILES = re.compile(r"""av\.open\(\s*(f["']file:|str\(|io\.BytesIO\()""")
 
 def _clients() -> Iterator[tuple[str, str, str]]:
     """(File, name of the call, its text) of every call in the product that opens a connection."""
-    for package in ("impasto", "service", "workers", "pipeline"):
+    for package in ("impasto", "service", "workers", "pipeline", "client/impasto_client"):
         for path in sorted((ROOT / package).rglob("*.py")):
             text = path.read_text()
             for node in ast.walk(ast.parse(text)):

@@ -1,31 +1,32 @@
-"""Errors of jobs and stores, on the tree of `pipeline.errors`.
+"""Errors of jobs and stores: those of the tree in `impasto_client.errors` that clients see, and
 
 ImpastoError
-├── NotFound                    no such job, task, asset, result            404
-├── Conflict                    not in this state; or the same key with another body   409 / 422
-│   └── IdempotencyMismatch
 ├── DamagedBlob                 stored bytes are not those that were stored    500
 ├── StorageError
 │   └── WrongVersion            a worker of another version                 (of an attempt, never answered)
-├── NoCapacity                      no machine has what a task needs            (of a task, never answered)
-└── QuotaExceeded               a key's quota or rate is used up            429
+└── NoCapacity                  no machine has what a task needs            (of a task, never answered)
 """
 
 from __future__ import annotations
 
-from pipeline.errors import ImpastoError, StorageError
+from impasto_client.errors import (
+    Conflict,
+    IdempotencyMismatch,
+    ImpastoError,
+    NotFound,
+    QuotaExceeded,
+    StorageError,
+)
 
-
-class NotFound(ImpastoError):
-    code = "not-found"
-
-
-class Conflict(ImpastoError):
-    code = "conflict"
-
-
-class IdempotencyMismatch(Conflict):
-    code = "idempotency-mismatch"
+__all__ = [
+    "Conflict",
+    "DamagedBlob",
+    "IdempotencyMismatch",
+    "NoCapacity",
+    "NotFound",
+    "QuotaExceeded",
+    "WrongVersion",
+]
 
 
 class WrongVersion(StorageError):
@@ -40,7 +41,3 @@ class NoCapacity(ImpastoError):
 
 class DamagedBlob(ImpastoError):
     code = "damaged-storage"
-
-
-class QuotaExceeded(ImpastoError):
-    code = "quota-exceeded"

@@ -1,4 +1,4 @@
-"""Parts of the installation that only some farms need: the extras `cluster`, `s3` and `postgresql` of the package."""
+"""Parts of the installation that only some users need: extras of the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import importlib.util
 from pipeline.errors import BadParameter
 from workers.settings import FarmSettings
 
-MODULES = {"cluster": "ray", "s3": "boto3", "postgresql": "psycopg"}
+MODULES = {"cluster": "ray", "cuts": "opentimelineio", "s3": "boto3", "postgresql": "psycopg", "oidc": "authlib"}
 """Extra -> the module that it installs."""
 
 

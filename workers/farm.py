@@ -2,7 +2,8 @@
 
 A farm joins a store (the database, source of truth), blobs (bytes), a pool (runs attempts) and a dispatcher (moves
 tasks from the store to the pool). It is reached by noun: `farm.jobs`, `farm.assets`, `farm.tasks`, `farm.files`,
-`farm.exports`, `farm.keys`, `farm.webhooks`, `farm.workers`, `farm.live`, `farm.projects`, `farm.previews`.
+`farm.exports`, `farm.keys`, `farm.owners`, `farm.audit`, `farm.costs`, `farm.retention`, `farm.webhooks`,
+`farm.workers`, `farm.live`, `farm.projects`, `farm.films`, `farm.comments`, `farm.previews`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from workers.farm_parts.exports import FarmExports
 from workers.farm_parts.files import FarmFiles
 from workers.farm_parts.health import HealthChecks
 from workers.farm_parts.jobs import FarmJobs
+from workers.farm_parts.retention import FarmRetention
 from workers.farm_parts.tasks import FarmTasks
 from workers.jobs.state_machine import Limits
 from workers.live.local_workers import LocalLiveWorkers
@@ -37,6 +39,7 @@ from workers.pools.base import Pool
 from workers.pools.machine import THREADS_HERE, Machine, max_processes, this_machine
 from workers.previews.local_runner import LocalRunner
 from workers.previews.service import PreviewRunner, PreviewService
+from workers.projects.films import FarmFilms
 from workers.projects.projects import Projects
 from workers.scheduling.dispatcher import Dispatcher
 from workers.scheduling.garbage_collector import GarbageCollector
@@ -93,19 +96,27 @@ class Farm:
             settings.project_undo_s,
             Retention(settings.project_versions_s),
             settings.reuse_s,
+            settings.records_s,
         )
         self._dispatcher = None if pool is None else self._make_dispatcher(pool)
         self.assets = FarmAssets(self.store, self.blobs, probe, settings.limits, images)
         runner = preview_runner or LocalRunner(self.blobs, settings.preview_bytes)
         self.previews = PreviewService(runner, settings.preview_threads)
-        self.jobs = FarmJobs(self.store, self.blobs, self._collector, self._wake, images, self.previews)
+        self.jobs = FarmJobs(
+            self.store, self.blobs, self._collector, self._wake, images, self.previews, settings.most_workers
+        )
         self.tasks = FarmTasks(self.store, self._wake)
         self.files = FarmFiles(self.store, self.blobs, settings.s3_direct)
         self.exports = FarmExports(self.jobs, self.assets, self.files)
+        self.retention = FarmRetention(self.store, self.jobs, self.exports)
+        self._collector.apply_rules = self.retention.apply
         self.projects = Projects(
             self.store.projects, self.assets, self.jobs, self.files, self.store.reuse, settings.reuse_s
         )  # fmt: skip
+        self.films = FarmFilms(self.projects, self.assets, self.files, settings.scratch)
+        self.comments = self.store.comments
         self.keys, self.webhooks, self.workers = self.store.keys, self.store.webhooks, self.store.workers
+        self.owners, self.audit, self.costs = self.store.owners, self.store.audit, self.store.costs
         self.live = LiveSessions(live_workers or LocalLiveWorkers(lambda: LiveRenderer(self.blobs)), settings)
         self._health = HealthChecks(self._parts())
 
@@ -163,6 +174,7 @@ class Farm:
         if self._dispatcher is not None:
             self._dispatcher.stop()
         self._collector.stop()
+        self.films.close()
         self.assets.close()
         self.files.close()
         self.store.close()

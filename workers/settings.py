@@ -66,7 +66,7 @@ class FarmSettings(BaseModel):
     """"local" starts a cluster on this machine; else the address of a cluster."""
 
     task_cpus: float = Field(default=1.0, gt=0, le=256)
-    """Processors that Ray reserves for a task unless its method declares another number."""
+    """Processors that Ray reserves for a task, unless its plan declares another number (`Resources.cpus`)."""
     task_gpus: float = Field(default=0.0, ge=0, le=16)
     """GPUs that Ray reserves for a task that uses a compute device (0.25: four tasks share one; 0: it uses a
     processor)."""
@@ -122,6 +122,9 @@ class FarmSettings(BaseModel):
     reuse_s: float = Field(default=86400.0, ge=0)
     """Task results of a project's newest job of each shot are kept for this long, so that the next job repeats only
     what has changed. 0: not at all."""
+
+    records_s: float = Field(default=366 * 86400.0, ge=0)
+    """The audit trail, and what each job has cost, are kept for this long."""
 
     log_format: Literal["text", "json"] = "text"
     """Format of logs on stderr: text for people, or one JSON object per line."""

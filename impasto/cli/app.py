@@ -14,7 +14,23 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.exceptions import Abort, TyperException
 
-from impasto.cli import doctor, formats, jobs, keys, live, methods, ops, render, report, scene, serve, worker
+from impasto.cli import (
+    batch,
+    doctor,
+    formats,
+    inspect,
+    jobs,
+    keys,
+    live,
+    methods,
+    ops,
+    owners,
+    render,
+    report,
+    scene,
+    serve,
+    worker,
+)
 from impasto.cli.console import FAILED, INTERRUPTED, Interrupted, fail
 from pipeline.errors import BadInput, ImpastoError
 from workers.process.starting import WARM_UP_THREAD
@@ -42,16 +58,19 @@ def _global_options(
 
 
 app.command(epilog=render.EPILOG, rich_help_panel=HERE)(render.render)
+app.command(epilog=batch.EPILOG, rich_help_panel=HERE)(batch.batch)
 app.command(epilog=live.EPILOG, rich_help_panel=HERE)(live.live)
 app.command(epilog=serve.EPILOG, rich_help_panel=HERE)(serve.serve)
 app.command(epilog=worker.EPILOG, rich_help_panel=HERE)(worker.worker)
 app.command(epilog=report.EPILOG, rich_help_panel=HERE)(report.report)
+app.command(epilog=inspect.EPILOG, rich_help_panel=HERE)(inspect.inspect)
 app.command(epilog=scene.EPILOG, rich_help_panel=HERE)(scene.scene)
 app.add_typer(keys.app, name="keys", rich_help_panel=HERE)
 app.command(epilog=jobs.SUBMIT_EPILOG, rich_help_panel=REMOTE)(jobs.submit)
 for _command, _epilog in jobs.COMMANDS:
     app.command(epilog=_epilog, rich_help_panel=REMOTE)(_command)
 app.add_typer(ops.app, name="ops", rich_help_panel=REMOTE)
+app.add_typer(owners.app, name="owners", rich_help_panel=REMOTE)
 app.command(epilog=methods.EPILOG, rich_help_panel=INFORMATION)(methods.methods)
 app.command(rich_help_panel=INFORMATION)(formats.formats)
 app.command(rich_help_panel=INFORMATION)(doctor.doctor)
@@ -64,6 +83,8 @@ REMEDIES = {
     errno.EROFS: "Name a path that can be written to.",
     errno.EADDRINUSE: "Choose another port: --port 0 takes a free one.",
 }
+POSIX_MODULES = {"fcntl", "resource"}
+"""Modules of Python that Windows lacks, and that farms and services need."""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -77,6 +98,10 @@ def run(arguments: Sequence[str]) -> int:
         code = INTERRUPTED
     except ImpastoError as error:
         return fail(error, as_json)
+    except ModuleNotFoundError as error:
+        if error.name not in POSIX_MODULES:
+            raise
+        return fail(_without_posix(error), as_json)
     except BrokenPipeError:
         return FAILED
     except OSError as error:
@@ -88,6 +113,13 @@ def run(arguments: Sequence[str]) -> int:
 
 def _usage(error: TyperException) -> ImpastoError:
     return BadInput(error.format_message(), remedy="`impasto --help` and `impasto COMMAND --help` show how.")
+
+
+def _without_posix(error: ModuleNotFoundError) -> ImpastoError:
+    return BadInput(
+        "This command needs Linux.", field="system", value=f"{sys.platform}, without {error.name}",
+        remedy="Use a service on another computer (`impasto submit --server URL`), or `impasto.render` in Python.",
+    )  # fmt: skip
 
 
 def _system(error: OSError) -> ImpastoError:

@@ -6,15 +6,16 @@ Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted (Ctrl-C).
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from impasto.problems import BY_CODE
+from impasto_client.errors import BY_CODE
 from pipeline.errors import BadInput, ImpastoError
 from workers.contract.request import Json
 
@@ -57,7 +58,7 @@ def print_status(text: str) -> None:
     err.print(text, markup=False)
 
 
-def print_warnings(warnings: Iterable[Json]) -> None:
+def print_warnings(warnings: Iterable[Mapping[str, Any]]) -> None:
     """Print the warnings of a job on stderr, a line each."""
     for warning in warnings:
         print_status(f"warning: {warning['message']}")
@@ -94,7 +95,7 @@ def status(error: ImpastoError) -> int:
     return BAD_INPUT if issubclass(BY_CODE.get(error.code, type(error)), BadInput) else FAILED
 
 
-Show = Callable[[Json], None]
+Show = Callable[[Mapping[str, Any]], None]
 """Shows a job, given as the API's JSON object: at least `state`, `progress`, `eta_s` and `steps`."""
 
 
@@ -129,12 +130,12 @@ class _Bars:
         self._whole = bars.add_task("[bold]job", total=1.0, detail="")
         self._steps: dict[str, TaskID] = {}
 
-    def show(self, job: Json) -> None:
+    def show(self, job: Mapping[str, Any]) -> None:
         for step in job["steps"]:
             self._step(step)
         self._bars.update(self._whole, completed=job["progress"], detail=_left(job))
 
-    def _step(self, step: Json) -> None:
+    def _step(self, step: Mapping[str, Any]) -> None:
         bar = self._steps.get(step["name"])
         if bar is None:
             bar = self._steps[step["name"]] = self._bars.add_task(_title(step), total=1.0, start=False, detail="")
@@ -149,7 +150,7 @@ class _Lines:
     def __init__(self) -> None:
         self._states: dict[str, str] = {}
 
-    def show(self, job: Json) -> None:
+    def show(self, job: Mapping[str, Any]) -> None:
         for step in job["steps"]:
             before, now = self._states.get(step["name"], "waiting"), step["state"]
             self._states[step["name"]] = now
@@ -157,16 +158,16 @@ class _Lines:
                 print_status(f"{_title(step)}: {now}" + (f", {_tasks(step)}" if _tasks(step) else ""))
 
 
-def _title(step: Json) -> str:
+def _title(step: Mapping[str, Any]) -> str:
     return str(step["title"] or step["name"])
 
 
-def _tasks(step: Json) -> str:
+def _tasks(step: Mapping[str, Any]) -> str:
     total = sum(step["counts"].values())
     return f"{step['counts'].get('succeeded', 0)} of {total} tasks" if total > 1 else ""
 
 
-def _left(job: Json) -> str:
+def _left(job: Mapping[str, Any]) -> str:
     """The remaining time if it is known, else the state."""
     if job["state"] != "running" or job["eta_s"] is None:
         return str(job["state"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe_guarded
 from workers.contract.record import Job
 from workers.contract.request import JobRequest, Json
-from workers.jobs.estimates import MeasuredJob, estimate_from
+from workers.jobs.estimates import MeasuredJob, estimate
 from workers.jobs.frame_window import window_info
 
 HISTORY = "render-history.json"
@@ -25,8 +26,24 @@ def estimate_render(request: JobRequest, video: Path, home: Path) -> Json:
 
     Raises: UnreadableMedia, NoVideoStream, BadParameter (the video has no such stream).
     """
-    info = _facts(probe_guarded(video))
-    return dataclasses.asdict(estimate_from(request, info, _read(home).get(request.method, [])))
+    info, history = _facts(probe_guarded(video)), _read(home)
+    return dataclasses.asdict(estimate(request, info, lambda method: history.get(method, [])))
+
+
+def summed(found: Sequence[Json]) -> Json:
+    """The estimate of several renders, one after the other; unknown if one of them is."""
+    first, *others = found
+    for one in others:
+        first = {name: _sum(name, first[name], one[name]) for name in first}
+    return first
+
+
+def _sum(name: str, one: float | None, other: float | None) -> float | None:
+    if one is None or other is None:
+        return None
+    if name == "memory_bytes":
+        return max(one, other)
+    return min(one, other) if name == "samples" else one + other
 
 
 def remember(home: Path, request: JobRequest, video: MediaInfo, job: Job) -> None:

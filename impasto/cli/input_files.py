@@ -23,7 +23,7 @@ from pipeline.video.sequence_options import OPTIONS_FILE, USUAL, SequenceOptions
 from pipeline.video.shot_files import FRAMES
 
 if TYPE_CHECKING:
-    from impasto.client import Client
+    from impasto_client import Client
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/", re.ASCII)
 """The beginning of a URL, as a path (which keeps one of two slashes)."""

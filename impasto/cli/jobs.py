@@ -7,19 +7,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
 from impasto.cli.options import (
     AlphaOption,
+    ColourInOption,
+    ColourOutOption,
+    ColourViewOption,
     DamageOption,
     DamagePolicy,
     FieldOrder,
     FieldsOption,
     FormatOption,
     FpsOption,
+    FramesOption,
     InputOption,
     JsonFlag,
     KeyOption,
@@ -28,6 +32,8 @@ from impasto.cli.options import (
     MissingOption,
     OpacityChoice,
     ParamOption,
+    PassesFormatOption,
+    PassesOption,
     PictureOption,
     PremultipliedOption,
     ProfileOption,
@@ -36,11 +42,14 @@ from impasto.cli.options import (
     SeedOption,
     ServerOption,
     SoundOption,
+    VectorsOption,
     ViewOption,
     client_of,
+    frames_of,
     inputs_of,
     labels_of,
     params_of,
+    passes_of,
     sequence_of,
     source_of,
     takes_options,
@@ -52,7 +61,8 @@ from workers.contract.request import Json
 from workers.errors import NotFound
 
 if TYPE_CHECKING:
-    from impasto.client import Client
+    from impasto_client import Client
+    from impasto_client.models import Job, JobOptions
 
 
 SUBMIT_EPILOG = """[bold]Examples[/bold]
@@ -77,10 +87,16 @@ class SubmitOptions:
     profile: ProfileOption = ""
     alpha: AlphaOption = OpacityChoice.AUTO
     premultiplied: PremultipliedOption = False
+    colour_in: ColourInOption = ""
+    colour_view: ColourViewOption = ""
+    colour_out: ColourOutOption = ""
     artefact: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Also make an artefact.")] = None
+    passes: PassesOption = ""
+    passes_format: PassesFormatOption = ""
     quality: QualityOption = 20
     report: Annotated[bool, typer.Option("--report", help="Measure the result: flicker, sharpness, faces.")] = False
     seed: SeedOption = 0
+    frames: FramesOption = ""
     name: Annotated[str, typer.Option(help="Name of the job; default: the name of IN.")] = ""
     label: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="A label for searching; repeatable.")
@@ -93,6 +109,7 @@ class SubmitOptions:
     fps: FpsOption = None
     layer: LayerOption = None
     view: ViewOption = None
+    vectors: VectorsOption = None
     priority: Annotated[int, typer.Option(min=-100, max=100, help="Priority; higher runs first.")] = 0
     webhook: Annotated[str, typer.Option(metavar="URL", help="URL that receives a message when the job ends.")] = ""
     idempotency_key: Annotated[
@@ -106,49 +123,55 @@ class SubmitOptions:
 @takes_options(SubmitOptions)
 def submit(options: SubmitOptions) -> None:
     """Upload IN and submit a job to a service. Prints the job's id."""
-    from impasto.cli.input_files import plain, upload
+    from impasto.cli.input_files import upload
 
     paths = {"video": options.source, **inputs_of(options.extra or [])}
-    given = params_of(options.param or [])
-    labels = labels_of(options.label or [])
-    sequence = sequence_of(options.missing, options.fps, options.layer, options.view)
+    given, more = params_of(options.param or []), _job_options(options)
+    sequence = sequence_of(options.missing, options.fps, options.layer, options.view, options.vectors)
     with client_of(options.server, options.api_key) as client:
         job = client.submit(
             options.method,
             upload(client, paths, sequence=sequence),
             given,
-            seed=options.seed,
-            output={
-                "format": options.output_format,
-                "quality": options.quality,
-                **_encoding(options),
-                "artefacts": options.artefact or [],
-                "report": options.report,
-            },
-            name=options.name or plain(options.source.name),
-            labels=labels,
-            priority=options.priority,
-            webhook=options.webhook,
-            on_damage=options.on_damage.value,
-            **_source(options),
             idempotency_key=options.idempotency_key,
+            **more,
         )
     _print_submitted(job, options.as_json)
 
 
+def _job_options(options: SubmitOptions) -> JobOptions:
+    from impasto.cli.input_files import plain
+
+    output = {"format": options.output_format, "quality": options.quality, **_encoding(options)}
+    frames = frames_of(options.frames, options.source)
+    found = {
+        "seed": options.seed,
+        "output": output | {"artefacts": options.artefact or [], "report": options.report},
+        "name": options.name or plain(options.source.name),
+        "labels": labels_of(options.label or []),
+        "priority": options.priority,
+        "webhook": options.webhook,
+        "on_damage": options.on_damage.value,
+        **({} if frames is None else {"frames": frames}),
+        **_source(options),
+    }
+    return cast("JobOptions", found)
+
+
 def _encoding(options: SubmitOptions) -> Json:
-    """Profile and opacity, if given: services of earlier versions do not know the fields."""
-    given = {"profile": options.profile, "alpha": options.alpha.value}
-    return {name: value for name, value in given.items() if value not in ("", "auto")}
+    """Profile, opacity, colour space and passes, if given: services of earlier versions do not know the fields."""
+    given: Json = {"profile": options.profile, "alpha": options.alpha.value, "colour": options.colour_out}
+    given |= {"passes": passes_of(options.passes), "passes_format": options.passes_format}
+    return {name: value for name, value in given.items() if value not in ("", "auto", ())}
 
 
 def _source(options: SubmitOptions) -> Json:
     """How the video is read, if not in the usual way: services of earlier versions do not know the field."""
-    source = source_of(options.video_stream, options.sound_track, options.fields, options.premultiplied)
+    source = source_of(options)
     return {} if source == SourceOptions() else {"source": source.as_json()}
 
 
-def _print_submitted(job: Json, as_json: bool) -> None:
+def _print_submitted(job: Job, as_json: bool) -> None:
     if as_json:
         emit(job)
         return
@@ -173,14 +196,16 @@ JobArgument = Annotated[str, typer.Argument(metavar="JOB", help="A job's id, or 
 def jobs(
     state: Annotated[str | None, typer.Option(help="queued, running, paused, succeeded, failed or cancelled.")] = None,
     method: Annotated[str | None, typer.Option("--method", "-m", help="Only jobs of this method.")] = None,
+    label: Annotated[str | None, typer.Option(metavar="NAME=VALUE", help="Only jobs with this label.")] = None,
     limit: Annotated[int, typer.Option(min=1, max=200, help="Maximum number of jobs to list.")] = 20,
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """List the newest jobs of a service."""
+    wanted = None if label is None else next(f"{name}:{value}" for name, value in labels_of([label]).items())
     with client_of(server, api_key) as client:
-        found = client.jobs(state=state, method=method, limit=limit)
+        found = client.jobs(state=state, method=method, label=wanted, limit=limit)
     if as_json:
         emit(found)
         return
@@ -203,7 +228,7 @@ def watch(
 
     The exit status is 0 if the job succeeded, 1 if it failed or was cancelled.
     """
-    from impasto.problems import job_failed
+    from impasto_client.problems import job_failed
 
     with client_of(server, api_key) as client, progress(quiet) as show:
         for latest in client.watch(find_id(client, job)):
@@ -256,7 +281,36 @@ def retry(job: JobArgument, server: ServerOption = None, api_key: KeyOption = No
     _print(again, as_json, f"; follow it with: impasto watch {again['id']}")
 
 
-def _print(job: Json, as_json: bool, hint: str) -> None:
+def pause(job: JobArgument, server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
+    """Start no further tasks of a job. Running ones finish: `impasto resume` continues it."""
+    with client_of(server, api_key) as client:
+        paused = client.pause(find_id(client, job))
+    _print(paused, as_json, f"; continue it with: impasto resume {paused['id']}")
+
+
+def resume(job: JobArgument, server: ServerOption = None, api_key: KeyOption = None, as_json: JsonFlag = False) -> None:
+    """Continue a paused job."""
+    with client_of(server, api_key) as client:
+        resumed = client.resume(find_id(client, job))
+    _print(resumed, as_json, f"; follow it with: impasto watch {resumed['id']}")
+
+
+def priority(
+    job: JobArgument,
+    priority: Annotated[
+        int | None, typer.Argument(min=-100, max=100, help="Higher runs first; none: above all other unfinished jobs.")
+    ] = None,
+    server: ServerOption = None,
+    api_key: KeyOption = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Change the priority of a job (needs an admin key). Tasks that run are not stopped."""
+    with client_of(server, api_key) as client:
+        changed = client.ops.prioritise(find_id(client, job), priority)
+    _print(changed, as_json, f"; its priority is {changed['request']['priority']}")
+
+
+def _print(job: Job, as_json: bool, hint: str) -> None:
     if as_json:
         emit(job)
     else:
@@ -294,6 +348,9 @@ COMMANDS: tuple[tuple[Callable[..., None], str], ...] = (
     (get, GET_EPILOG),
     (cancel, ""),
     (retry, ""),
+    (pause, ""),
+    (resume, ""),
+    (priority, ""),
     (jobs, ""),
 )
 """The commands in the order of `impasto --help`, each with the examples that follow its help text."""

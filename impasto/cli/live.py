@@ -270,7 +270,7 @@ def _check_preference(prefer: str) -> None:
 def _upload(address: str, key: str, paths: Mapping[str, Path]) -> dict[str, str]:
     """Input name -> asset id."""
     from impasto.cli.input_files import upload
-    from impasto.client import Client
+    from impasto_client import Client
 
     with Client(address, key) as client:
         return upload(client, paths, "--input ")

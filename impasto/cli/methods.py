@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -44,7 +45,7 @@ def methods(
 
 
 def describe(chosen: Method) -> Json:
-    """A method as JSON: name, title, summary, paper, inputs, parameters, steps, artefacts, examples."""
+    """A method as JSON: name, title, summary, paper, inputs, parameters, steps, artefacts, passes, examples."""
     return {
         "name": chosen.name,
         "title": chosen.title,
@@ -57,6 +58,7 @@ def describe(chosen: Method) -> Json:
         "params": parameters(chosen),
         "steps": [{"name": step.name, "title": step.title} for step in chosen.steps],
         "artefacts": list(chosen.artefacts),
+        "makes_passes": [dataclasses.asdict(made) for made in chosen.makes_passes],
         "examples": [{"name": each.name, "title": each.title, "params": each.params} for each in chosen.examples],
     }
 
@@ -96,6 +98,8 @@ def _range(field: Json) -> str:
     """Allowed values as text: "0 to 50", "more than 0", "off, on"."""
     if "enum" in field:
         return ", ".join(str(value) for value in field["enum"])
+    if "maxItems" in field:
+        return f"at most {field['maxItems']} of {field['items']['pattern']}"
     low, above = field.get("minimum"), field.get("exclusiveMinimum")
     high, below = field.get("maximum"), field.get("exclusiveMaximum")
     start = f"{low:g}" if low is not None else f"more than {above:g}" if above is not None else ""
@@ -131,6 +135,12 @@ def _teach(chosen: Method) -> None:
         _teach_parameter(row)
     if chosen.artefacts:
         _section(f"Artefacts (--artefact NAME): {', '.join(chosen.artefacts)}")
+    if chosen.makes_passes:
+        _section("Passes (--passes NAME,...)")
+    for made in chosen.makes_passes:
+        channels = ", ".join(made.channels) + (f"; {made.unit}" if made.unit else "")
+        out.print(Text.assemble((f"  {made.name}", "bold"), (f"  {channels}", "dim")))
+        _indented(made.help)
     for example in chosen.examples:
         _section(f"Example: {example.title}")
         given = "".join(f" --param {name}={value}" for name, value in example.params.items())

@@ -10,9 +10,14 @@ from rich.table import Table
 
 from impasto.cli.console import FAILED, emit, out, print_status, print_table, table
 from impasto.cli.options import JsonFlag, KeyOption, ServerOption, client_of
+from impasto.cli.records import audit, costs, retention
 from workers.contract.request import Json
 
 app = typer.Typer(no_args_is_help=True, help="Look at a service's queue, workers and failures; pause, drain, requeue.")
+
+app.command()(audit)
+app.command()(costs)
+app.add_typer(retention, name="retention")
 
 PlaceArgument = Annotated[
     str, typer.Argument(metavar="PLACE", help="A worker's id (dsp_...), a machine's name, or `queue` for all work.")

@@ -8,19 +8,19 @@ import json
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar, get_type_hints
 
 import typer
 from pydantic import JsonValue
 
 from impasto.delivery import expanded
 from pipeline.errors import BadInput, BadParameter
-from pipeline.formats import OUTPUTS
+from pipeline.formats import OUTPUTS, PASS_FORMATS
 from pipeline.video.media import SourceOptions
 from workers.contract.request import Json
 
 if TYPE_CHECKING:
-    from impasto.client import Client
+    from impasto_client import Client
     from pipeline.video.sequence_options import SequenceOptions
 
 
@@ -49,11 +49,38 @@ class OpacityChoice(StrEnum):
     NONE = "none"
 
 
-def source_of(
-    picture: int | None, sound: Sequence[int] | None, fields: FieldOrder, premultiplied: bool = False
-) -> SourceOptions:
+class ReadingFlags(Protocol):
+    """Options of a command about how the video is read."""
+
+    @property
+    def video_stream(self) -> int | None: ...
+    @property
+    def sound_track(self) -> list[int] | None: ...
+    @property
+    def fields(self) -> FieldOrder: ...
+    @property
+    def premultiplied(self) -> bool: ...
+    @property
+    def colour_in(self) -> str: ...
+    @property
+    def colour_view(self) -> str: ...
+
+
+def source_of(given: ReadingFlags) -> SourceOptions:
     """Options for reading the video."""
-    return SourceOptions(picture, tuple(sound) if sound else None, fields.value, premultiplied)
+    return SourceOptions(
+        given.video_stream, tuple(given.sound_track) if given.sound_track else None, given.fields.value,
+        given.premultiplied, colour=given.colour_in, colour_view=given.colour_view,
+    )  # fmt: skip
+
+
+class VectorConvention(StrEnum):
+    """Conventions of motion vectors: see `pipeline.video.sequence_options`."""
+
+    AUTO = "auto"
+    OFF = "off"
+    BLENDER = "blender"
+    NUKE = "nuke"
 
 
 class MissingPolicy(StrEnum):
@@ -101,10 +128,45 @@ PremultipliedOption = Annotated[
 AlphaOption = Annotated[
     OpacityChoice,
     typer.Option(
-        help="Opacity of the film: that of IN (source), none (IN over white), or source if the profile has opacity.",
-        rich_help_panel=WHAT,
+        help="Opacity of the film: that of IN (source), of the paint (painted), none (IN over white), or source if the "
+        "profile has opacity.", rich_help_panel=WHAT,
     ),
-]
+]  # fmt: skip
+PassesOption = Annotated[
+    str,
+    typer.Option(
+        "--passes", metavar="NAME,...", help="Also save passes of the method, such as flow,labels; `impasto methods "
+        "NAME` lists them.", rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
+PassesFormatOption = Annotated[
+    str,
+    typer.Option(
+        "--passes-format", metavar="|".join(PASS_FORMATS), help=f"Format of the passes; default: {PASS_FORMATS[0]}, an "
+        "image a frame with a layer for each pass; film: layers in the film's own images.", rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
+ColourInOption = Annotated[
+    str,
+    typer.Option(
+        "--colour-in", metavar="SPACE", help="Colour space of IN, a name of OpenColorIO: ACEScg, \"ARRI LogC4\", ...; "
+        "default: as IN says.", rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
+ColourViewOption = Annotated[
+    str,
+    typer.Option(
+        "--colour-view", metavar="VIEW", help="View of OpenColorIO through which HDR and scene-linear IN is painted: "
+        "\"ACES 2.0 - SDR 100 nits (Rec.709)\"; default: no tone map.", rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
+ColourOutOption = Annotated[
+    str,
+    typer.Option(
+        "--colour-out", metavar="SPACE", help="Colour space of the film, for films of deep images; PQ or HLG for "
+        "10-bit video; default: sRGB, BT.709, linear Rec. 709 if images are floating point.", rich_help_panel=WHAT,
+    ),
+]  # fmt: skip
 DamageOption = Annotated[
     DamagePolicy,
     typer.Option(
@@ -142,8 +204,20 @@ FpsOption = Annotated[
     typer.Option(metavar="RATE", help="Frames per second of a sequence of images: 25, 24000/1001; default 24.",
                  rich_help_panel=WHAT),
 ]  # fmt: skip
+FramesOption = Annotated[
+    str,
+    typer.Option(
+        metavar="FIRST:END",
+        help="Render only these frames of IN: 10:60 (from 0, without END), #1001-#1048 (numbers of images), or "
+        "01:00:00:00-01:00:02:00 (timecode, without END).",
+    ),
+]
 LayerOption = Annotated[str | None, typer.Option(help="Layer of multi-layer images to paint.", rich_help_panel=WHAT)]
 ViewOption = Annotated[str | None, typer.Option(help="View of stereo images to paint.", rich_help_panel=WHAT)]
+VectorsOption = Annotated[
+    VectorConvention | None,
+    typer.Option(help="Convention of motion vectors in the frames; auto = found by warping.", rich_help_panel=WHAT),
+]
 HomeOption = Annotated[
     Path | None,
     typer.Option(help="Folder for data; default: IMPASTO_HOME, or your data folder.", rich_help_panel=WHERE),
@@ -182,8 +256,8 @@ def home_of(given: Path | None) -> Path:
 
 def client_of(server: str | None, api_key: str | None) -> Client:
     """A client for the service that flags or the environment name."""
-    from impasto.client import Client
     from impasto.settings import CommandSettings, load
+    from impasto_client import Client
 
     settings = load(CommandSettings, server=server, api_key=api_key)
     return Client(settings.server, settings.api_key.get_secret_value())
@@ -214,11 +288,15 @@ def inputs_of(options: Sequence[str]) -> dict[str, Path]:
     return found
 
 
-def sequence_of(missing: MissingPolicy | None, fps: str | None, layer: str | None, view: str | None) -> SequenceOptions:
+def sequence_of(
+    missing: MissingPolicy | None, fps: str | None, layer: str | None, view: str | None,
+    vectors: VectorConvention | None = None,
+) -> SequenceOptions:  # fmt: skip
     """Options for reading a sequence of images. Raises BadParameter that names the option."""
     from pipeline.video.sequence_options import options_of
 
     given = {"missing": missing and missing.value, "fps": fps, "layer": layer, "view": view}
+    given["vectors"] = vectors and vectors.value
     return options_of({name: value for name, value in given.items() if value is not None}, "IN")
 
 
@@ -227,20 +305,35 @@ def labels_of(options: Sequence[str]) -> dict[str, str]:
     return _pairs(options, "--label", "shot=12", str)
 
 
+def extracted_of(options: Sequence[str]) -> dict[str, Path]:
+    """`["matte:Cube=cube.zip"]` -> `{"matte:Cube": Path("cube.zip")}`."""
+    return _pairs(options, "--extract", "matte:Cube=cube.zip", lambda text: expanded(Path(text)))
+
+
 def artefacts_of(options: Sequence[str]) -> dict[str, Path | None]:
     """`["svg", "labels=out/labels.zip"]` -> `{"svg": None, "labels": Path("out/labels.zip")}`."""
     named = [option if "=" in option else f"{option}=" for option in options]
     return _pairs(named, "--artefact", "svg=frames.zip", lambda text: expanded(Path(text)) if text else None)
 
 
-def frames_of(text: str) -> tuple[int, int] | None:
-    """`"10:60"` -> `(10, 60)`, first frame and one past the last; empty: None."""
-    if not text:
+def passes_of(text: str) -> tuple[str, ...]:
+    """`"flow, labels"` -> `("flow", "labels")`."""
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
+def frames_of(text: str, source: Path) -> tuple[int, int] | None:
+    """`"10:60"` -> `(10, 60)`, first frame and one past the last; also numbers of images and timecode of `source`.
+
+    Raises: BadParameter, and for numbers and timecode BadMedia.
+    """
+    from impasto.ranges import facts_of, span_of
+
+    span = span_of(text)
+    if span is None:
         return None
-    first, _, end = text.partition(":")
-    if not (first.isdecimal() and end.isdecimal()):
-        raise BadParameter("FIRST:END is expected.", field="--frames", value=text, remedy="Write --frames 10:60.")
-    return int(first), int(end)
+    if span.kind == "count":
+        return int(span.first), int(span.end)
+    return span.resolve(facts_of(expanded(source)), "--frames")
 
 
 def _pairs(options: Sequence[str], flag: str, example: str, read: Callable[[str], T]) -> dict[str, T]:

@@ -12,7 +12,8 @@ from itertools import chain
 from pathlib import Path
 
 from impasto.cli.console import print_warnings
-from impasto.library import DamagedSource, ImageSequence, OutputFile, SourceFile, opened, render
+from impasto.library import OutputFile, render
+from impasto.sources import DamagedSource, ImageSequence, SourceFile, opened
 from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames, write_raw
 from pipeline.errors import BadInput, BadParameter, DamagedMedia
 from pipeline.frames import Frame
@@ -91,7 +92,9 @@ class PipeOrder:
         given = self.sequence
         if not given.given:
             return SourceFile(self.source, self.options)
-        return ImageSequence(self.source, given.fps, given.missing, given.layer, given.view, self.options)
+        return ImageSequence(
+            self.source, given.fps, given.missing, given.layer, given.view, given.vectors, self.options
+        )  # fmt: skip
 
     def _write(self, frames: Iterator[Frame], form: StreamFormat) -> int:
         """Write each frame as soon as it is finished."""

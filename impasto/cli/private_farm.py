@@ -25,7 +25,7 @@ from typing import IO
 from impasto.cli.console import Interrupted, Show, print_status
 from impasto.cli.input_files import InputFile
 from impasto.cli.supervisor import pulse
-from impasto.problems import JobFailed
+from impasto_client.errors import JobFailed
 from pipeline.video.media import MediaInfo
 from workers.contract.record import Job, TaskView
 from workers.contract.request import JobRequest, Json

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,12 +13,16 @@ import typer
 from impasto.cli.console import emit, out, print_status, print_warnings, progress
 from impasto.cli.options import (
     AlphaOption,
+    ColourInOption,
+    ColourOutOption,
+    ColourViewOption,
     DamageOption,
     DamagePolicy,
     FieldOrder,
     FieldsOption,
     FormatOption,
     FpsOption,
+    FramesOption,
     HomeOption,
     InputOption,
     JsonFlag,
@@ -27,6 +31,8 @@ from impasto.cli.options import (
     MissingOption,
     OpacityChoice,
     ParamOption,
+    PassesFormatOption,
+    PassesOption,
     PictureOption,
     PremultipliedOption,
     ProfileOption,
@@ -34,12 +40,14 @@ from impasto.cli.options import (
     QuietFlag,
     SeedOption,
     SoundOption,
+    VectorsOption,
     ViewOption,
     artefacts_of,
     frames_of,
     home_of,
     inputs_of,
     params_of,
+    passes_of,
     sequence_of,
     source_of,
     takes_options,
@@ -50,8 +58,8 @@ from workers.process.starting import without_garbage_collection
 
 if TYPE_CHECKING:
     from impasto.cli.rendering import RenderOrder
-    from pipeline.video.media import SourceOptions
     from pipeline.video.sequence_options import SequenceOptions
+    from workers.contract.request import Json
 
 EPILOG = f"""[bold]Examples[/bold]
 
@@ -73,6 +81,8 @@ impasto render - -o - --raw 640x360@25 < frames.rgb > painted.rgb
 
 impasto render clip.mp4 -o cartoon.mp4 --artefact svg --json
 
+impasto render clip.mp4 -o cartoon.mp4 --passes flow,labels --passes-to passes/
+
 impasto render clip.mp4 -o start.mp4 --frames 0:50
 
 impasto render clip.mov -o painted.mov --profile 4444
@@ -81,7 +91,11 @@ impasto render plate.####.png -o "comp/painted.####.tif"
 
 impasto render clip.mp4 --estimate       time, memory and disk space, without rendering
 
-impasto render project.zip -o film.mp4     (a project that a service exported)
+impasto render clip.mp4 --explain        tasks, critical path, and time on 1 to 64 processors
+
+impasto render project.zip -o film.mp4      all shots of a project that a service exported, joined with sound
+
+impasto render project.zip -o shot.mp4 --shot 2
 
 Ctrl-C keeps finished tasks: run the same command again to resume. `impasto methods {DEFAULT}` lists the parameters.
 """
@@ -107,6 +121,12 @@ class RenderOptions:
     estimate: Annotated[
         bool, typer.Option("--estimate", help="Print the expected time, memory and disk space, and exit.")
     ] = False
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain", help="Print the plan, its critical path, and the expected time on 1 to 64 processors; exit."
+        ),
+    ] = False
     method: MethodOption = DEFAULT
     param: ParamOption = None
     extra: InputOption = None
@@ -119,15 +139,29 @@ class RenderOptions:
             help="Also save an artefact, beside OUT or at PATH.",
         ),
     ] = None
+    passes: PassesOption = ""
+    passes_format: PassesFormatOption = ""
+    passes_to: Annotated[
+        str,
+        typer.Option(
+            metavar="PATH",
+            help="Where the passes are saved: a .zip, a folder DIR/, or DIR/name.#### with the extension "
+            "of their format; default: beside OUT.",
+        ),
+    ] = ""
     output_format: FormatOption = ""
     profile: ProfileOption = ""
     alpha: AlphaOption = OpacityChoice.AUTO
     premultiplied: PremultipliedOption = False
+    colour_in: ColourInOption = ""
+    colour_view: ColourViewOption = ""
+    colour_out: ColourOutOption = ""
     quality: QualityOption = 20
     seed: SeedOption = 0
-    frames: Annotated[
-        str, typer.Option(metavar="FIRST:END", help="Render only these frames of IN, from 0, without END.")
-    ] = ""
+    frames: FramesOption = ""
+    shot: Annotated[
+        int | None, typer.Option(min=1, help="Number of the only shot of a project that is rendered; default: all.")
+    ] = None
     on_damage: DamageOption = DamagePolicy.WARN
     video_stream: PictureOption = None
     sound_track: SoundOption = None
@@ -136,6 +170,7 @@ class RenderOptions:
     fps: FpsOption = None
     layer: LayerOption = None
     view: ViewOption = None
+    vectors: VectorsOption = None
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
     workers: Annotated[
         int | None,
@@ -155,7 +190,7 @@ def render(options: RenderOptions) -> None:
 
     As IN or OUT, - is a pipe (YUV4MPEG2, or raw RGB with --raw): causal methods write each frame as soon as it is done.
     """
-    if not options.output and not options.estimate:
+    if not options.output and not options.estimate and not options.explain:
         raise BadInput("OUT is missing.", field="--output", remedy="Name the file of the result: -o painted.mp4.")
     if "-" in (str(options.source), options.output):
         _render_pipe(options)
@@ -169,13 +204,15 @@ def _render_pipe(options: RenderOptions) -> None:
 
     without_pipes = {
         "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers is not None,
-        "--frames": bool(options.frames), "--estimate": options.estimate, "--sound-track": bool(options.sound_track),
+        "--frames": bool(options.frames), "--estimate": options.estimate, "--explain": options.explain,
+        "--sound-track": bool(options.sound_track), "--colour-out": bool(options.colour_out),
+        "--passes": bool(options.passes), "--shot": options.shot is not None,
     }  # fmt: skip
     _check_pipe_options(without_pipes)
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
-        options.on_damage.value, _source(options, None), _sequence(options),
+        options.on_damage.value, source_of(options), _sequence(options),
         options.profile, options.alpha.value,
     )  # fmt: skip
     count = pipe.run()
@@ -185,17 +222,64 @@ def _render_pipe(options: RenderOptions) -> None:
 def _render_file(options: RenderOptions) -> None:
     with without_garbage_collection():
         from impasto.cli.rendering import run
+        from workers.projects.archive import is_project
 
+    home = home_of(options.home)
     with TemporaryDirectory(prefix="impasto-") as scratch:
-        order = _order(options, Path(scratch))
-        if options.on_damage is DamagePolicy.FAIL:  # else as an exported project says
-            order = replace(order, request=replace(order.request, on_damage=options.on_damage.value))
+        if is_project(options.source):
+            _render_project(options, Path(scratch))
+            return
+        if options.shot is not None:
+            raise BadInput("IN is no project, so that it has no shots.", field="--shot", value=options.shot,
+                           remedy="Leave --shot out, or name the zip of an exported project.")  # fmt: skip
+        order = _failing_if_wished(options, _order(options, Path(scratch)))
         order.check()
+        if options.explain:
+            _print_explanation(order, home_of(options.home), options.as_json)
+            return
         if options.estimate:
-            _print_estimate(order, home_of(options.home), options.as_json)
+            _print_estimate([order], home, options.as_json)
             return
         with progress(options.quiet) as show:
-            summary = run(order, options.workers, home_of(options.home), show)
+            summary = run(order, options.workers, home, show)
+    _print_summary(options, summary)
+
+
+def _render_project(options: RenderOptions, scratch: Path) -> None:
+    from impasto.cli.project import project_orders
+    from impasto.cli.project_film import run_film
+    from impasto.delivery import passes_target, target
+    from workers.contract.request import OutputSpec
+
+    wanted = OutputSpec(passes=passes_of(options.passes), passes_format=options.passes_format)
+    where = target(options.output or str(scratch / "estimate.mp4"), form=options.output_format)
+    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source)
+    film = project_orders(options.source, scratch, where, artefacts, options.overwrite, frames, options.shot, wanted)
+    shots = tuple(
+        replace(_failing_if_wished(options, order), passes_to=passes_target(options.passes_to, order.request.output))
+        for order in film.shots
+    )
+    film = replace(film, shots=shots)
+    film.check()
+    if options.explain:
+        if len(shots) > 1:
+            raise BadInput("--explain is for one shot.", field="--explain", remedy="Add --shot N.")
+        _print_explanation(shots[0], home_of(options.home), options.as_json)
+        return
+    if options.estimate:
+        _print_estimate(film.shots, home_of(options.home), options.as_json)
+        return
+    _print_summary(options, run_film(film, options.workers, home_of(options.home), options.quiet))
+
+
+def _failing_if_wished(options: RenderOptions, order: RenderOrder) -> RenderOrder:
+    """The order with `--on-damage fail`, if that is given; else the order keeps the setting of the exported project."""
+    if options.on_damage is not DamagePolicy.FAIL:
+        return order
+    return replace(order, request=replace(order.request, on_damage=options.on_damage.value))
+
+
+def _print_summary(options: RenderOptions, summary: Json) -> None:
     print_warnings(summary["warnings"])
     if options.as_json:
         emit(summary)
@@ -204,10 +288,11 @@ def _render_file(options: RenderOptions) -> None:
     print_status(f"{summary['frames']} frames in {summary['seconds']:.2f} s: {summary['fps']:.1f} frames/s")
 
 
-def _print_estimate(order: RenderOrder, home: Path, as_json: bool) -> None:
-    from impasto.cli.estimating import estimate_render
+def _print_estimate(orders: Sequence[RenderOrder], home: Path, as_json: bool) -> None:
+    """Print what the renders need one after the other."""
+    from impasto.cli.estimating import estimate_render, summed
 
-    found = estimate_render(order.request, order.paths["video"], home)
+    found = summed([estimate_render(order.request, order.paths["video"], home) for order in orders])
     if as_json:
         emit(found)
         return
@@ -222,37 +307,41 @@ def _print_estimate(order: RenderOrder, home: Path, as_json: bool) -> None:
     )
 
 
+def _print_explanation(order: RenderOrder, home: Path, as_json: bool) -> None:
+    from impasto.cli import explaining
+
+    explanation, samples = explaining.explain_render(order, home)
+    if as_json:
+        emit(explaining.as_json(explanation, samples))
+    else:
+        out.print(explaining.as_text(explanation, samples), markup=False, highlight=False)
+
+
 def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
-    """The order for a video or an image, or for the shot of an exported project."""
+    """The order for a video or an image."""
     from impasto.cli.input_files import plain
-    from impasto.cli.project import project_order
     from impasto.cli.rendering import RenderOrder
-    from impasto.delivery import target
+    from impasto.delivery import passes_target, target
     from workers.contract.request import JobRequest, OutputSpec
-    from workers.projects.archive import is_project
 
     output = options.output or str(scratch / "estimate.mp4")
     where = target(output, form=options.output_format)
-    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames)
+    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source)
     spec = OutputSpec(
-        where.format, options.quality, tuple(sorted(artefacts)), profile=options.profile, alpha=options.alpha.value
-    )
+        where.format, options.quality, tuple(sorted(artefacts)), profile=options.profile, alpha=options.alpha.value,
+        colour=options.colour_out, passes=passes_of(options.passes), passes_format=options.passes_format,
+    )  # fmt: skip
     request = JobRequest(
         options.method, {}, params_of(options.param or []), options.seed, spec, name=plain(options.source.name),
-        frames=frames, source=_source(options, options.sound_track),
+        frames=frames, source=source_of(options),
     )  # fmt: skip
     paths = {"video": options.source, **inputs_of(options.extra or [])}
-    if is_project(options.source):
-        return project_order(options.source, scratch, where, artefacts, options.overwrite, frames)
-    return RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
-
-
-def _source(options: RenderOptions, sound: list[int] | None) -> SourceOptions:
-    return source_of(options.video_stream, sound, options.fields, options.premultiplied)
+    order = RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+    return replace(order, passes_to=passes_target(options.passes_to, order.request.output))
 
 
 def _sequence(options: RenderOptions) -> SequenceOptions:
-    return sequence_of(options.missing, options.fps, options.layer, options.view)
+    return sequence_of(options.missing, options.fps, options.layer, options.view, options.vectors)
 
 
 def _check_pipe_options(given: Mapping[str, bool]) -> None:

@@ -15,10 +15,11 @@ from impasto.cli.estimating import remember
 from impasto.cli.input_files import InputFile, gather
 from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
 from impasto.delivery import OutputTarget, beside, check_space, check_still, deliver, output_faults, same_file
-from pipeline.errors import BadInput
-from pipeline.formats import OUTPUTS
+from pipeline.errors import BadInput, together
+from pipeline.formats import IN_FILM, OUTPUTS
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import Method, Params, missing_inputs
+from pipeline.passes.made import PASSES
 from pipeline.video.media import MediaInfo
 from pipeline.video.probe import probe, probe_guarded
 from pipeline.video.sequence_options import USUAL, SequenceOptions
@@ -29,6 +30,7 @@ from workers.execution.warm_up import begin_warm_up
 from workers.farm import Farm
 from workers.jobs.frame_window import stream_info
 from workers.jobs.job_warnings import note_warning
+from workers.scheduling.outputs import pass_faults
 from workers.version import version
 
 
@@ -45,11 +47,16 @@ class RenderOrder:
     """Whether existing outputs may be replaced."""
     sequence: SequenceOptions = USUAL
     """Options for reading IN, if it is a sequence of images."""
+    passes_to: OutputTarget | None = None
+    """Path of the passes, if the request has any; None: beside the result."""
 
     def check(self) -> None:
         """Refuse an invalid order, before any file is read. Raises: BadParameter, BadInput."""
         chosen = method(self.request.method)
-        _check_inputs(chosen, parse_params(chosen, self.request.params), self.paths)
+        params = parse_params(chosen, self.request.params)
+        _check_inputs(chosen, params, self.paths)
+        if faults := pass_faults(chosen, params, self.request.output):
+            raise together(faults)
         for name in self.artefacts:
             if name not in chosen.artefacts:
                 raise BadInput(
@@ -68,12 +75,18 @@ class RenderOrder:
             if path is not None:
                 _refuse_equal(f"--artefact {name}", path.absolute(), taken)
                 taken[f"the artefact {name!r}"] = path.absolute()
+        if self.passes_to is not None:
+            _refuse_equal("--passes-to", self.passes_to.path, taken)
 
     def existing(self) -> list[Path]:
         """Output files that exist. Artefacts without a path count by their stem: their extension is known later."""
         found = [self.where.path, *(path.absolute() for path in self.artefacts.values() if path)]
+        found += [] if self.passes_to is None else [self.passes_to.path]
         stem = self.where.path.stem
         unnamed = [name for name, path in self.artefacts.items() if path is None]
+        wanted = self.request.output
+        if wanted.passes and wanted.passes_format != IN_FILM and self.passes_to is None:
+            unnamed.append(PASSES)
         for name in unnamed:
             found += self.where.path.parent.glob(f"{stem}-{name}.*")
         return [path for path in found if path.exists() and not _is_empty_folder(path)]
@@ -117,13 +130,13 @@ def run(order: RenderOrder, workers: int | None, home: Path, show: Show) -> Json
     _warm_up(order.request)
     sweep(home)
     with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
-        files = _gather(order, Path(scratch))
+        files = gathered(order, Path(scratch))
         probed = probe_guarded(files["video"].path)
         video = dataclasses.replace(probed, **_chosen(probed, order.request))
         _check_result_fits(order, video)
         key = key_of(_facts(order, files))
         with workspace(home, key) as place:
-            _check_consent(order, place)
+            check_consent(order, place)
             with private_farm.opened(place.folder, workers or 0) as farm:
                 job = private_farm.follow(farm, private_farm.submit(farm, order.request, files, key, probed).id, show)
                 remember(home, order.request, video, job)
@@ -148,7 +161,7 @@ def _check_result_fits(order: RenderOrder, video: MediaInfo) -> None:
     check_space(order.where, dataclasses.replace(video, frames=end - first), profile)
 
 
-def _check_consent(order: RenderOrder, place: Workspace) -> None:
+def check_consent(order: RenderOrder, place: Workspace) -> None:
     """Refuse to replace files, unless this command or the interrupted one that it resumes may."""
     if order.overwrite:
         place.consent()
@@ -167,7 +180,8 @@ def _warm_up(request: JobRequest) -> None:
     begin_warm_up(chosen, parse_params(chosen, request.params))
 
 
-def _gather(order: RenderOrder, scratch: Path) -> dict[str, InputFile]:
+def gathered(order: RenderOrder, scratch: Path) -> dict[str, InputFile]:
+    """Each input of the order as one file."""
     chosen = method(order.request.method)
     numbered = {spec.name for spec in chosen.inputs_of(parse_params(chosen, order.request.params))
                 if spec.kind == "images"}  # fmt: skip
@@ -222,6 +236,12 @@ def _deliver_artefacts(farm: Farm, job: Job, order: RenderOrder) -> dict[str, st
         with output_faults(f"--artefact {name}", at):
             deliver(farm.files.read(served), OutputTarget(at, "", "file"))
         placed[name] = str(at)
+    if order.request.output.passes and PASSES in job.results:
+        served = farm.files.get(job.id, PASSES)
+        where = order.passes_to or OutputTarget(beside(order.where, served.filename), "", "file")
+        with output_faults("--passes-to", where.path):
+            deliver(farm.files.read(served), where)
+        placed[PASSES] = str(where.path)
     return placed
 
 

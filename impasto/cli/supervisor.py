@@ -106,6 +106,8 @@ def pulse() -> Iterator[None]:
 
 
 def _send_pulses(fd: int, stopped: Event) -> None:
+    """The first one at once: a child without any pulse is still starting, and is not watched."""
     with contextlib.suppress(OSError):
+        os.write(fd, b".")
         while not stopped.wait(PULSE_S):
             os.write(fd, b".")

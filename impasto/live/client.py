@@ -30,8 +30,10 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from impasto.live.wire import SUBPROTOCOL, Answer, pack, unpack
-from impasto.problems import BY_CODE, ServiceUnreachable, error_of
-from impasto.settings import DEFAULT_SERVER
+from impasto_client import DEFAULT_SERVER
+from impasto_client.errors import BY_CODE, ServiceUnreachable
+from impasto_client.network import is_loopback, remedy_for
+from impasto_client.problems import error_of
 from pipeline.errors import ImpastoError
 from pipeline.frames import Frame, check_frame
 from pipeline.method_names import DEFAULT
@@ -154,14 +156,14 @@ class LiveClient:
             socket = connect(
                 address, subprotocols=[Subprotocol(SUBPROTOCOL)], additional_headers=headers, compression=None,
                 max_size=MAX_MESSAGE_BYTES, open_timeout=min(10.0, self._timeout_s), close_timeout=CLOSE_S,
-                max_queue=8, proxy=None,
+                max_queue=8, proxy=None if is_loopback(self._server) else True,
             ).__enter__()  # fmt: skip
         except InvalidStatus as refused:
             raise _refusal(refused) from None
         except (OSError, WebSocketException, TimeoutError) as error:
             raise ServiceUnreachable(
                 f"No answer: {error or type(error).__name__}.", field="server", value=self._server,
-                remedy="Start one with `impasto serve`, or give its address with --server.",
+                remedy=remedy_for(error),
             ) from error  # fmt: skip
         self._handshake(socket)
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 import httpx
 
-from impasto.problems import ServiceUnreachable
-from impasto.settings import DEFAULT_SERVER
+from impasto_client import DEFAULT_SERVER
+from impasto_client.errors import ServiceUnreachable
 
 START_S = 60.0
 
@@ -39,7 +39,7 @@ def service(named: str, print_status: Callable[[str], None]) -> Iterator[str]:
 
 def _answers(address: str) -> bool:
     try:
-        return httpx.get(f"{address}/healthz", timeout=2.0).is_success
+        return httpx.get(f"{address}/healthz", timeout=2.0, trust_env=False).is_success
     except httpx.TransportError:
         return False
 

@@ -163,6 +163,7 @@ def apply(
     *,
     table: HueTable | None = None,
     achromatic: float = SCHEME.meaningless,
+    max_gain: float = SCHEME.max_gain,
 ) -> NDArray[np.float64]:
     """Target colour (h', s', v') of each region by eq. 1, 2 and 3.
 
@@ -173,15 +174,17 @@ def apply(
         lambda_: lambda of the paper, 0..1: share of the video's own brightness that is kept.
         table: `hue_table(stats_reference)`; None = computed by this call.
         achromatic: saturation, 0..1, below which eq. 2 has less effect; 0 = the paper's eq. 2.
+        max_gain: largest quotient of eq. 2 and 3; infinite = the paper's.
 
     Returns: float64 (n, 3), H in [0, 360), S and V clipped to [0, 1].
     """
     hue, saturation, value = np.asarray(hsv_regions, np.float64).reshape(-1, 3).T
     shifted = _interpolate(hue_table(stats_reference) if table is None else table, hue)
-    spread = _quotient(stats_reference.saturation_std, stats_frame.saturation_std)
+    spread = _quotient(stats_reference.saturation_std, stats_frame.saturation_std, max_gain)
     matched = stats_reference.saturation_mean + (saturation - stats_frame.saturation_mean) * spread
     trust = _smoothstep(saturation / achromatic) if achromatic > 0 else 1.0
-    brightness = lambda_ + (1 - lambda_) * _quotient(stats_reference.value_mean, stats_frame.value_mean)
+    quotient = _quotient(stats_reference.value_mean, stats_frame.value_mean, max_gain)
+    brightness = lambda_ + (1 - lambda_) * quotient
     targets = np.stack([shifted, saturation + trust * (matched - saturation), value * brightness], axis=1)
     targets[:, 1:] = np.clip(targets[:, 1:], 0, 1)
     return targets
@@ -278,8 +281,8 @@ def _wrapped(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((degrees + 180) % 360 - 180)
 
 
-def _quotient(reference: float, frame: float) -> float:
-    return min(reference / max(frame, 1e-6), SCHEME.max_gain)
+def _quotient(reference: float, frame: float, largest: float) -> float:
+    return min(reference / max(frame, 1e-6), largest)
 
 
 def _smoothstep(x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -58,6 +58,17 @@ def output_format(name: str) -> OutputFormat:
     return OUTPUTS[name]
 
 
+def planes_format() -> ImageFormat:
+    """The format in which images with planes are written."""
+    return next(form for form in IMAGES if form.carries.planes)
+
+
+IN_FILM = "film"
+PASS_FORMATS = (planes_format().name, PNG.name, IN_FILM)
+"""Formats of the passes that methods make (`pipeline.passes.made`), the usual one first; `IN_FILM`: planes of
+the film's own images."""
+
+
 def has_planes(name: str) -> bool:
     """Whether a file of this name holds named planes besides a picture, by its extension."""
     return name.lower().endswith(tuple(suffix for form in IMAGES if form.carries.planes for suffix in form.suffixes))

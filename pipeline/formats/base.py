@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import BinaryIO
@@ -63,10 +63,18 @@ class Carries:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which picture of an image with several is read; "" = the usual one."""
+    """Which picture of an image with several is read, "" = the usual one; and how its linear light is shown.
+
+    Attributes:
+        deep: as uint16 or float32, not clipped to 0..1, instead of uint8, if the file has more than 8 bits.
+        colour, colour_view: as in `SourceOptions`; formats with linear light convert it, others leave that to others.
+    """
 
     layer: str = ""
     view: str = ""
+    deep: bool = False
+    colour: str = ""
+    colour_view: str = ""
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,8 @@ class PlaneImage:
     """Names of its views (stereo), the usual one first."""
     to_709: tuple[tuple[float, ...], ...] = ()
     """Matrix from the picture's linear light to that of Rec. 709; () = it is Rec. 709."""
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    """Texts of the header that belong to planes: names and manifests of Cryptomattes."""
 
 
 class ImageFormat(ABC):
@@ -136,6 +146,23 @@ class ImageFormat(ABC):
 
     def planes(self, data: bytes | Path, limits: Limits, name: str) -> PlaneImage:
         """All named planes. Only formats with `carries.planes` have it."""
+        raise NotImplementedError
+
+    def written(self, planes: Mapping[str, Plane]) -> bytes:
+        """An image of planes of float32, or uint32 for whole numbers. Only formats with `carries.planes` have it."""
+        raise NotImplementedError
+
+    def united(self, files: Sequence[bytes]) -> bytes:
+        """An image of the planes of several files of `written`. Only formats with `carries.planes` have it."""
+        raise NotImplementedError
+
+    def with_planes(self, picture: bytes, planes: bytes) -> bytes:
+        """A picture, with its attributes, and the planes of a file of `written`, in one image. Only formats with
+        `carries.planes` have it."""
+        raise NotImplementedError
+
+    def channels(self, stream: BinaryIO, name: str = "image") -> PlaneImage:
+        """The names of all planes, without their values. Only formats with `carries.planes` have it."""
         raise NotImplementedError
 
 
@@ -191,7 +218,7 @@ class Profile:
         low_bytes_per_pixel: least size of a film, bytes per pixel and frame, for checks of free space.
         bytes_per_pixel: usual size while the job runs, for estimates.
         encode: encodes one picture as an image, for films of numbered images: (h, w, 3) or (h, w, 4) with straight
-            opacity, sRGB-encoded; uint8, uint16, or float32 with white at 1.
+            opacity, uint8, uint16, or float32 with white at 1; and its colour space, "": sRGB.
     """
 
     name: str
@@ -212,11 +239,26 @@ class Profile:
     alpha_container: str = ""
     low_bytes_per_pixel: float = 0.005
     bytes_per_pixel: float = 0.05
-    encode: Callable[[AnyArray], bytes] | None = None
+    encode: Callable[[AnyArray, str], bytes] | None = None
 
     @property
     def has_alpha(self) -> bool:
         return self.encode is not None or bool(self.alpha_format)
+
+    @property
+    def is_deep(self) -> bool:
+        """Whether it holds more than 8 bits of a channel."""
+        return self.depth_bits > 8
+
+    @property
+    def has_spaces(self) -> bool:
+        """Whether its pictures can have any colour space: images of more than 8 bits, whose readers are told it."""
+        return self.encode is not None and self.is_deep
+
+    @property
+    def has_hdr(self) -> bool:
+        """Whether its films can have the signals of ITU-R BT.2100, PQ and HLG."""
+        return self.encode is None and self.is_deep and not self.always_709
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -13,6 +13,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
+from pipeline.colour.ocio import interop_id, linear
 from pipeline.errors import ImpastoError, UnreadableMedia
 from pipeline.formats.base import (
     Carries,
@@ -26,11 +27,13 @@ from pipeline.formats.base import (
     square_pixels,
 )
 from pipeline.frames import Plane
-from pipeline.video.depth import as_float, linear
+from pipeline.passes.cryptomatte import PREFIX
+from pipeline.video.depth import as_float
 from pipeline.video.media import Limits, check_window, unreadable
 from pipeline.video.passes import picture, picture_choice
 
 _DEEP = (OpenEXR.deepscanline, OpenEXR.deeptile)
+_COLOUR_ATTRIBUTES = ("chromaticities", "colorInteropID")
 _LINEAR_709 = "lin_rec709_scene"
 _CHROMATICITIES_709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
@@ -50,22 +53,19 @@ class Exr(ImageFormat):
         return ImageHeader(self.media_type, *_extent(first["displayWindow"]))
 
     def notes(self, data: bytes, choice: Choice = Choice()) -> tuple[str, ...]:
-        headers = _headers(io.BytesIO(data), "image")
-        flat = [header for header in headers if header.get("type") not in _DEEP]
-        planes = {name: np.zeros((0, 0), np.float32) for header in flat for name in _names(header)}
-        named = PlaneImage((0, 0), planes, 1.0, _views(headers))
+        headers, named = _headers(io.BytesIO(data), "image"), self.channels(io.BytesIO(data))
         deep = [str(header.get("name")) for header in headers if header.get("type") in _DEEP]
         left = (f"Parts with deep pixels are left out: {', '.join(deep)}.",) if deep else ()
-        return (*picture_choice(named, choice).notes, *_facts(headers[0]), *left)
+        return (*picture_choice(named, choice).notes, *_facts(headers[0], choice), *left)
 
-    def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> NDArray[np.uint8]:
+    def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> AnyArray:
         image = self.planes(data, limits, name)
         found = picture(image, choice)
         if found is None:
             layers = ", ".join(picture_choice(image, choice).layers)
             choose = f"Choose one of its layers: {layers}." if layers else "Render the Combined pass, or R, G and B."
             unreadable("The EXR file has no channels that are named as a picture.", name, choose)
-        return np.asarray(square_pixels(found, image.pixel_aspect), np.uint8)
+        return square_pixels(found, image.pixel_aspect)
 
     def planes(self, data: bytes | Path, limits: Limits, name: str = "image") -> PlaneImage:
         """All channels: half, float or integer; single-part or multi-part. Pixels of the display window outside the
@@ -91,10 +91,40 @@ class Exr(ImageFormat):
             except Exception as error:  # the binding raises what OpenEXR's C++ does
                 raise _unreadable(name, error) from error
         aspect = float(headers[0].get("pixelAspectRatio", 1.0))
-        return PlaneImage(_extent(headers[0]["displayWindow"]), planes, aspect, _views(headers), _to_709(headers[0]))
+        size, kept = _extent(headers[0]["displayWindow"]), _attributes(headers)
+        return PlaneImage(size, planes, aspect, _views(headers), _to_709(headers[0]), kept)
+
+    def written(self, planes: Mapping[str, Plane]) -> bytes:
+        return exr_bytes(planes)
+
+    def united(self, files: Sequence[bytes]) -> bytes:
+        planes: dict[str, AnyArray] = {}
+        for data in files:
+            planes |= _stored(data)[1]
+        return exr_bytes(planes)
+
+    def with_planes(self, picture: bytes, planes: bytes) -> bytes:
+        (header, colours), out = _stored(picture), io.BytesIO()
+        kept = {key: header[key] for key in ("compression", "type", *_COLOUR_ATTRIBUTES) if key in header}
+        with OpenEXR.File(kept, colours | _stored(planes)[1]) as file:
+            file.write(out)
+        return out.getvalue()
+
+    def channels(self, stream: BinaryIO, name: str = "image") -> PlaneImage:
+        """The names of all channels, views and attributes, without pixels: planes are empty. Raises UnreadableMedia."""
+        headers = _headers(stream, name)
+        flat = [header for header in headers if header.get("type") not in _DEEP]
+        planes = {full: np.zeros((0, 0), np.float32) for header in flat for full in _names(header)}
+        return PlaneImage(_extent(headers[0]["displayWindow"]), planes, 1.0, _views(headers), (), _attributes(headers))
 
 
 EXR = Exr()
+
+
+def _stored(data: bytes) -> tuple[dict[str, Any], dict[str, AnyArray]]:
+    """The header and the planes of a file that this program has written, in their own types."""
+    with OpenEXR.File(io.BytesIO(data), separate_channels=True, num_threads=0) as file:
+        return dict(file.header()), {name: channel.pixels.copy() for name, channel in file.channels().items()}
 
 
 def _unreadable(name: str, why: object) -> UnreadableMedia:
@@ -134,6 +164,10 @@ def _named(parts: list[str], channel: str) -> str:
     """The channel's name below its part, without components that it has already."""
     missing = [part for part in parts if not channel.startswith(f"{part}.") and part not in channel.split(".")[:-1]]
     return ".".join([*missing, channel])
+
+
+def _attributes(headers: list[Mapping[str, Any]]) -> dict[str, str]:
+    return {key: str(value) for header in headers for key, value in header.items() if key.startswith(PREFIX)}
 
 
 def _views(headers: list[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -179,7 +213,7 @@ def _within(pixels: AnyArray, shift: tuple[int, int], size: tuple[int, int]) -> 
     return out
 
 
-def _facts(header: Mapping[str, Any]) -> Iterator[str]:
+def _facts(header: Mapping[str, Any], choice: Choice) -> Iterator[str]:
     data, display = header["dataWindow"], header["displayWindow"]
     outside = (np.array(data[0]) < np.array(display[0])).any() or (np.array(data[1]) > np.array(display[1])).any()
     sizes = "{}x{}".format(*_extent(data)), "{}x{}".format(*_extent(display))
@@ -189,8 +223,13 @@ def _facts(header: Mapping[str, Any]) -> Iterator[str]:
         yield f"The data window ({sizes[0]}) is smaller than the display window ({sizes[1]}): the rest is empty."
     yield from aspect_notes(float(header.get("pixelAspectRatio", 1.0)))
     space = _colour_space(header)
-    if _to_709(header):
-        yield f"The colours are {space}; they are converted to Rec. 709, and light above 1 is white."
+    white = f"shown through the view {choice.colour_view!r}" if choice.colour_view else "light above 1 is white"
+    if choice.colour:
+        yield f"The colours are read as {choice.colour}, as given; {white}."
+    elif _to_709(header):
+        yield f"The colours are {space}; they are converted to Rec. 709, and {white}."
+    elif choice.colour_view:
+        yield f"The colours are {space}; {white}."
     elif space != _LINEAR_709:
         yield f"The colours are {space}; they are read as linear Rec. 709, without conversion."
 
@@ -232,28 +271,52 @@ def _colour_space(header: Mapping[str, Any]) -> str:
 
 
 def write_exr(path: Path, planes: Mapping[str, Plane], half: bool = False) -> None:
-    """Write planes, by full channel name "pass.X", as a ZIP-compressed EXR in float32, or in float16 if `half`."""
-    kind = np.float16 if half else np.float32
+    """Write planes, by full channel name "pass.X", as a ZIP-compressed EXR in float32, or in float16 if `half`; planes
+    of uint32 stay whole numbers."""
+    path.write_bytes(exr_bytes(planes, half))
+
+
+def exr_bytes(planes: Mapping[str, AnyArray], half: bool = False) -> bytes:
+    """The contents of a file of `write_exr`."""
+    kind, out = np.float16 if half else np.float32, io.BytesIO()
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {name: np.ascontiguousarray(plane, kind) for name, plane in planes.items()}) as file:
-        file.write(str(path))
+    kept = {
+        name: np.ascontiguousarray(plane, plane.dtype if plane.dtype == np.uint32 else kind)
+        for name, plane in planes.items()
+    }
+    with OpenEXR.File(header, kept) as file:
+        file.write(out)
+    return out.getvalue()
 
 
-def encode_exr(picture: AnyArray, half: bool = True) -> bytes:
-    """Encode a picture, sRGB-encoded (h, w, 3) or (h, w, 4) with straight opacity, as a scene-linear Rec. 709 EXR with
-    premultiplied colours, as compositing programs expect them; float16 if `half`, else float32."""
+def encode_exr(picture: AnyArray, half: bool = True, space: str = "") -> bytes:
+    """Encode a picture, (h, w, 3) or (h, w, 4) with straight opacity, as an EXR with premultiplied colours, as
+    compositing programs expect them; float16 if `half`, else float32.
+
+    Args:
+        space: colour space of the picture, whose values are written; "": it is sRGB-encoded and is written as linear
+            light of Rec. 709.
+    """
     values = as_float(picture)
-    light = linear(values[..., :3])
+    light = values[..., :3] if space else linear(values[..., :3])
     if values.shape[2] == 4:
         light = np.dstack([light * values[..., 3:], values[..., 3]])
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "chromaticities": _CHROMATICITIES_709,
-        "colorInteropID": _LINEAR_709,
-    }  # fmt: skip
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | _colour_tags(space)
     name, out = "RGBA"[: light.shape[2]], io.BytesIO()
     with OpenEXR.File(header, {name: np.ascontiguousarray(light, np.float16 if half else np.float32)}) as file:
         file.write(out)
     return out.getvalue()
+
+
+def _colour_tags(space: str) -> dict[str, Any]:
+    """Attributes that name the colour space of a picture, as far as it has an interoperable name."""
+    interop = interop_id(space) if space else _LINEAR_709
+    if interop == _LINEAR_709:
+        return {"chromaticities": _CHROMATICITIES_709, "colorInteropID": interop}
+    found: dict[str, Any] = {"colorInteropID": interop} if interop else {}
+    with suppress(Exception):  # an id that OpenEXR does not know
+        found["chromaticities"] = tuple(map(float, np.ravel(OpenEXR.colorInteropIDToChromaticities(interop))))
+    return found
 
 
 EXR_FRAMES = OutputFormat(
@@ -262,12 +325,13 @@ EXR_FRAMES = OutputFormat(
     profiles=(
         Profile(
             name="half", title="Half float", help="Linear Rec. 709, premultiplied opacity", depth_bits=16,
-            is_float=True, has_quality=False, low_bytes_per_pixel=0.6, bytes_per_pixel=5, encode=encode_exr,
+            is_float=True, has_quality=False, low_bytes_per_pixel=0.6, bytes_per_pixel=5,
+            encode=lambda picture, space: encode_exr(picture, True, space),
         ),
         Profile(
             name="float", title="Single float", help="Linear Rec. 709, premultiplied opacity", depth_bits=32,
             is_float=True, has_quality=False, low_bytes_per_pixel=1, bytes_per_pixel=10,
-            encode=lambda picture: encode_exr(picture, half=False),
+            encode=lambda picture, space: encode_exr(picture, False, space),
         ),
     ),
 )  # fmt: skip

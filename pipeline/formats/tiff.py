@@ -110,11 +110,11 @@ TIFF_FRAMES = OutputFormat(
     profiles=(
         Profile(
             name="16", title="16 bit", depth_bits=16, has_quality=False, low_bytes_per_pixel=0.6, bytes_per_pixel=4,
-            encode=lambda picture: encode_tiff(as_uint16(picture)),
+            encode=lambda picture, _: encode_tiff(as_uint16(picture)),
         ),
         Profile(
             name="8", title="8 bit", has_quality=False, low_bytes_per_pixel=0.3, bytes_per_pixel=2,
-            encode=lambda picture: encode_tiff(as_uint8(picture)),
+            encode=lambda picture, _: encode_tiff(as_uint8(picture)),
         ),
     ),
 )  # fmt: skip

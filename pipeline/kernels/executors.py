@@ -6,6 +6,8 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import Any, Generic, ParamSpec, Protocol, TypeVar
 
 P = ParamSpec("P")
@@ -88,6 +90,10 @@ class FrameExecutor:
         """Run `function` as a call of this object does. Only a later stage needs its value, so a subclass may wait."""
         return self(function, *args, **kwargs)
 
+    def submit_stateless(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        """`submit` of a function without state: a subclass may run several of them at the same time."""
+        return self.submit(function, *args, **kwargs)
+
     def submit_parallel(self, make: Callable[[], T]) -> Pending[T]:
         """Submit a stateless function. It runs on the helper if that is idle in time, otherwise in the caller."""
         return Ready(make()) if self.helper is None else Submitted(self.helper.submit(make), make)
@@ -124,14 +130,43 @@ class LazyExecutor(FrameExecutor):
 
 
 class ThreadExecutor(FrameExecutor):
-    """Runs a function that is handed to `submit` on a helper thread, in order, and everything else in the caller."""
+    """Runs a function that is handed to `submit` on a helper thread, in order, stateless ones on other threads, and
+    everything else in the caller.
 
-    def __init__(self, thread: Executor) -> None:
+    Args:
+        thread: executor of one thread.
+        others: executor of any number of threads.
+    """
+
+    def __init__(self, thread: Executor, others: Executor) -> None:
         super().__init__()
-        self._thread = thread
+        self._thread, self._others = thread, others
 
     def submit(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
         return self._thread.submit(function, *args, **kwargs)
+
+    def submit_stateless(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        return self._others.submit(function, *args, **kwargs)
+
+
+class RowExecutor(FrameExecutor):
+    """Divides the rows of an image among the caller and further threads; runs everything else in the caller.
+
+    Args:
+        threads: executor of so many `helpers`.
+    """
+
+    def __init__(self, threads: Executor, helpers: int) -> None:
+        super().__init__()
+        self._threads, self._helpers = threads, helpers
+
+    def rows(self, work: Callable[[int, int], None], height: int) -> None:
+        count = self._helpers + 1
+        edges = [height * part // count for part in range(count + 1)]
+        others = [Submitted(self._threads.submit(work, *span), partial(work, *span)) for span in pairwise(edges[1:])]
+        work(*edges[:2])
+        for other in others:
+            other.result()
 
 
 INLINE = FrameExecutor()

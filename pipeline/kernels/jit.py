@@ -7,7 +7,6 @@ the first one compiled. Processes load at the same time, under a shared lock.
 
 from __future__ import annotations
 
-import fcntl
 import functools
 import os
 import threading
@@ -15,6 +14,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
+
+try:
+    import fcntl
+except ImportError:  # Windows: several processes may compile the same kernels
+    fcntl = None  # type: ignore[assignment]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -93,7 +97,7 @@ class _CompileLock:
                 yield
                 return
             self._taken = True
-            handle = _lock_file(folder / LOCK, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+            handle = _lock_file(folder / LOCK, shared)
             try:
                 yield
             finally:
@@ -102,15 +106,17 @@ class _CompileLock:
                     os.close(handle)
 
 
-def _lock_file(file: Path, kind: int) -> int | None:
+def _lock_file(file: Path, shared: bool) -> int | None:
     """Wait for the lock and return its file descriptor; None where files cannot be locked, such as a read-only file
     system."""
+    if fcntl is None:
+        return None
     try:
         handle = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError:
         return None
     try:
-        fcntl.flock(handle, kind)
+        fcntl.flock(handle, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
     except OSError:
         os.close(handle)
         return None

@@ -16,6 +16,8 @@ Way = Literal["", "film", "piece"]
 """`film`: not in streams, where frames are painted as they arrive (live, pipes); `piece`: only in a piece of a film."""
 
 
+_PASSES = {"motion": "motion vectors"}
+"""Kinds of render passes in words, where they differ."""
 _WAYS = {"film": "outside live streams", "piece": "in a piece of a film"}
 
 
@@ -28,6 +30,7 @@ class When:
         above: parameter -> number that its value must exceed.
         inputs: names of inputs of which one must be given.
         without: names of inputs of which none may be given.
+        without_passes: kinds of render passes (`PassFacts.kinds`) of which the video may have none.
         way: the way in which frames are painted.
     """
 
@@ -36,6 +39,7 @@ class When:
     inputs: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
     way: Way = ""
+    without_passes: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, JsonValue]:
         """The conditions that there are."""
@@ -47,6 +51,8 @@ class When:
         words += [f"with {name} above {limit:g}" for name, limit in self.above.items()]
         words += [f"with the input {' or '.join(self.inputs)}"] if self.inputs else []
         words += [f"without the input {' and '.join(self.without)}"] if self.without else []
+        passes = " and ".join(_PASSES.get(kind, kind) for kind in self.without_passes)
+        words += [f"without {passes} in the video"] if passes else []
         words += [_WAYS[self.way]] if self.way else []
         return " and ".join(words)
 
@@ -58,6 +64,7 @@ class When:
             and all(values.get(name, 0) > limit for name, limit in self.above.items())
             and (not self.inputs or any(name in given for name in self.inputs))
             and not any(name in given for name in self.without)
+            and not any(kind in situation.video_passes for kind in self.without_passes)
             and not (self.way and situation.stream)
             and not (self.way == "piece" and not situation.piece)
         )
@@ -81,12 +88,14 @@ class Situation:
         inputs: names of the inputs that are given.
         stream: whether frames are painted as they arrive.
         piece: whether a piece of a film is painted.
+        video_passes: kinds of render passes that the video has.
     """
 
     params: Mapping[str, Any]
     inputs: Collection[str]
     stream: bool = False
     piece: bool = False
+    video_passes: Collection[str] = ()
 
 
 @dataclass(frozen=True)
@@ -128,17 +137,18 @@ def ineffective(
 
 
 def unmade(
-    conditions: Mapping[str, Alternatives], artefacts: Collection[str], situation: Situation
+    conditions: Mapping[str, Alternatives], names: Collection[str], situation: Situation, field: str
 ) -> Iterator[Ineffective]:
-    """Requested artefacts that cannot be made.
+    """Requested artefacts or passes that cannot be made.
 
     Args:
-        conditions: by artefact.
+        conditions: by name.
+        field: "output.artefacts" or "output.passes".
     """
-    for name in artefacts:
+    for name in names:
         if name in conditions and not any(when.holds(situation) for when in conditions[name]):
-            what = f"The artefact {name!r}"
-            yield _found(f"output.artefacts.{name}", name, what, conditions[name])
+            what = f"The {'pass' if field.endswith('passes') else 'artefact'} {name!r}"
+            yield _found(f"{field}.{name}", name, what, conditions[name])
 
 
 def _found(field: str, value: Any, what: str, alternatives: Alternatives) -> Ineffective:

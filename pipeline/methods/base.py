@@ -32,9 +32,19 @@ from pipeline.frames import Frame
 from pipeline.methods.applies import Alternatives, Ineffective, Situation, When, ineffective, unmade
 from pipeline.methods.fields import P, P_co, Params
 from pipeline.methods.input_facts import ANY, Fits, InputFacts, checked
-from pipeline.methods.live import LiveFilter, Session
+from pipeline.methods.live import LiveFilter, References, Session
 from pipeline.methods.parts import LayerPart, PaintedKeys
-from pipeline.methods.previews import FrameClusters, FrameRegions, InputCheck, InputFault, KeyPropagator, PreviewRequest
+from pipeline.methods.previews import (
+    FilmPlane,
+    FilmPlaneKind,
+    FilmTasks,
+    FrameClusters,
+    FrameRegions,
+    InputCheck,
+    InputFault,
+    KeyPropagator,
+    PreviewRequest,
+)
 from pipeline.methods.studio import PreviewKind, Studio
 from pipeline.methods.tasks import (
     PROCESS_BYTES,
@@ -49,6 +59,7 @@ from pipeline.methods.tasks import (
     no_clock,
     resources_per_pixel,
 )
+from pipeline.passes.made import MadePass
 from pipeline.randomness import seeded
 
 __all__ = [
@@ -72,12 +83,15 @@ __all__ = [
     "KeyPropagator",
     "LayerPart",
     "LiveFilter",
+    "MadePass",
+    "MakesOpacity",
     "Method",
     "P",
     "P_co",
     "Params",
     "PlanContext",
     "PreviewRequest",
+    "References",
     "Resources",
     "Session",
     "Step",
@@ -96,6 +110,7 @@ __all__ = [
 
 InputKind = Literal["video", "image", "image-or-video", "images", "json"]
 JsonSchema: TypeAlias = dict[str, JsonValue]
+MakesOpacity = Literal["no", "may", "must"]
 AnyParams: TypeAlias = Any
 """Parameters in the hooks of the base class. A subclass annotates its hooks with its own `Params`."""
 
@@ -110,7 +125,8 @@ class InputSpec:
             convert. Empty: a file that the layer names in its own `inputs`.
         preview: whether the input takes part in a preview of a single frame. A preview refuses inputs that do not.
         needs: name of another input that is required if this one is given; empty: none.
-        applies_when: the conditions under which the input has an effect; empty: always.
+        applies_when: the conditions under which the input has an effect; empty: always. A live session takes pictures
+            and JSON, unless a condition has a `way`.
         fits: what it must have in common with other inputs.
     """
 
@@ -181,6 +197,8 @@ class Method:
             None: no input. An input without an entry is the part itself.
         studio: what the studio offers for layers of the method.
         opacity_of: the input whose opacity the film gets.
+        depth_bits: bits of a channel that its frames have if the film holds them: 8, or more if it composites in finer
+            steps.
         palette_input: the input whose colours the result takes on, for quality reports; empty: none.
         clusters_step: the step whose arrays `frame_clusters` reads; empty: the method has no clusters.
         clusters_params: values of parameters without which it finds none.
@@ -192,6 +210,8 @@ class Method:
         input_examples: documents to begin with, by input name: frame count of the video -> name -> document.
         input_checks: checks of those documents, by input name.
         artefacts_when: the conditions under which an artefact can be made, by name; without an entry: always.
+        makes_passes: passes that a job may request beside its film, see `TaskContext.emit_passes`.
+        passes_when: as `artefacts_when`, of these passes.
     """
 
     name: ClassVar[str]
@@ -202,8 +222,18 @@ class Method:
     inputs: ClassVar[tuple[InputSpec, ...]]
     steps: ClassVar[tuple[Step[AnyParams], ...]]
     artefacts: ClassVar[tuple[str, ...]] = ()
+    passes: ClassVar[tuple[str, ...]] = ()
+    """Kinds of render passes of the video that the method uses, see `pipeline.passes.facts.PassFacts.kinds`."""
     task_cpus: ClassVar[float] = 1.0
-    """Processors that one task keeps busy, threads inside it included; a compute device is counted separately."""
+    """Processors that one task keeps busy, threads inside it included; a compute device is counted separately. For the
+    scheduler of one machine, and for estimates. Ray reserves `IMPASTO_TASK_CPUS` for every task: an actor of more
+    processors would keep those of two small tasks from their workers while it is idle."""
+    task_threads: ClassVar[Mapping[str, float]] = MappingProxyType({})
+    """Processors that a task can keep busy on a large machine, where this is more than one, by step and the first part
+    of its key ("paint/run"): measured by `python -m benchmarks.one_shot`."""
+    task_params: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    """Names of the parameters that a task reads, by step and the first part of its key; without an entry: all. The
+    results of an earlier job with other values of the rest are used again."""
     reads_again: ClassVar[bool] = False
     """Whether most frames and artefacts are read by several tasks, so that it pays to keep them in memory."""
     regions_artefact: ClassVar[str] = ""
@@ -216,12 +246,15 @@ class Method:
     studio: ClassVar[Studio] = Studio()
     palette_input: ClassVar[str] = ""
     opacity_of: ClassVar[str] = "video"
+    depth_bits: ClassVar[int] = 8
     cpu_s_per_megapixel: ClassVar[float] = 1.0
     cpu_growth: ClassVar[float] = 1.0
     input_schemas: ClassVar[Mapping[str, Callable[[], JsonSchema]]] = MappingProxyType({})
     input_examples: ClassVar[Mapping[str, Callable[[int], Mapping[str, JsonSchema]]]] = MappingProxyType({})
     input_checks: ClassVar[Mapping[str, InputCheck]] = MappingProxyType({})
     artefacts_when: ClassVar[Mapping[str, Alternatives]] = MappingProxyType({})
+    makes_passes: ClassVar[tuple[MadePass, ...]] = ()
+    passes_when: ClassVar[Mapping[str, Alternatives]] = MappingProxyType({})
 
     def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:
         """Inputs of a job with these parameters."""
@@ -243,11 +276,22 @@ class Method:
             found += ["directions"]
         if self.clusters_step:
             found += ["clusters", "spread"]
+        if "object" in self.studio.tools:
+            found += ["object"]
         return tuple(found)
 
     def steps_of(self, params: AnyParams) -> tuple[Step[AnyParams], ...]:
         """Steps of a job with these parameters."""
         return self.steps
+
+    def expected_results(self, step: str, context: PlanContext[AnyParams]) -> Mapping[str, TaskResult] | None:
+        """Typical results of the tasks of `step` by key, as far as later plans use them: a job is explained before it
+        runs. Tasks that are not named have the result {}. None: later plans depend on what the step finds.
+
+        Args:
+            context: with the results of the steps before, some of which may be expected ones.
+        """
+        return {}
 
     def input_faults(self, params: AnyParams, facts: Mapping[str, InputFacts]) -> list[BadParameter]:
         """Faults of the inputs together that `InputSpec` and `input_checks` cannot express.
@@ -257,24 +301,34 @@ class Method:
         """
         return []
 
+    def passes_of(self, params: AnyParams) -> tuple[MadePass, ...]:
+        """Passes that a job with these parameters may request."""
+        return self.makes_passes
+
+    def paints_opacity(self, params: AnyParams) -> MakesOpacity:
+        """Whether the method makes an opacity of its own, see `TaskContext.paints_opacity`."""
+        return "no"
+
     def ineffective(
-        self, params: AnyParams, inputs: Collection[str], stream: bool, piece: bool, artefacts: Collection[str] = ()
-    ) -> list[Ineffective]:
-        """Parameters that differ from their defaults, given inputs and requested artefacts, that have no effect.
+        self, params: AnyParams, inputs: Collection[str], stream: bool, piece: bool, artefacts: Collection[str] = (),
+        passes: Collection[str] = (), video_passes: Collection[str] = (),
+    ) -> list[Ineffective]:  # fmt: skip
+        """Parameters that differ from their defaults, given inputs, and requested artefacts and passes, that have no
+        effect.
 
         Args:
             inputs: names of the given inputs.
             stream: whether frames are painted as they arrive.
             piece: whether a piece of a film is painted.
+            video_passes: kinds of render passes that the video has.
         """
         conditions = {spec.name: spec.applies_when for spec in self.inputs_of(params)}
-        situation = Situation(params.model_dump(), inputs, stream, piece)
+        situation = Situation(params.model_dump(), inputs, stream, piece, video_passes)
         found = ineffective(params.applies_when, type(params)().model_dump(), conditions, situation)
-        return [*found, *unmade(self.artefacts_when, artefacts, situation)]
+        lost = unmade(self.artefacts_when, artefacts, situation, "output.artefacts")
+        return [*found, *lost, *unmade(self.passes_when, passes, situation, "output.passes")]
 
-    def stream(
-        self, params: AnyParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
-    ) -> Session | None:
+    def stream(self, params: AnyParams, size: tuple[int, int], seed: int, references: References) -> Session | None:
         """A live session for frames of `size` (width, height) px; None if the method is not causal."""
         return None
 
@@ -283,6 +337,11 @@ class Method:
 
         Raises: DeviceError.
         """
+
+    def relative_cost(self, params: AnyParams, size: tuple[int, int]) -> float:
+        """CPU seconds of a frame of (width, height) px, relative to those of frames of other sizes: estimates from
+        previews depend on it."""
+        return float((size[0] * size[1] / 1e6) ** self.cpu_growth)
 
     def live_filter(self, params: AnyParams, size: tuple[int, int]) -> LiveFilter | None:
         """A filter behind the live session of any method, for frames of `size` (width, height) px; None if the method
@@ -301,6 +360,10 @@ class Method:
         and strength >= 0, perhaps coarser than the frame; None if the method has none. Raises as `preview`."""
         return None
 
+    def film_plane(self, kind: FilmPlaneKind, number: int, film: FilmTasks) -> FilmPlane | None:
+        """The regions or directions that the film uses in a frame, see `FilmPlane`; None if it has none."""
+        return None
+
     def scaled_inputs(self, inputs: Mapping[str, Any], found: Callable[[], Mapping[str, bytes]]) -> Mapping[str, Any]:
         """Inputs for a film of smaller frames than the video's, where they refer to what depends on the size of frames.
 
@@ -311,11 +374,7 @@ class Method:
         return inputs
 
     def frame_regions(self, files: Mapping[str, bytes], frame: int) -> FrameRegions | None:
-        """Regions of a frame, read from `regions_artefact`; None if that has no such frame.
-
-        Args:
-            files: the artefact's entries by path.
-        """
+        """Regions of a frame, read from the entries of `regions_artefact` by path; None if that has no such frame."""
         return None
 
     def frame_clusters(self, arrays: Arrays) -> Mapping[int, FrameClusters]:

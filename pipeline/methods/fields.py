@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, JsonValue, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, JsonValue, StringConstraints, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
@@ -81,6 +81,26 @@ def preroll(default: int) -> Any:
         default, 0, 2000, "Preroll",
         "Frames that are painted before a piece of a film and thrown away, so that it begins with the memory of the "
         "film. Larger values differ less from the film and take longer.", "frames", "Time",
+    )  # fmt: skip
+
+
+_HEX = "^#[0-9a-fA-F]{6}$"
+Colour = Annotated[str, StringConstraints(pattern=_HEX)]
+
+
+def colour(default: str, title: str, help_: str, group: str) -> Any:
+    """Field for a colour, "#rrggbb"; the field's annotation is `str`."""
+    return Field(
+        default, pattern=_HEX, title=title, description=help_,
+        json_schema_extra={"format": "color", "unit": "", "group": group},
+    )  # fmt: skip
+
+
+def colours(most: int, title: str, help_: str, group: str) -> Any:
+    """Field for up to `most` colours, none by default; the field's annotation is `tuple[Colour, ...]`."""
+    return Field(
+        (), max_length=most, title=title, description=help_,
+        json_schema_extra={"format": "colors", "unit": "", "group": group},
     )  # fmt: skip
 
 

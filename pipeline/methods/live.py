@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Executor
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from pipeline.frames import Frame
+
+References: TypeAlias = Mapping[str, Any]
+"""Inputs of a session besides the stream, by name: an iterator of the frames of a picture or a video, or the parsed
+document of an input of kind "json"."""
 
 
 class Session(Protocol):
@@ -36,7 +40,7 @@ class Session(Protocol):
         ...
 
     def reconfigure(
-        self, params: Any, size: tuple[int, int], references: Mapping[str, Iterator[Frame]] | None = None,
+        self, params: Any, size: tuple[int, int], references: References | None = None,
         output_size: tuple[int, int] | None = None,
     ) -> Session:  # fmt: skip
         """A session that continues this one with other parameters or another frame size, without a visible jump.

@@ -50,26 +50,34 @@ class LocalContext(Generic[P]):
         video: frames, uint8 (height, width, 3), all of one size; or a source of them.
         inputs: the other inputs by name: a list of frames (kinds "video", "image", "image-or-video"), a mapping from
             frame number to image ("images"), or a parsed document ("json"). The files of an archive are given as
-            "<name>.entries", a mapping from path to bytes.
+            "<name>.entries", a mapping from path to bytes; those of a video with larger frames as "video.passes".
+            What is known about its passes is "video.pass_facts", `PassFacts.as_json`.
         artefacts: names of the optional artefacts to make.
         piece: frames [first, end) of the video to paint; None: all. What is emitted for others is dropped.
+        deep, paints_opacity: as in `TaskContext`. The opacity of the source is the input "matte", if it is given.
 
     Attributes:
         emitted: frames by index, until they are taken out.
         files: files that tasks saved, by name.
+        passes_wanted: names of the passes to make.
+        made_passes: the passes by frame and name, until they are taken out.
         results: results of the tasks that ran, by step name and key.
     """
 
     def __init__(
         self, params: P, video: Sequence[Frame] | FrameSource, inputs: Mapping[str, Input] | None = None, seed: int = 0,
-        artefacts: frozenset[str] = frozenset(), piece: tuple[int, int] | None = None,
+        artefacts: frozenset[str] = frozenset(), piece: tuple[int, int] | None = None, deep: bool = False,
+        paints_opacity: bool = False,
     ) -> None:  # fmt: skip
         self.params, self.seed, self.artefacts = params, seed, artefacts
+        self.deep, self.paints_opacity = deep, paints_opacity
         self.inputs: dict[str, Input] = {"video": video, **(inputs or {})}
         self.video = _info(video) if piece is None else piece_info(_info(video), piece, params.lead_frames)
         self.size = (self.video.width, self.video.height)
         self.files: dict[str, bytes] = {}
-        self.emitted: dict[int, Frame] = {}
+        self.emitted: dict[int, AnyArray] = {}
+        self.passes_wanted: frozenset[str] = frozenset()
+        self.made_passes: dict[int, State] = {}
         self.kept: dict[tuple[str, str], State] = {}
         self.results: dict[str, dict[str, TaskResult]] = {}
         self.warnings: list[str] = []
@@ -84,6 +92,13 @@ class LocalContext(Generic[P]):
             start = self.video.first if start is None else start
         frames = source[start:stop] if isinstance(source, Sequence) else source.read(start or 0, stop)
         return (frame.copy() for frame in frames)
+
+    def deep_frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[AnyArray]:
+        read = getattr(self._input(name), "read_deep", None)
+        return read(start or 0, stop) if self.deep and read is not None else self.frames(name, start, stop)
+
+    def mattes(self, start: int, stop: int) -> Iterator[AnyArray] | None:
+        return self.frames("matte", start, stop) if self.has("matte") else None
 
     def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
         return map(thumbnail, self.frames(name, start, stop))
@@ -102,6 +117,13 @@ class LocalContext(Generic[P]):
 
     def entries(self, name: str) -> Mapping[str, bytes]:
         return cast("Mapping[str, bytes]", self.inputs.get(f"{name}.entries", {}))
+
+    def passes(self) -> Mapping[str, bytes]:
+        return cast("Mapping[str, bytes]", self.inputs.get("video.passes", self.entries("video")))
+
+    @property
+    def pass_facts(self) -> Mapping[str, JsonValue]:
+        return cast("Mapping[str, JsonValue]", self.inputs.get("video.pass_facts", {}))
 
     def _input(self, name: str) -> Input:
         if name not in self.inputs:
@@ -139,7 +161,17 @@ class LocalContext(Generic[P]):
     def wants(self, artefact: str) -> bool:
         return artefact in self.artefacts
 
-    def emit(self, index: int, frame: Frame) -> None:
+    def wants_pass(self, name: str) -> bool:
+        return name in self.passes_wanted
+
+    def emit_passes(self, index: int, made: Arrays) -> None:
+        kept = self.made_passes.setdefault(index, {}) if self.video.delivers(index) else {}
+        for name, array in made.items():
+            if name in kept or name not in self.passes_wanted:
+                raise ValueError(f"the pass {name} of frame {index} is made twice, or not wanted")
+            kept[name] = np.array(array)
+
+    def emit(self, index: int, frame: AnyArray) -> None:
         if index in self.emitted:
             raise ValueError(f"frame {index} is emitted twice")
         if self.video.delivers(index):
@@ -153,6 +185,9 @@ class LocalContext(Generic[P]):
 
     def progress(self, done: float) -> None:
         return
+
+    def planned(self, step: str, tasks: Sequence[Task]) -> None:
+        """Called before the tasks of a step run."""
 
 
 def required_inputs(method: Method, video: Sequence[Frame]) -> dict[str, Input]:
@@ -199,6 +234,7 @@ def iterate_plan(
         plan_context = PlanContext(context.params, context.seed, context.video, frozenset(context.inputs), results)
         tasks = step.plan(plan_context)
         check_plan(tasks, step.name, results, [one.name for one in method_steps])
+        context.planned(step.name, tasks)
         results[step.name] = {}
         for task in tasks:
             order[f"{step.name}/{task.key}"] = len(order)

@@ -33,6 +33,15 @@ def mask_plane(image: AnyArray) -> Plane:
     return np.asarray(brightest > _TINT * most, np.float32)
 
 
+def drawn_plane(image: AnyArray) -> Plane:
+    """`mask_plane`, and NaN where the image is transparent: nothing is drawn there."""
+    plane = mask_plane(image)
+    if image.ndim == 3 and image.shape[2] == 4:
+        half = (np.iinfo(image.dtype).max if np.issubdtype(image.dtype, np.integer) else 1) / 2
+        plane[image[..., 3] < half] = np.nan
+    return plane
+
+
 def fitted(plane: Plane, size: tuple[int, int], field: str) -> Plane:
     """A mask at the size (width, height) of the frames, float32 (h, w).
 

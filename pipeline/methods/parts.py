@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue
 
@@ -63,15 +63,23 @@ class PaintLayer(Member):
     name: Title = ""
     image: AssetName | None = None
     strokes: AssetName | None = None
+    mask: AssetName | None = Field(default=None, description="Where it is visible: the opacity of a PNG.")
     opacity: Ratio = 1.0
-    blend: Blend = "over"
+    blend: Blend | Literal["pass-through"] = Field(
+        default="over", description="`pass-through`, of a group: each of its layers is blended with all that is below."
+    )
     visible: bool = True
+    clip: bool = Field(default=False, description="Whether it is visible only where the layer below it is.")
+    locked: bool = Field(default=False, description="Whether strokes leave its opacity as it is.")
+    group: bool = Field(default=False, description="Whether it is a group of the layers that name it as their parent.")
+    parent: Id | None = Field(default=None, description="The group that it is in. A group follows its layers.")
 
 
 class Paint(Member):
-    """The editable form of a painted key."""
+    """The editable form of a painted key. `mask`: that of the key's mask, as a layer of opaque paint."""
 
     layers: tuple[PaintLayer, ...] = Field(default=(), max_length=200)
+    mask: PaintLayer | None = None
 
 
 class PaintedKey(Picture):
@@ -79,15 +87,25 @@ class PaintedKey(Picture):
 
     mask: AssetName | None = None
     paint: Paint | None = None
+    before: FrameNumber | None = Field(
+        default=None, description="How many frames before it it reaches; null: up to the next key."
+    )
+    after: FrameNumber | None = Field(default=None, description="The same for the frames after it.")
+    weight: float = Field(
+        default=1.0, ge=0.1, le=10, description="Between two keys, what each determines relates as their weights."
+    )
 
     def assets(self) -> Iterator[tuple[Place, str]]:
         yield from super().assets()
         if self.mask is not None:
             yield ("mask",), self.mask
-        for index, layer in enumerate(self.paint.layers if self.paint else ()):
-            for member in ("image", "strokes"):
+        paint = self.paint or Paint()
+        rows: list[tuple[Place, PaintLayer]] = [(("layers", index), layer) for index, layer in enumerate(paint.layers)]
+        rows += [(("mask",), paint.mask)] if paint.mask else []
+        for place, layer in rows:
+            for member in ("image", "strokes", "mask"):
                 if (name := getattr(layer, member)) is not None:
-                    yield ("paint", "layers", index, member), name
+                    yield ("paint", *place, member), name
 
 
 Drawings = Annotated[tuple[Drawing, ...], Field(max_length=MOST_PICTURES)]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, Protocol
+from typing import Any, Generic, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from pipeline.arrays import AnyArray
+from pipeline.arrays import AnyArray, Arrays
 from pipeline.frames import Frame, Labels, Mask
 from pipeline.methods.fields import P_co
+from pipeline.methods.tasks import Task, TaskContext, TaskResult
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,41 @@ class FrameClusters:
     labels: Labels
     uncertainty: Mapping[int, float]
     foreground: Mask | None = None
+
+
+FilmPlaneKind = Literal["directions", "regions"]
+
+
+class FilmTasks(Protocol):
+    """The tasks of a film, which run as far as they are asked for. `context` has the film's inputs and size."""
+
+    @property
+    def context(self) -> TaskContext[Any]: ...
+
+    def tasks(self, step: str) -> Mapping[str, Task]:
+        """Tasks of a step, by key."""
+
+    def results(self, step: str) -> Mapping[str, TaskResult]:
+        """Results of the tasks of a step, by key."""
+
+    def load(self, step: str, key: str, name: str) -> Arrays:
+        """An artefact of the task `key`; KeyError if it saves none of this name."""
+
+
+@dataclass(frozen=True)
+class FilmPlane:
+    """Regions or stroke directions that the film uses in a frame (`Method.film_plane`).
+
+    Attributes:
+        plane: of kind "directions": float32 (h', w', 2), angle in [0, pi), clockwise from x, and strength >= 0; of kind
+            "regions": uint8 (h', w'), the region of each pixel. Perhaps coarser than the frame.
+        names: of the regions, by their number.
+        moved: of kind "directions": what the design sets at this time, by region, as in one of its keys at this frame.
+    """
+
+    plane: AnyArray
+    names: tuple[str, ...] = ()
+    moved: Mapping[str, JsonValue] = field(default_factory=dict)
 
 
 class KeyPropagator(Protocol):

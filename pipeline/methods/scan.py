@@ -61,10 +61,7 @@ def shots_of(context: PlanContext[AnyParams], scan: TaskResult) -> Iterator[tupl
 
 def delivered_shots(context: PlanContext[AnyParams], scan: TaskResult) -> Iterator[tuple[int, int]]:
     """The shots of which a frame is part of the result."""
-    video = context.video
-    for begin, end in shots_of(context, scan):
-        if not video.is_piece or (begin < video.stop and end > video.first + video.lead):
-            yield begin, end
+    return (shot for shot in shots_of(context, scan) if context.video.delivers_any(*shot))
 
 
 def _seen(

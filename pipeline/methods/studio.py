@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
-Editor = Literal["keys", "marks", "clusters", "regions"]
-Tool = Literal["brush", "eraser", "smudge", "fill", "picker", "label", "region", "lasso", "direction"]
+Editor = Literal["keys", "marks", "clusters", "regions", "histogram"]
+Tool = Literal["brush", "eraser", "smudge", "fill", "picker", "object", "label", "region", "lasso", "correct",
+    "direction",
+]  # fmt: skip
 PreviewKind = Literal[
     "paint", "source", "styles", "cuts", "flicker", "keys", "propagate", "regions", "directions", "clusters", "spread",
+    "object",
 ]  # fmt: skip
 """Last part of the path of a request for previews."""
 
@@ -23,21 +27,44 @@ class Mark:
 
 @dataclass(frozen=True)
 class Choice:
-    """A value, and what the studio calls it."""
+    """A value, and what the studio calls it.
+
+    Attributes:
+        values: of a style: its number for each slider, by the slider's name.
+        technique: of a style: its other numbers, which have no slider and change between keys as those do.
+    """
 
     value: str
     title: str
+    values: Mapping[str, float] = field(default_factory=dict)
+    technique: Mapping[str, float] = field(default_factory=dict)
+
+    def __hash__(self) -> int:
+        return hash((self.value, self.title))
 
 
 @dataclass(frozen=True)
 class Slider:
-    """A parameter of a region's style: its name in the document, and the range that the studio offers."""
+    """A parameter of a region's style: its name in the document, and the range that the studio offers.
+
+    Attributes:
+        about: a sentence on what it does, with its unit.
+        basic: whether it is shown at first; the others are in a group that opens.
+        circular: whether it is an angle in degrees, which changes the shorter way round.
+        param: the method's parameter that changes it in all regions whose key names no style; empty: none.
+        by: how that parameter changes it: as a factor, or as a sum.
+    """
 
     name: str
     title: str
     minimum: float
     maximum: float
     step: float
+    about: str = ""
+    basic: bool = True
+    circular: bool = False
+    param: str = ""
+    by: Literal["factor", "sum"] = "sum"
 
 
 @dataclass(frozen=True)
@@ -69,7 +96,8 @@ class Section:
     Attributes:
         editor: `keys` = frames that the artist paints (`PaintedKeys`), `marks` = marks on frames (`Drawings`),
             `clusters` = found clusters and their corrected label maps (`Drawings` that may have `solve`, the frames
-            that one changes), `regions` = a document with regions, styles, keys and directions (docs/multistyle.md).
+            that one changes), `regions` = a document with regions, styles, keys and directions (docs/multistyle.md),
+            `histogram` = a colour scheme (docs/abstraction.md, "Inputs"), on the live page, too.
         part: name of the part in `Method.parts`.
         title, hint: heading, and a sentence of help below it. `regions` has its own.
         marks: colours of the editor `marks`.
@@ -97,8 +125,9 @@ class Studio:
 
     Attributes:
         sections: in the order of the panel.
-        tools: tools of the stage besides moving and magnifying the picture, in the order of the toolbar. `label` is
-            shown once clusters are found, `region` while the service can find regions.
+        tools: tools of the stage besides moving and magnifying the picture, in the order of the toolbar. `object` fills
+            what is clicked, or in a box; it is shown while the service makes previews, `label` once clusters are found,
+            `region` while the service can find regions.
         painting: input that takes a painting of the style library; empty: none.
         painting_source: input that takes the picture which that painting shows; empty: none.
         cuts: parameter that sets how readily cuts are found, at most 1 by default; empty: cuts are found alike always.

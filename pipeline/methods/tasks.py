@@ -81,7 +81,11 @@ class VideoInfo:
 
     def delivers(self, frame: int) -> bool:
         """Whether a frame is part of the result: it is neither outside the piece nor painted for its memory only."""
-        return not self.is_piece or self.first + self.lead <= frame < self.stop
+        return self.delivers_any(frame, frame + 1)
+
+    def delivers_any(self, start: int, stop: int) -> bool:
+        """Whether one of the frames [start, stop) is part of the result."""
+        return not self.is_piece or (start < self.stop and stop > self.first + self.lead)
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,7 @@ class PlanContext(Generic[P_co]):
     Attributes:
         inputs: names of the inputs that were given.
         results: results of the tasks of finished steps: step name -> task key -> result.
+        deep: whether frames have more than 8 bits of a channel, see `TaskContext.deep`; for `Method.resources` only.
     """
 
     params: P_co
@@ -98,6 +103,7 @@ class PlanContext(Generic[P_co]):
     video: VideoInfo
     inputs: frozenset[str] = frozenset()
     results: Mapping[str, Mapping[str, TaskResult]] = field(default_factory=dict)
+    deep: bool = False
 
 
 @dataclass(frozen=True)
@@ -165,6 +171,26 @@ class TaskContext(Protocol[P_co]):
         """
         ...
 
+    @property
+    def deep(self) -> bool:
+        """Whether the film holds more than 8 bits of a channel: emitted frames may then be uint16 or float32."""
+        ...
+
+    def deep_frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[AnyArray]:
+        """Like `frames`; if the context is `deep`, frames of sources with more than 8 bits are uint16, or float32 with
+        white at 1 and light above it."""
+        ...
+
+    @property
+    def paints_opacity(self) -> bool:
+        """Whether emitted frames have opacity, (h, w, 4) with straight colours: that of what the method has painted.
+        Only of methods whose `paints_opacity` says that they can."""
+        ...
+
+    def mattes(self, start: int, stop: int) -> Iterator[AnyArray] | None:
+        """The opacity of the source's frames [start, stop), gray; None: they are opaque."""
+        ...
+
     def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
         """Thumbnails of frames of an input, see `pipeline.perception.cuts.thumbnail`."""
         ...
@@ -190,6 +216,15 @@ class TaskContext(Protocol[P_co]):
         itself, if it is an image with planes. Empty if the input is neither."""
         ...
 
+    def passes(self) -> Mapping[str, bytes]:
+        """The files of the video, like `entries("video")`, also where frames are smaller than the video's."""
+        ...
+
+    @property
+    def pass_facts(self) -> Mapping[str, JsonValue]:
+        """Facts about these files, found when the video was stored: `PassFacts.as_json`; empty: none are stored."""
+        ...
+
     def save(self, name: str, arrays: Arrays) -> None:
         """Save arrays as the artefact `name` of this step. The name is unique among the step's tasks."""
         ...
@@ -213,8 +248,19 @@ class TaskContext(Protocol[P_co]):
         """Whether the job requests an optional artefact (`output.artefacts`), for example "svg" or "labels"."""
         ...
 
-    def emit(self, index: int, frame: Frame) -> None:
-        """Deliver finished frame `index`, in order. Returns quickly: encoding runs outside the method's clocks."""
+    def wants_pass(self, name: str) -> bool:
+        """Whether the job requests the pass `name` of `Method.makes_passes`."""
+        ...
+
+    def emit_passes(self, index: int, made: Arrays) -> None:
+        """Deliver passes of frame `index`, by name, of those that `wants_pass` names: (h, w) or (h, w, channels),
+        integers or floating point as their descriptions say, of any size (it is enlarged to the frame's). A task calls
+        it once a frame, from one thread; other tasks may deliver other passes of the frame."""
+        ...
+
+    def emit(self, index: int, frame: AnyArray) -> None:
+        """Deliver finished frame `index`, in order: uint8 (h, w, 3); if the context is `deep`, also uint16 or float32
+        with white at 1. Returns quickly: encoding runs outside the method's clocks."""
         ...
 
     def show(self, frame: Frame) -> None:

@@ -103,7 +103,7 @@ class ImportanceTracker:
                 treated as no motion.
             cut: whether a shot begins with this frame; the state except the mask is then reset.
             mask: importance given by the user, valid until the next mask: float (height, width) in 0..1, NaN = use the
-                cues; or bool.
+                cues; or bool. A mask with NaN is a drawing on its frame, and moves along the flow from then on.
 
         Returns: float32 (height, width) in [0, 1].
 
@@ -129,9 +129,11 @@ class ImportanceTracker:
         if not self._tracked:
             self.track_faces(image, flow, cut)
         self._tracked = False
+        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
         if mask is not None:
             self._mask = _prepare_mask(mask, self._size, self.map_size)
-        moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
+        elif self._mask is not None and moving is not None and (self._mask[..., 1] < 1).any():
+            self._mask = warp_forward(self._mask, moving, self._size)
         importance = self._combine(image, moving)
         self._age += 1
         if self._mask is not None:
@@ -250,14 +252,14 @@ def _motion(flow: Flow, full_px: float) -> Plane:
 
 
 def warp_forward(plane: Plane, flow: Flow, size: tuple[int, int]) -> Plane:
-    """A plane of the previous frame, moved along the flow: float32 (h, w), as `plane`.
+    """A plane of the previous frame, moved along the flow: float32, as `plane`.
 
     Args:
-        plane: float32 (h, w), a grid over the frame.
+        plane: float32 (h, w) or (h, w, channels), a grid over the frame.
         flow: from the previous frame to this one, px of the frame, on a grid of any size.
         size: (width, height) of the frame, px.
     """
-    height, width = plane.shape
+    height, width = plane.shape[:2]
     coarse = np.asarray(cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
     cells = np.array([width / size[0], height / size[1]], np.float32)
     return np.asarray(warp_back(plane, -coarse * cells), np.float32)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
 from pipeline.colour.lab8 import Lab8, LabPlanes
-from pipeline.frames import Flow, Frame
-from pipeline.kernels.executors import INLINE, FrameExecutor
+from pipeline.frames import Flow
 from pipeline.kernels.jit import kernel
 from pipeline.kernels.selection import column_medians
 from pipeline.perception.backward_maps import BackwardMaps, warp_back_mapped
+from pipeline.perception.flow.warp import warp_back
 
 RESIDUAL_STEPS = 4
 """Steps of a residual per CIELAB unit."""
@@ -99,24 +99,31 @@ def denoise(
     return mixed, residual
 
 
-def blend_with_past(
-    picture: Frame, past: Frame, residual: NDArray[np.uint8], memory: float, background: FrameExecutor = INLINE
-) -> Frame:  # fmt: skip
-    """Blend an output with the previous output where the source agrees with its past, so that changes fade in.
+def flow_error(before: Lab8, now: LabPlanes, flow: Flow) -> NDArray[np.uint8]:
+    """The error of the flow as zhang2011online prints it: uint8 (h, w), quarter CIELAB units, at the target.
+
+    The colour of each pixel of the frame before is compared with the bilinear sample of this frame where the flow
+    leads. A target with several sources has the largest of their errors, one without source has 0.
 
     Args:
-        picture: uint8 (h, w, 3), this output.
-        past: the previous output, warped to this frame (`warp_back_mapped`); overwritten with the result.
-        residual: residual of the source, see `denoise`.
-        memory: weight of the previous output where the residual is 0, 0..0.95; it falls to 1/e at `FADE_TOLERANCE`.
-
-    Returns: `past`, uint8 (h, w, 3).
+        before: uint8 (h, w, 3).
+        now: uint8 (3, h, w).
+        flow: from `before` to `now`, float32 (h, w, 2), px.
     """
-    weights = past_weights(memory)
-    background.rows(
-        lambda first, last: _fade(picture[first:last], past[first:last], residual[first:last], weights), len(picture)
-    )
-    return past
+    height, width = before.shape[:2]
+    moved = np.asarray(warp_back(np.asarray(cv2.merge(list(now)), np.uint8), flow), np.uint8)
+    error, found = np.empty(height * width, np.uint8), np.zeros(height * width, np.uint8)
+    _difference(_rows(before), _rows(moved), error)
+    y, x = np.mgrid[:height, :width]
+    x, y = x + np.floor(flow[..., 0] + 0.5).astype(np.int64), y + np.floor(flow[..., 1] + 0.5).astype(np.int64)
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    np.maximum.at(found, (y * width + x)[inside], error[inside.ravel()])
+    return found.reshape(height, width)
+
+
+def _rows(lab: Lab8) -> NDArray[np.uint8]:
+    """The planes of a picture, uint8 (3, h * w)."""
+    return np.ascontiguousarray(lab.reshape(-1, 3).T)
 
 
 def past_weights(memory: float) -> NDArray[np.int32]:
@@ -172,16 +179,3 @@ def _mix(now: NDArray[np.uint8], past: NDArray[np.uint8], weights: NDArray[np.in
         a, b = now[plane], past[plane]
         for k in range(weights.size):
             b[k] = np.uint8(a[k] + ((np.int32(weights[k]) * (np.int32(b[k]) - np.int32(a[k])) + 128) >> 8))
-
-
-@kernel
-def _fade(picture: Frame, past: Frame, residual: NDArray[np.uint8], weights: NDArray[np.int32]) -> None:
-    """Overwrite `past` with the blend."""
-    height, width = residual.shape
-    by_byte = np.empty(3 * width, np.int32)
-    for y in range(height):
-        for x in range(width):
-            by_byte[3 * x] = by_byte[3 * x + 1] = by_byte[3 * x + 2] = weights[residual[y, x]]
-        now, then = picture[y].reshape(by_byte.size), past[y].reshape(by_byte.size)
-        for k in range(by_byte.size):  # this vectorises
-            then[k] = np.uint8(now[k] + ((by_byte[k] * (np.int32(then[k]) - np.int32(now[k])) + 128) >> 8))

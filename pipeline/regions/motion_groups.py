@@ -41,7 +41,8 @@ GROUPS = GroupParams()
 
 
 def motion_groups(
-    free: Mask, labels: Labels, motion: list[Flow], edges: Edges, small: Frame, smallest_px: int, first: int
+    free: Mask, labels: Labels, motion: list[Flow], edges: Edges, small: Frame, smallest_px: int, first: int,
+    half_width_px: float = GROUPS.min_half_width_px,
 ) -> Labels:  # fmt: skip
     """Group free pixels by motion: labels `first`, `first` + 1, ... of new groups, int32 (h, w), 0 elsewhere.
 
@@ -55,10 +56,11 @@ def motion_groups(
         small: uint8 (h, w, 3), the frame, in which corners are detected.
         smallest_px: smallest area of a new group, px.
         first: first unused label.
+        half_width_px: smallest half-width of a new group, px.
     """
     if not motion:
         return np.zeros(labels.shape, np.int32)
-    free = _without_specks(free, smallest_px)
+    free = _without_specks(free, smallest_px, half_width_px)
     if not free.any():
         return np.zeros(labels.shape, np.int32)
     velocity = _smooth(np.concatenate(motion, axis=-1), free)
@@ -145,14 +147,14 @@ def _neighbour_with_same_motion(mask: Mask, labels: Labels, velocity: NDArray[np
     return best
 
 
-def _without_specks(mask: Mask, smallest_px: int) -> Mask:
+def _without_specks(mask: Mask, smallest_px: int, half_width_px: float) -> Mask:
     """Remove thin threads and areas that are too small or too thin."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     parts, areas = components(opened.astype(np.int32))
     depth = cv2.distanceTransform(opened, cv2.DIST_L2, 3)
     half_width = np.zeros(len(areas), np.float32)
     np.maximum.at(half_width, parts.ravel(), depth.ravel())
-    return np.asarray((opened > 0) & (areas[parts] >= smallest_px) & (half_width[parts] >= GROUPS.min_half_width_px))
+    return np.asarray((opened > 0) & (areas[parts] >= smallest_px) & (half_width[parts] >= half_width_px))
 
 
 def _corners(small: Frame, free: Mask) -> NDArray[np.intp]:

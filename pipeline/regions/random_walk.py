@@ -8,6 +8,7 @@ another frame whose label is known, or nothing. Each label is one right-hand sid
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Flow, Labels, Plane
+from pipeline.kernels.executors import INLINE, FrameExecutor, Ready
 from pipeline.kernels.jit import kernel
 from pipeline.solvers import Multigrid
 
@@ -122,7 +124,7 @@ def probabilities(
 
 def vote(
     choices: NDArray[np.int32], weights: NDArray[np.float32], edges: Edges, *, leak: float = 0.003, margin: int = 12,
-    certainty: float = 0.5, tolerance: float = 1e-2,
+    certainty: float = 0.5, tolerance: float = 1e-2, background: FrameExecutor = INLINE,
 ) -> tuple[Labels, Plane]:  # fmt: skip
     """Most probable label of each pixel, from links to other frames.
 
@@ -136,6 +138,7 @@ def vote(
         margin: a label is computed in the bounding box of its votes, enlarged by this margin, px.
         certainty: least probability of a label.
         tolerance: tolerance of the solver.
+        background: its helper computes labels while the caller computes the one of the largest box.
 
     Returns:
         Labels, int32 (h, w), 0 = none, and their probabilities, float32 (h, w).
@@ -146,14 +149,22 @@ def vote(
     absorb = np.empty((height, width), np.float32)
     _add_up(choices, weights, 0, (0, 0), np.float32(leak), absorb)
     best, chance = np.zeros((height, width), np.int32), np.full((height, width), certainty, np.float32)
-    for label, box in _boxes(choices, weights, margin):
+
+    def chances(label: int, box: tuple[slice, slice]) -> Plane:
         share = absorb[box]
         source = np.empty(share.shape, np.float32)
         _add_up(choices, weights, label, (box[0].start, box[1].start), np.float32(0), source)
         right, down = edges[0][box][:, : share.shape[1] - 1], edges[1][box][: share.shape[0] - 1]
         matrix = Multigrid(np.zeros(share.shape, np.bool_), right=right, down=down, absorb=share)
-        found = matrix.solve(source, source=source, start=source / share, tolerance=tolerance).x
-        _keep_better(found, label, best[box], chance[box])
+        return matrix.solve(source, source=source, start=source / share, tolerance=tolerance).x
+
+    boxes = _boxes(choices, weights, margin)
+    largest = max(boxes, key=lambda each: absorb[each[1]].size, default=None)
+    pending = {each[0]: background.submit_parallel(partial(chances, *each)) for each in boxes if each is not largest}
+    if largest is not None:
+        pending[largest[0]] = Ready(chances(*largest))
+    for label, box in boxes:
+        _keep_better(pending[label].result(), label, best[box], chance[box])
     return best, np.where(best > 0, chance, 0).astype(np.float32)
 
 

@@ -21,6 +21,8 @@ NOISE = 5.0
 """CIELAB difference from a region's mean that never removes a pixel: camera noise and JPEG artefacts."""
 LEAST_DISTINCT_PX = 8.0
 """Least area of a region that is kept because of its contrast."""
+MIXTURE_DEVIATION = np.float32(0.3)
+"""Largest distance of a mixture from the straight line between two colours, relative to their distance."""
 
 
 @kernel
@@ -183,56 +185,59 @@ def _release(
 
 @kernel
 def merge_table(
-    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], first_new: int,
-    similar: np.float32, distinct: np.float32,
+    labels: Labels, means: Means, areas: NDArray[np.int64], smallest: NDArray[np.int32], thinnest: float,
+    first_alike: int, similar: np.float32, distinct: np.float32,
 ) -> NDArray[np.int32]:  # fmt: skip
     """Label that each region is merged into, or its own label: int32 (regions + 1,).
 
-    A region with an area below `smallest` is merged into its most similar neighbour; if even that one differs by more
-    than `distinct` CIELAB units, the limit falls in inverse proportion to the difference, to `LEAST_DISTINCT_PX` at
-    least. A region that is new in this frame (label >= `first_new`) is merged into the most similar neighbour within
-    `similar` CIELAB units.
+    The candidate is the neighbour with the most similar mean colour among the larger ones. A region is merged into it
+
+    - within `similar` CIELAB units, if its label is at least `first_alike`;
+    - if its area is below `smallest`. If the candidate differs by more than `distinct` CIELAB units, this limit falls
+      in inverse proportion to the difference, to `LEAST_DISTINCT_PX` at least;
+    - if it is narrower than `thinnest` px, and its colour is a mixture of the candidate's and another neighbour's: a
+      sliver along a blurred or moving edge.
+
+    All regions may merge, old and new ones: otherwise those that a moving camera makes would add up. It does not make
+    them pop: a region is made only where pixels differ by far more than `similar`.
+
+    Departure: zhang2011online does not merge regions.
     """
     count = means.shape[0]
     best = np.full(count, np.float32(1e9))
     target = np.arange(count).astype(np.int32)
-    mergeable = np.zeros(count, np.int32)
-    for label in range(count):
-        mergeable[label] = label >= first_new or areas[label] < smallest[label]
+    lengths = np.zeros(count, np.int64)
+    places = _border_places(labels)
     height, width = labels.shape
-    edge = np.empty(width, np.uint8)
-    places = np.empty(width, np.int32)
-    may, may_below = np.empty(width, np.int32), np.empty(width, np.int32)
-    for x in range(width):
-        may_below[x] = mergeable[np.uint32(labels[0, x])]
-    for y in range(height):
-        row, low = labels[y], labels[min(y + 1, height - 1)]
-        may, may_below = may_below, may
-        for x in range(width):  # this and the next loop vectorise
-            may_below[x] = mergeable[np.uint32(low[x])]
-        for x in range(width - 1):
-            beside = (row[x] != row[x + 1]) & ((may[x] | may[x + 1]) != 0)
-            below = (row[x] != low[x]) & ((may[x] | may_below[x]) != 0)
-            edge[x] = np.uint8(beside | below)
-        edge[width - 1] = row[width - 1] != low[width - 1]
-        for x in places[: nonzero_positions(edge, places)]:
-            own = row[x]
-            for other in (row[min(x + 1, width - 1)], low[x]):
-                if other == own or not (mergeable[own] or mergeable[other]):
-                    continue
-                dl = (means[own, 0] - means[other, 0]) * np.float32(100.0 / 255.0)
-                da = means[own, 1] - means[other, 1]
-                db = means[own, 2] - means[other, 2]
-                distance = np.float32(np.sqrt(dl * dl + da * da + db * db))
-                for one, two in ((own, other), (other, own)):
-                    small = areas[one] < smallest[one]
-                    recent = one >= first_new and distance < similar
-                    if (small or recent) and distance < best[one] and _may_merge_into(one, two, areas):
-                        best[one] = distance
-                        target[one] = two
+    for at in places:
+        y, x = at // width, at % width
+        own = labels[y, x]
+        for other in (labels[y, min(x + 1, width - 1)], labels[min(y + 1, height - 1), x]):
+            if other == own:
+                continue
+            lengths[own] += 1
+            lengths[other] += 1
+            one, two = (own, other) if _may_merge_into(own, other, areas) else (other, own)
+            distance = _distance(means, one, two)
+            if distance < best[one]:
+                best[one], target[one] = distance, two
+    sliver = np.zeros(count, np.bool_)
     for label in range(count):
-        limit = np.float32(smallest[label]) * distinct / max(best[label], distinct, np.float32(1))
-        if best[label] >= similar and areas[label] >= max(limit, np.float32(LEAST_DISTINCT_PX)):
+        sliver[label] = 2 * areas[label] < thinnest * lengths[label]
+    mixed = np.zeros(count, np.bool_)
+    for at in places:
+        y, x = at // width, at % width
+        own = labels[y, x]
+        for other in (labels[y, min(x + 1, width - 1)], labels[min(y + 1, height - 1), x]):
+            for one, two in ((own, other), (other, own)):
+                if one != two and sliver[one] and not mixed[one] and target[one] != one:
+                    mixed[one] = _is_mixture(means, target[one], one, two)
+    for label in range(count):
+        limit = np.float32(smallest[label])
+        if best[label] > distinct:
+            limit = max(limit * distinct / best[label], min(limit, np.float32(LEAST_DISTINCT_PX)))
+        apart = best[label] >= similar or label < first_alike
+        if apart and areas[label] >= limit and not mixed[label]:
             target[label] = label
     for label in range(count):
         end = label
@@ -240,6 +245,42 @@ def merge_table(
             end = target[end]
         target[label] = end
     return target
+
+
+@kernel
+def _border_places(labels: Labels) -> NDArray[np.int32]:
+    """Flat indices of the pixels with another region to their right or below them."""
+    height, width = labels.shape
+    edge, found = np.zeros(width, np.uint8), np.empty(labels.size, np.int32)
+    count = 0
+    for y in range(height):
+        row, low = labels[y], labels[min(y + 1, height - 1)]
+        for x in range(width - 1):  # this vectorises
+            edge[x] = np.uint8((row[x] != row[x + 1]) | (row[x] != low[x]))
+        edge[width - 1] = row[width - 1] != low[width - 1]
+        count = nonzero_positions(edge, found, y * width, count)
+    return found[:count]
+
+
+@kernel
+def _distance(means: Means, one: int, two: int) -> np.float32:
+    """CIELAB distance of two mean colours."""
+    dl = (means[one, 0] - means[two, 0]) * np.float32(100.0 / 255.0)
+    da, db = means[one, 1] - means[two, 1], means[one, 2] - means[two, 2]
+    return np.float32(np.sqrt(dl * dl + da * da + db * db))
+
+
+@kernel
+def _is_mixture(means: Means, one: int, between: int, two: int) -> bool:
+    """Whether the colour `between` lies about on the line between the colours `one` and `two`."""
+    square = along = off = np.float32(0)
+    for c in range(3):
+        span, part = means[two, c] - means[one, c], means[between, c] - means[one, c]
+        square += span * span
+        along += span * part
+        off += part * part
+    share = along / max(square, np.float32(1))
+    return bool(0 < share < 1 and off - along * share <= MIXTURE_DEVIATION * MIXTURE_DEVIATION * square)
 
 
 @kernel

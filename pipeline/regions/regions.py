@@ -146,3 +146,44 @@ def relabel(
             run += stayed
         arrived[name] += run
     return arrived
+
+
+@kernel
+def carried(
+    labels: Labels, propagated: Labels, colours: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """Mean of what the pixels of each region had in the previous frame, and the share of its pixels that had it.
+
+    Args:
+        labels: int32 (h, w), 0..regions.
+        propagated: int32 (h, w), labels of the previous frame moved to this one, 0 = none; or `NOT_PROPAGATED`.
+        colours: float64 (previous regions + 1, columns), by label of the previous frame.
+
+    Returns: float64 (regions + 1, columns), 0 where no pixel was known; and float64 (regions + 1,), 0..1.
+    """
+    count, columns = 1, colours.shape[1]
+    for row in labels:
+        for label in row:
+            count = max(count, label + 1)
+    sums, known, areas = np.zeros((count, columns)), np.zeros(count), np.zeros(count)
+    if propagated.shape != labels.shape:
+        return sums, known
+    height, width = labels.shape
+    for y in range(height):
+        label, origin, run = labels[y, 0], propagated[y, 0], 0
+        for x in range(width + 1):  # runs of one label and one origin
+            if x == width or labels[y, x] != label or propagated[y, x] != origin:
+                areas[label] += run
+                if origin > 0:
+                    known[label] += run
+                    for c in range(columns):
+                        sums[label, c] += run * colours[origin, c]
+                if x == width:
+                    break
+                label, origin, run = labels[y, x], propagated[y, x], 0
+            run += 1
+    for label in range(count):
+        for c in range(columns):
+            sums[label, c] /= max(known[label], 1.0)
+        known[label] /= max(areas[label], 1.0)
+    return sums, known

@@ -40,8 +40,10 @@ class FillParams(NamedTuple):
     edges."""
     first_growth: float = 0.5
     """Fraction of the growing limit that applies until all details have been found."""
+    thinnest_px: float = 1.5
+    """Regions that are narrower are merged if their colour is a mixture of those beside them."""
     speck_px: int = 4
-    """Regions with fewer pixels are merged at any frame size."""
+    """Regions with fewer pixels are merged at any frame size, unless none is merged for its size."""
 
 
 FILLING = FillParams()
@@ -115,18 +117,18 @@ def append_rows(sums: Sums, more: int) -> Sums:
 
 @kernel
 def finalize_regions(
-    labels: Labels, propagated: Labels, sums: Sums, first_new: int, areas_before: NDArray[np.int32],
+    labels: Labels, propagated: Labels, sums: Sums, firsts: tuple[int, int], areas_before: NDArray[np.int32],
     growing_limit: float, smallest: float, differences: tuple[float, float],
 ) -> tuple[Sums, NDArray[np.int32], NDArray[np.float32]]:  # fmt: skip
     """Third pass: merge small and similar regions, number labels densely (in place), and match the previous frame.
 
     Args:
         propagated: int32 (h, w), labels propagated from the previous frame, or `NOT_PROPAGATED`.
-        first_new: smallest label of a region that is new in this frame.
+        firsts: smallest label of a region that is new in this frame, and of one that may be merged because it is alike.
         areas_before: areas of the previous frame's regions by label, px.
         growing_limit: growing limit at importance 0.2, CIELAB units.
-        smallest: area below which a region is merged at importance 0, px; a fifth of it at importance 1.
-        differences: difference of mean colours below which a new region is merged, and above which a region may be
+        smallest: area below which a region is merged at importance 0, px; a fifth of it at importance 1; 0 = none is.
+        differences: difference of mean colours below which a region is merged, and above which a region may be
             smaller, CIELAB units, see `merge_table`.
 
     Returns: sums of the regions; for each region its label in the previous frame (0 = new), and alpha of equation 4:
@@ -134,11 +136,14 @@ def finalize_regions(
     """
     count = sums.shape[0]
     specks = np.empty(count, np.int32)
+    fewest = float(FILLING.speck_px) if smallest > 0 else 0.0
     for label in range(count):
         strict = sums[label, LIMIT] / max(sums[label, AREA], 1) / growing_limit  # 1.2 - importance
-        specks[label] = max(float(FILLING.speck_px), smallest * min(max(strict - 0.2, 0.2), 1.0))
+        specks[label] = max(fewest, smallest * min(max(strict - 0.2, 0.2), 1.0))
+    first_new, first_alike = firsts
+    thinnest = FILLING.thinnest_px if smallest > 0 else 0.0
     similar, distinct = np.float32(differences[0]), np.float32(differences[1])
-    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, first_new, similar, distinct)
+    table = merge_table(labels, means_of(sums), sums[:, AREA].copy(), specks, thinnest, first_alike, similar, distinct)
     sums, names, old = merge(sums, table)
     arrived = relabel(labels, names[table], propagated, names, sums.shape[0] - 1)
     alpha = np.zeros(old.size, np.float32)

@@ -35,7 +35,7 @@ class SegmenterParams:
         misfit_slack: a propagated pixel leaves its region beyond this multiple of the growing limit.
         core_slack: a pixel leaves a new region beyond this multiple of the growing limit.
         boundary_margin: a boundary pixel changes region if the other one fits better by more than this.
-        merge_similar: a new region joins a neighbour whose mean colour is nearer than this.
+        merge_similar: a region joins a larger neighbour whose mean colour is nearer than this.
         smallest_region: area below which a region is merged, share of the frame at importance 0; a fifth of it at
             importance 1.
         distinct: a region whose mean colour differs by more from that of every neighbour may be smaller.
@@ -72,6 +72,7 @@ class Segmentation:
         previous: int32 (n + 1,), label in the previous frame; 0 = the region is new.
         alpha: float32 (n + 1,), alpha of equation 4: pixels kept / sqrt(area before * area now); 0 = new.
         residual: number of pixels that propagation left unlabelled; all pixels at a cut.
+        propagated: int32 (h, w), labels of the previous frame moved to this one, 0 = none; `NOT_PROPAGATED` at a cut.
     """
 
     labels: Labels
@@ -81,6 +82,7 @@ class Segmentation:
     previous: NDArray[np.int32]
     alpha: NDArray[np.float32]
     residual: int
+    propagated: Labels
 
 
 class Segmenter:
@@ -133,7 +135,7 @@ class Segmenter:
         left = int(sums[0, AREA])
         if left:
             sums = self._complete(labels, lab, edges.result(), limit, sums, grow_first=not fading)
-        return self._finish(labels, propagated, sums, left)
+        return self._finish(labels, propagated, sums, left, fading)
 
     def _limit(self, importance: Plane) -> NDArray[np.uint8]:
         """20 (1.2 - I(p)), uint8 (h, w), CIELAB units."""
@@ -190,18 +192,23 @@ class Segmenter:
         return sums
 
     def _finish(
-        self, labels: Labels, propagated: Labels, sums: Sums, residual: int
+        self, labels: Labels, propagated: Labels, sums: Sums, residual: int, fading: bool
     ) -> Segmentation:  # fmt: skip
-        """Merge small and similar regions, give ids, and match the regions of the previous frame."""
+        """Merge small and similar regions, give ids, and match the regions of the previous frame.
+
+        In a fade, only new regions are merged because they are alike: in the dark, all colours are.
+        """
         known = self.last
         first_new, areas_before = (1, NO_AREAS) if known is None else (len(known.ids), known.areas)
         sums, previous, alpha = finalize_regions(
-            labels, propagated, sums, first_new, areas_before,
+            labels, propagated, sums, (first_new, first_new if fading else 1), areas_before,
             self.scaled.growing_limit, self.scaled.smallest_region * labels.size,
             (self.scaled.merge_similar, self.scaled.distinct),
         )  # fmt: skip
         areas = sums[:, AREA].astype(np.int32)
-        self.last = Segmentation(labels, self._ids(previous), areas, means_of(sums), previous, alpha, residual)
+        self.last = Segmentation(
+            labels, self._ids(previous), areas, means_of(sums), previous, alpha, residual, propagated
+        )
         return self.last
 
     def _ids(self, previous: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -229,5 +236,5 @@ class Segmenter:
             rows = len(state["ids"])
             self.last = Segmentation(
                 state["labels"], state["ids"], state["areas"], state["means"],
-                np.zeros(rows, np.int32), np.zeros(rows, np.float32), 0,
+                np.zeros(rows, np.int32), np.zeros(rows, np.float32), 0, NOT_PROPAGATED,
             )  # fmt: skip

@@ -60,43 +60,40 @@ def _amid_four(stencil: Doubles, weights: Doubles, i: int, j: int) -> None:
 @kernel
 def coarse_stencil(stencil: Doubles, weights: Doubles, out: Doubles) -> None:
     """Add P' A P to `out` (5, h' + 2, w' + 2), initially zero, one row of A at a time."""
-    _, height, width = stencil.shape
+    centre, east, south, south_east, south_west = stencil
+    height, width = centre.shape
     row = np.zeros((3, 3))
     for i in range(1, height - 1):
         for j in range(1, width - 1):
-            if stencil[0, i, j] > 0:
+            if centre[i, j] > 0:
                 row[:] = 0.0
-                _row_times_weights(stencil, weights, i, j, row)
+                _add_entry(-south_east[i - 1, j - 1], (i - 1, j - 1), (i, j), weights, row)
+                _add_entry(-south[i - 1, j], (i - 1, j), (i, j), weights, row)
+                _add_entry(-south_west[i - 1, j + 1], (i - 1, j + 1), (i, j), weights, row)
+                _add_entry(-east[i, j - 1], (i, j - 1), (i, j), weights, row)
+                _add_entry(centre[i, j], (i, j), (i, j), weights, row)
+                _add_entry(-east[i, j], (i, j + 1), (i, j), weights, row)
+                _add_entry(-south_west[i, j], (i + 1, j - 1), (i, j), weights, row)
+                _add_entry(-south[i, j], (i + 1, j), (i, j), weights, row)
+                _add_entry(-south_east[i, j], (i + 1, j + 1), (i, j), weights, row)
                 _add_outer(weights, i, j, row, out)
 
 
 @kernel
-def _row_times_weights(stencil: Doubles, weights: Doubles, i: int, j: int, row: Doubles) -> None:
-    """Compute the row of A P of pixel (i, j); `row` covers the 3 x 3 coarse pixels from (i // 2, j // 2) on."""
-    for di in range(-1, 2):
-        for dj in range(-1, 2):
-            a = _entry(stencil, i, j, di, dj)
-            if a != 0.0:
-                y, x = i + di, j + dj
-                top, below = (y + 1) // 2 - i // 2, y // 2 + 1 - i // 2
-                left, beyond = (x + 1) // 2 - j // 2, x // 2 + 1 - j // 2
-                row[top, left] += a * weights[0, y, x]
-                if beyond > left:
-                    row[top, beyond] += a * weights[1, y, x]
-                if below > top:
-                    row[below, left] += a * weights[2, y, x]
-                    if beyond > left:
-                        row[below, beyond] += a * weights[3, y, x]
-
-
-@kernel
-def _entry(stencil: Doubles, i: int, j: int, di: int, dj: int) -> float:
-    if di == 0:
-        value: float = stencil[0, i, j] if dj == 0 else -stencil[1, i, j + min(dj, 0)]
-    else:
-        plane = 2 if dj == 0 else 3 if di == dj else 4
-        value = -stencil[plane, i, j] if di > 0 else -stencil[plane, i - 1, j + dj]
-    return value
+def _add_entry(a: float, at: tuple[int, int], pixel: tuple[int, int], weights: Doubles, row: Doubles) -> None:
+    """Add entry `a` of the matrix, for the pixel `at` in the row of `pixel`, to that row of A P; `row` covers the 3 x 3
+    coarse pixels from (i // 2, j // 2) on."""
+    if a != 0.0:
+        (y, x), (i, j) = at, pixel
+        top, below = (y + 1) // 2 - i // 2, y // 2 + 1 - i // 2
+        left, beyond = (x + 1) // 2 - j // 2, x // 2 + 1 - j // 2
+        row[top, left] += a * weights[0, y, x]
+        if beyond > left:
+            row[top, beyond] += a * weights[1, y, x]
+        if below > top:
+            row[below, left] += a * weights[2, y, x]
+            if beyond > left:
+                row[below, beyond] += a * weights[3, y, x]
 
 
 @kernel

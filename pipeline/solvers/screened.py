@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Plane
 from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.solvers.multigrid import Multigrid
 
@@ -30,7 +31,9 @@ DAMPING = 0.8
 Field = NDArray[np.float32]
 
 
-def solve_screened(absorb: Plane, source: Field, buffers: Buffers | None = None) -> Field:
+def solve_screened(
+    absorb: Plane, source: Field, buffers: Buffers | None = None, background: FrameExecutor = INLINE
+) -> Field:  # fmt: skip
     """Solve the equation for all channels of `source`, with Neumann borders.
 
     Args:
@@ -38,6 +41,7 @@ def solve_screened(absorb: Plane, source: Field, buffers: Buffers | None = None)
             where a = 0 everywhere, x = 0.
         source: the terms b, float32 (h, w, channels).
         buffers: working memory. It contains the solution until the next call with the same `buffers`.
+        background: may take rows of a sweep.
 
     Returns:
         x, float32 (h, w, channels).
@@ -48,7 +52,7 @@ def solve_screened(absorb: Plane, source: Field, buffers: Buffers | None = None)
         levels.append(_halved(*levels[-1]))
     x = _solved(*levels.pop())
     for (a, b), sweeps, name in reversed(list(zip(levels, SWEEPS.values(), SWEEPS, strict=True))):
-        x = _relaxed(a, b, x, sweeps, (buffers, name))
+        x = _relaxed(a, b, x, sweeps, (buffers, name), background)
     return x
 
 
@@ -68,7 +72,9 @@ def _solved(absorb: Plane, source: Field) -> Field:
     return np.ascontiguousarray(np.moveaxis(x, 0, -1))
 
 
-def _relaxed(absorb: Plane, source: Field, coarse: Field, sweeps: int, memory: tuple[Buffers, str]) -> Field:
+def _relaxed(
+    absorb: Plane, source: Field, coarse: Field, sweeps: int, memory: tuple[Buffers, str], background: FrameExecutor
+) -> Field:  # fmt: skip
     """The solution `coarse`, interpolated to the shape of `source` and relaxed."""
     (height, width, channels), (buffers, name) = source.shape, memory
     padded = (height + 2, (width + 2) * channels)
@@ -79,8 +85,13 @@ def _relaxed(absorb: Plane, source: Field, coarse: Field, sweeps: int, memory: t
     factor = buffers.get(f"{name} diagonal", (height, width * channels))
     _inverse_diagonal(absorb, channels, factor)
     right = source.reshape(height, width * channels)
+
+    def relax(first: int, last: int) -> None:
+        rows, padded_rows = slice(first, last), slice(first, last + 2)
+        _relax(now[padded_rows], right[rows], factor[rows], channels, other[padded_rows])
+
     for _ in range(sweeps):
-        _relax(now, right, factor, channels, other)
+        background.rows(relax, height)
         now, other = other, now
     return now[inner].reshape(source.shape)
 

@@ -13,7 +13,7 @@ they show the same surface.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.kernels.jit import kernel
+from pipeline.strokes.emboss import Painted
 
 
 class AccumulationParams(NamedTuple):
@@ -56,21 +57,37 @@ class Painting:
     """A painted frame with the data that aligns it to its neighbours.
 
     Attributes:
-        paint: uint8 (h, w, 3), such as `emboss` returns.
+        paint: uint8 or uint16 (h, w, 3), such as `emboss` returns.
         picture: uint8 (h', w', 3), the picture that was painted, possibly smaller.
         back: float32 (h', w', 2), flow from this frame to the one before, px of `picture`; None = a shot begins.
         attention: float32, a grid of any size over the frame, 0..1: where a change counts up to 1 +
             ACCUMULATION.attention times; None = 0.
+        coverage: float32 (h, w), 0..1, share of each pixel that is painted; None = 1.
     """
 
-    paint: Frame
+    paint: Painted
     picture: Frame
     back: Flow | None
     attention: Plane | None = None
+    coverage: Plane | None = None
 
 
-def accumulate(now: Painting, past: Sequence[Painting]) -> Frame:
-    """Average a painting with the previous ones where they show the same surface: uint8 (h, w, 3).
+def accumulated_coverage(now: Painting, past: Sequence[Painting]) -> Plane | None:
+    """The coverage of `accumulate`: that of the paintings, averaged with the same weights; None = 1."""
+    if now.coverage is None:
+        return None
+    mean = accumulate(_coverage_as_paint(now), [_coverage_as_paint(before) for before in past])
+    return np.asarray(mean[..., 0] / np.float32(65535), np.float32)
+
+
+def _coverage_as_paint(painting: Painting) -> Painting:
+    assert painting.coverage is not None
+    plane = np.rint(painting.coverage * 65535).astype(np.uint16)
+    return replace(painting, paint=np.dstack([plane] * 3))
+
+
+def accumulate(now: Painting, past: Sequence[Painting]) -> Painted:
+    """Average a painting with the previous ones where they show the same surface, (h, w, 3) of the same type.
 
     Args:
         past: paintings of the previous frames, latest first.
@@ -123,14 +140,15 @@ def _neighbours(
 
 
 @kernel
-def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) -> None:
+def _add(paint: Painted, flow: Flow, change: Plane, mean: Painted, weight: Plane) -> None:
     """Average an earlier painting into the mean, in place.
 
     Args:
-        paint: uint8 (h, w, 3).
+        paint: uint8 or uint16 (h, w, 3).
         flow: float32 (h', w', 2), flow to the earlier painting on a grid over the picture, px of that grid.
         change: float32 (h", w"), a grid over the picture, see `_surface_change`.
-        mean, weight: uint8 (h, w, 3) and float32 (h, w): the weighted mean of paintings, and the sum of their weights.
+        mean, weight: the type of `paint`, (h, w, 3), and float32 (h, w): the weighted mean of paintings, and the sum of
+            their weights.
     """
     height, width = weight.shape
     half, zero, one = np.float32(0.5), np.float32(0), np.float32(1)
@@ -200,7 +218,7 @@ def _add(paint: Frame, flow: Flow, change: Plane, mean: Frame, weight: Plane) ->
             parts[3 * x], parts[3 * x + 1], parts[3 * x + 2] = part, part, part
         for i in range(3 * width):
             value = np.float32(own[i])
-            own[i] = np.uint8(np.int32(value + parts[i] * (there[i] - value) + half))
+            own[i] = np.int32(value + parts[i] * (there[i] - value) + half)
 
 
 @kernel
@@ -301,7 +319,7 @@ def _mean_difference(picture: Frame, before: Frame, flow: Flow, out: NDArray[np.
 
 @kernel
 def _interpolated(
-    image: Frame | Flow, left: int, right: int, top: int, bottom: int, a: np.float32, b: np.float32, channel: int
+    image: Painted | Flow, left: int, right: int, top: int, bottom: int, a: np.float32, b: np.float32, channel: int
 ) -> np.float32:
     """A channel of an image or a flow, interpolated bilinearly between four pixels, see `_neighbours`."""
     above, below = np.float32(image[top, left, channel]), np.float32(image[bottom, left, channel])

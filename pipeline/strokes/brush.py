@@ -29,6 +29,9 @@ JITTER_RANGE = 80.0
 """Largest change of a colour channel by jitter 1, gray levels; half of it is common to all three channels."""
 BLACK = 24.0
 """Largest channel of a colour, 0..255, below which jitter is smaller: the bars of a letterboxed film stay black."""
+COLOURED = 16.0
+"""Difference of a colour's largest and smallest channel, gray levels, below which jitter changes its hue less and its
+lightness as before: in a black-and-white film every stroke is gray."""
 
 
 @dataclass(frozen=True)
@@ -165,9 +168,9 @@ def tint(
 ) -> NDArray[np.float32]:
     """Shift and jitter target colours (n, 3) into paint colours; without shift and jitter they stay exactly the same.
 
-    Grays have no hue and stay gray under a shift of saturation. The jitter depends on the stroke's id alone, so it is
-    constant over the stroke's lifetime. `shape`: (height, width, ...) of the picture, if the brush's parameters are
-    on a coarser grid.
+    Grays have no hue and stay gray: shift and jitter change their lightness alone. The jitter depends on the stroke's
+    id and colour alone, so it is constant over the stroke's lifetime. `shape`: (height, width, ...) of the picture, if
+    the brush's parameters are on a coarser grid.
     """
     fields = (brush.hue_deg, brush.saturation, brush.value, brush.jitter)
     at_seeds = sample_all(fields, seeds.xy, _shape_of(fields) if shape is None else shape)
@@ -189,7 +192,9 @@ def shifted(
         colours = _shift(colours, hue, saturation, value)
     if jitter.any():
         noise = draws(ids, seed, Purpose.COLOUR) * 2 - 1
-        stray = np.float32(0.5) * (noise[:, 3:] + noise[:, :3] - noise[:, :3].mean(axis=1, keepdims=True))
+        hues = noise[:, :3] - noise[:, :3].mean(axis=1, keepdims=True)
+        share = np.minimum(np.ptp(targets, axis=1) / np.float32(COLOURED), np.float32(1))
+        stray = np.float32(0.5) * (noise[:, 3:] + hues * share[:, None])
         range_of = np.minimum(colours.max(axis=1), np.float32(BLACK)) * np.float32(JITTER_RANGE / BLACK)
         colours = np.clip(colours + stray * (jitter * range_of)[:, None], 0, 255)
     return colours

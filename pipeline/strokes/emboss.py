@@ -6,17 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Plane
+from pipeline.frames import Plane
 from pipeline.kernels.jit import kernel
 from pipeline.strokes.brush import HEIGHT, Canvas
 from pipeline.strokes.random import Purpose, draws
 from pipeline.strokes.seeds import StyleField
 
+Painted: TypeAlias = NDArray[Any]
+"""A painted frame, uint8 or uint16 (height, width, 3)."""
 WEAVE = 64
 """Side of the weave's tile, px; a power of two, and a multiple of the thread width."""
 
@@ -43,8 +46,8 @@ class Lighting:
     weave_px: StyleField = 0.0
 
 
-def emboss(canvas: Canvas, light: Lighting | None = None) -> Frame:
-    """Shade the canvas: uint8 (h, w, 3).
+def emboss(canvas: Canvas, light: Lighting | None = None, deep: bool = False) -> Painted:
+    """Shade the canvas: uint8 (h, w, 3); uint16, if `deep`.
 
     Colours are multiplied by 1 + strength * slope towards the light, limited to 0.5..1.6. Thick paint fills the weave.
 
@@ -58,8 +61,9 @@ def emboss(canvas: Canvas, light: Lighting | None = None) -> Frame:
     light = light or Lighting()
     x, y = np.float32(math.cos(light.angle_rad)), np.float32(math.sin(light.angle_rad))
     terms = pixel_terms((light.strength, light.gloss, light.weave_px), canvas.shape)
-    out = np.empty((*canvas.shape[:2], 3), np.uint8)
-    _emboss(canvas, (x, y), terms, bool(terms[..., _WEAVE].max() > 0), weave(), out)
+    out: Painted = np.empty((*canvas.shape[:2], 3), np.uint16 if deep else np.uint8)
+    white = np.float32(65535 if deep else 255)
+    _emboss(canvas, (x, y), terms, bool(terms[..., _WEAVE].max() > 0), weave(), (white, white / np.float32(255)), out)
     return out
 
 
@@ -89,12 +93,13 @@ def weave(seed: int = 0) -> Plane:
 @kernel
 def _emboss(
     canvas: NDArray[np.float32], towards: tuple[np.float32, np.float32], terms: NDArray[np.float32], woven: bool,
-    cloth: Plane, out: Frame,
+    cloth: Plane, scale: tuple[np.float32, np.float32], out: Painted,
 ) -> None:  # fmt: skip
     """`towards`: unit vector to the light; `terms`: float32 (h, w, 3) or (1, 1, 3), see `_STRENGTH`; `woven`: whether
-    any pixel has a weave. (A maximum in here would make Numba import linear algebra: 0.2 s at every start.)"""
+    any pixel has a weave; `scale`: value of white in `out`, and of one of its 255 levels. (A maximum in here would
+    make Numba import linear algebra: 0.2 s at every start.)"""
     height, width, channels = canvas.shape
-    lx, ly = towards
+    (lx, ly), (white, step) = towards, scale
     # Flat arrays with unsigned indices, and loops without branches, which vectorise.
     colours, picture = canvas.reshape(-1), out.reshape(-1)
     uniform = terms.shape[0] * terms.shape[1] == 1
@@ -129,9 +134,9 @@ def _emboss(
         for x in range(width):
             pixel, place = np.uintp((start + x) * channels), np.uintp(3 * x)
             mine, plus = shade[np.uintp(x)], shine[np.uintp(x)]
-            line[place] = colours[pixel] * mine + plus + _HALF
-            line[place + np.uintp(1)] = colours[pixel + np.uintp(1)] * mine + plus + _HALF
-            line[place + np.uintp(2)] = colours[pixel + np.uintp(2)] * mine + plus + _HALF
+            line[place] = (colours[pixel] * mine + plus) * step + _HALF
+            line[place + np.uintp(1)] = (colours[pixel + np.uintp(1)] * mine + plus) * step + _HALF
+            line[place + np.uintp(2)] = (colours[pixel + np.uintp(2)] * mine + plus) * step + _HALF
         for i in range(3 * width):
-            value = min(max(line[np.uintp(i)], _ZERO), np.float32(255.0))
-            picture[np.uintp(3 * start + i)] = np.uint8(np.int32(value))
+            value = min(max(line[np.uintp(i)], _ZERO), white)
+            picture[np.uintp(3 * start + i)] = np.int32(value)

@@ -12,7 +12,7 @@ from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.kernels.jit import kernel
 from pipeline.perception.flow.warp import warp_back
-from pipeline.strokes.emboss import pixel_terms
+from pipeline.strokes.emboss import Painted, pixel_terms
 from pipeline.strokes.random import KEPT_TEXTURES, Purpose, draws
 from pipeline.strokes.seeds import StyleField
 
@@ -42,24 +42,26 @@ def paper(seed: int = 0) -> Plane:
     return out
 
 
-def settle_pigment(picture: Frame, rims: Plane, grain: StyleField) -> Frame:
+def settle_pigment(picture: Painted, rims: Plane, grain: StyleField) -> Painted:
     """Darken transparent paint at the rims of wet areas and in the hollows of the paper.
 
     Args:
-        picture: uint8 (h, w, 3).
+        picture: uint8 or uint16 (h, w, 3).
         rims: float32 (h, w), 0..1, relative darkening.
         grain: relative darkening of the darkest paint at a depth of one standard deviation, 0..1; hills become lighter.
     """
     out = np.empty_like(picture)
-    _settle(picture, rims, pixel_terms((grain,), picture.shape)[..., 0], paper(), out)
+    white = np.float32(255 if picture.dtype == np.uint8 else 65535)
+    _settle(picture, rims, pixel_terms((grain,), picture.shape)[..., 0], paper(), white, out)
     return out
 
 
 @kernel
-def _settle(picture: Frame, rims: Plane, grain: Plane, heights: Plane, out: Frame) -> None:
-    """`grain` float32 (h, w) or (1, 1). The loop over a row's colours has no branches and vectorises."""
+def _settle(picture: Painted, rims: Plane, grain: Plane, heights: Plane, white: np.float32, out: Painted) -> None:
+    """`grain`: float32 (h, w) or (1, 1); `white`: its value in the pictures. The loop over a row's colours
+    has no branches and vectorises."""
     height, width = rims.shape
-    uniform = grain.size == 1
+    uniform, level = grain.size == 1, np.float32(1) / white
     given, made = picture.reshape(-1), out.reshape(-1)
     rim, depth = np.empty(3 * width, np.float32), np.empty(3 * width, np.float32)
     strength = np.full(3 * width, grain[0, 0])
@@ -74,9 +76,9 @@ def _settle(picture: Frame, rims: Plane, grain: Plane, heights: Plane, out: Fram
         for i in range(3 * width):
             at, pixel = np.uintp(i), np.uintp(3 * y * width + i)
             value = np.float32(given[pixel])
-            thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * np.float32(1 / 255))
+            thick = np.float32(0.3) + np.float32(0.7) * (_ONE - value * level)
             value *= (_ONE - rim[at] * thick) * (_ONE - strength[at] * thick * depth[at])
-            made[pixel] = np.uint8(np.int32(min(max(value + _HALF, _ZERO), np.float32(255.0))))
+            made[pixel] = np.int32(min(max(value + _HALF, _ZERO), white))
 
 
 class EdgeDarkening:

@@ -6,7 +6,7 @@ Strokes cover each other, so they are painted one after the other in Numba.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import cv2
 import numpy as np
@@ -24,8 +24,8 @@ _TIP = np.float32(0.3)
 
 
 Profiles: TypeAlias = NDArray[np.float32]
-"""Profile of each stroke, `float32` (n, 5): taper at start and end, streaks, dry, soft; see `StrokeProfile`."""
-TAPER_START, TAPER_END, STREAKS, DRY, SOFT = range(5)
+"""Profile of each stroke, `float32` (n, 6): taper at start and end, streaks, dry, soft, bristles (`StrokeProfile`)."""
+TAPER_START, TAPER_END, STREAKS, DRY, SOFT, BRISTLES = range(6)
 """Columns of `Profiles`."""
 
 
@@ -39,16 +39,42 @@ class StrokeProfile:
         dry: fraction of paint missing between bristles towards the end of a stroke, 0..1, at grain 1.
         soft: width over which the edge of an implicit stroke fades, beyond one pixel, in radii. kagaya2011video names
             softer edges as a reason for lower flicker. Explicit strokes have edges of one pixel.
+        bristles: density of the bristle texture: bristles between the centre line and the side of an implicit stroke,
+            of which there is at most one a pixel; explicit strokes have a bristle every 0.7 px at 5.
     """
 
     taper: tuple[float, float] = (0.15, 0.6)
     streaks: float = 36.0
     dry: float = 0.6
     soft: float = 0.18
+    bristles: float = 5.0
 
     def repeated(self, count: int) -> Profiles:
         """The same profile for `count` strokes."""
-        return np.tile(np.array([*self.taper, self.streaks, self.dry, self.soft], np.float32), (count, 1))
+        return np.tile(
+            np.array([*self.taper, self.streaks, self.dry, self.soft, self.bristles], np.float32), (count, 1)
+        )
+
+
+_BRISTLES = np.float32(StrokeProfile.bristles)
+
+
+class StrokeTrace(NamedTuple):
+    """The stroke that is visible at each pixel.
+
+    Attributes:
+        owners: uint32 (h, w), the number (`stroke_numbers`) of the last stroke that covers at least half of a pixel.
+        cover: float32 (h, w), share of the pixel that strokes cover, 0..1.
+    """
+
+    owners: NDArray[np.uint32]
+    cover: Plane
+
+
+def stroke_numbers(ids: Ids) -> NDArray[np.uint32]:
+    """Numbers of strokes, uint32 (n,), by which they are told apart in a picture: hashes of their ids, never 0."""
+    hashed = (ids * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(32)
+    return np.asarray(np.maximum(hashed, np.uint64(1)), np.uint32)
 
 
 def slopes_of(guide: Frame) -> Plane:
@@ -84,7 +110,7 @@ def painting_order(ids: Ids, seed: int = 0) -> NDArray[np.intp]:
 def paint(
     canvas: Canvas, strokes: Strokes, *, seed: int = 0, profile: StrokeProfile | Profiles | None = None,
     guide: Frame | None = None, tolerance: float | NDArray[np.float32] = 80.0, slopes: Plane | None = None,
-    order: NDArray[np.intp] | None = None,
+    trace: StrokeTrace | None = None,
 ) -> Canvas:  # fmt: skip
     """Paint the strokes on the canvas, in place; return it.
 
@@ -98,17 +124,18 @@ def paint(
         tolerance: one for all strokes, or float32 (n,).
         slopes: float32 (h, w), see `slopes_of`: the transition is at least this wide, so that silhouettes are
             anti-aliased; None = 0.
-        order: int (n,), painting order, first to last; None = `painting_order`.
+        trace: is continued, in place; None = not wanted.
     """
     if len(strokes) == 0:
         return canvas
     height, width = canvas.shape[:2]
-    ranks = painting_order(strokes.ids, seed) if order is None else order
+    traced = trace or StrokeTrace(np.empty((0, 0), np.uint32), np.empty((0, 0), np.float32))
     scratch, rows = np.empty((3, height, width), np.float32), np.empty((height, 2), np.int32)
     scratch[0] = 0  # coverage; the other two planes are read only where a stroke has written them
     _paint(
-        canvas, strokes.arrays, ranks, bristle_args(tile(seed), strokes.ids, seed),
-        guide_args(len(strokes), guide, tolerance, slopes), profiles(profile, len(strokes)), scratch, rows,
+        canvas, strokes.arrays, painting_order(strokes.ids, seed), bristle_args(tile(seed), strokes.ids, seed),
+        guide_args(len(strokes), guide, tolerance, slopes), profiles(profile, len(strokes)),
+        (scratch, rows), (traced, stroke_numbers(strokes.ids)),
     )  # fmt: skip
     return canvas
 
@@ -116,11 +143,14 @@ def paint(
 @kernel
 def _paint(
     canvas: Canvas, strokes: StrokeArrays, order: NDArray[np.intp], bristles: BristleArgs, guide: GuideArgs,
-    profile: Profiles, scratch: NDArray[np.float32], rows: NDArray[np.int32],
+    profile: Profiles, scratch: tuple[NDArray[np.float32], NDArray[np.int32]],
+    traces: tuple[StrokeTrace, NDArray[np.uint32]],
 ) -> None:  # fmt: skip
     height, width = canvas.shape[:2]
+    (planes, rows), (seen, numbers) = scratch, traces
+    traced = seen.owners.size > 0
     points = strokes.points
-    cover, along, across = scratch[0], scratch[1], scratch[2]
+    cover, along, across = planes[0], planes[1], planes[2]
     for k in order:
         n, r = strokes.counts[k], strokes.radius_px[k]
         total = _ZERO
@@ -199,6 +229,7 @@ def _paint(
                         rows[y, 1] = max(rows[y, 1], x)
             before += length
         oa, ob = bristles.offsets[k] & 63, bristles.offsets[k] >> 6
+        dense = r * (profile[k, BRISTLES] / _BRISTLES)
         red, green, blue = strokes.colours[k, 0], strokes.colours[k, 1], strokes.colours[k, 2]
         target_r, target_g, target_b = strokes.targets[k, 0], strokes.targets[k, 1], strokes.targets[k, 2]
         g, thick, strength = strokes.grain[k], strokes.relief_px[k], strokes.opacity[k]
@@ -223,13 +254,17 @@ def _paint(
                 t = across[y, x]
                 shade, ridge = _ZERO, _ONE - t * t * t * t
                 if g > _ZERO:
-                    trace = hair(bristles.tile, along[y, x], t, r, oa, ob)
+                    trace = hair(bristles.tile, along[y, x], t, dense, oa, ob)
                     shade = g * profile[k, STREAKS] * (trace - _HALF)
                     ridge *= _ONE - g * (_ONE - trace)
                     if total > _ZERO:
                         late = (along[y, x] / total - _HALF) * np.float32(2.0)
                         if late > _ZERO:
                             a *= _ONE - g * profile[k, DRY] * late * (_ONE if trace < _HALF * late else _ZERO)
+                if traced:
+                    seen.cover[y, x] += a * (_ONE - seen.cover[y, x])
+                    if a >= _HALF:
+                        seen.owners[y, x] = numbers[k]
                 canvas[y, x, 0] += a * (red + shade - canvas[y, x, 0])
                 canvas[y, x, 1] += a * (green + shade - canvas[y, x, 1])
                 canvas[y, x, 2] += a * (blue + shade - canvas[y, x, 2])

@@ -61,19 +61,20 @@ def steepen(picture: Frame, steps: int) -> Frame:
     return out
 
 
-def steepen_wide(colours: NDArray[np.float32], steps: int) -> None:
+def steepen_wide(colours: NDArray[np.float32], steps: int, share: float = 1.0) -> None:
     """Make the wide edges of a painting steeper, in place; narrow edges and texture keep their colours.
 
     Args:
         colours: float32 (h, w, 3 or more): red, green, blue, 0..255, and other channels, which are not read.
         steps: as for `steepen`.
+        share: factor on the share of the steepened colours, 0..1.
     """
     picture = np.empty((*colours.shape[:2], 3), np.uint8)
     _rounded(colours, picture)
     light = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), np.uint8)
     most, least = _range(light)
     wide_most, wide_least = _range(light, _WIDE_SQUARE)
-    _mix_wide(colours, steepen(picture, steps), most - least, wide_most - wide_least)
+    _mix_wide(colours, steepen(picture, steps), most - least, wide_most - wide_least, np.float32(share))
 
 
 def steepened_wide(picture: Frame, steps: int, share: float) -> Frame:
@@ -107,12 +108,12 @@ def _rounded(colours: NDArray[np.float32], out: Frame) -> None:
 
 
 @kernel
-def _mix_wide(colours: NDArray[np.float32], steep: Frame, near: Light, wide: Light) -> None:
-    """Mix in the steepened colours. `near`, `wide`: range of lightness in 3x3 and in 7x7 px."""
+def _mix_wide(colours: NDArray[np.float32], steep: Frame, near: Light, wide: Light, factor: np.float32) -> None:
+    """Mix in the steepened colours. `near`, `wide`: range of lightness in 3x3 and in 7x7 px; a factor on the share."""
     height, width = near.shape
     for y in range(height):
         for x in range(width):
-            share = _wide_share(near[y, x], wide[y, x])
+            share = factor * _wide_share(near[y, x], wide[y, x])
             if share > 0:
                 for c in range(3):
                     colours[y, x, c] += share * (steep[y, x, c] - colours[y, x, c])
@@ -120,7 +121,7 @@ def _mix_wide(colours: NDArray[np.float32], steep: Frame, near: Light, wide: Lig
 
 @kernel
 def _mix_wide_bytes(picture: Frame, steep: Frame, near: Light, wide: Light, factor: np.float32) -> None:
-    """The same for a picture of bytes, with a factor on the share."""
+    """The same for a picture of bytes."""
     height, width = near.shape
     for y in range(height):
         for x in range(width):

@@ -24,7 +24,18 @@ from pipeline.frames import Frame
 from pipeline.kernels.jit import kernel
 from pipeline.strokes.bristles import BristleArgs, bristle_args, fine_tile, soft_hair
 from pipeline.strokes.brush import HEIGHT, Direction, GuideArgs, StrokeArrays, Strokes, guide_args
-from pipeline.strokes.raster import DRY, SOFT, STREAKS, TAPER_END, TAPER_START, Profiles, StrokeProfile, profiles
+from pipeline.strokes.raster import (
+    BRISTLES,
+    DRY,
+    SOFT,
+    STREAKS,
+    TAPER_END,
+    TAPER_START,
+    Profiles,
+    StrokeProfile,
+    profiles,
+    stroke_numbers,
+)
 from pipeline.strokes.trace import trace_along, unit_tangents
 
 TRANSMITTANCE = 4
@@ -46,9 +57,9 @@ class FrontToBack(NamedTuple):
 
 
 _HALF, _ONE, _ZERO = np.float32(0.5), np.float32(1.0), np.float32(0.0)
-_HAIRS, _FINEST, _PULL = np.float32(5.0), np.float32(0.9), np.float32(1.7)
-"""Most bristles between the centre line and the side of a stroke; most bristles a px, since finer ones alias and
-flicker under motion; ratio of a bristle's length to its width, relative to `bristles.tile`."""
+_FINEST, _PULL = np.float32(0.9), np.float32(1.7)
+"""Most bristles a px, since finer ones alias and flicker under motion; ratio of a bristle's length to its width,
+relative to `bristles.tile`."""
 _TIP, _PER_TIP = np.float32(0.3), np.float32(1 / 0.3)
 """Share of a stroke's length in which it tapers, at either end."""
 _STRAIGHT = np.float32(0.1)
@@ -70,6 +81,8 @@ class RasterOptions:
         guide, tolerance: as in `raster.paint`.
         threads: number of horizontal bands that are painted concurrently; it does not change the result.
         tangents: `trace.unit_tangents` of the field; None = computed here.
+        owners: uint32 (h, w): pixels at which a stroke makes more than half of what is seen opaque get its
+            `stroke_numbers`; None = not wanted.
     """
 
     seed: int = 0
@@ -78,6 +91,7 @@ class RasterOptions:
     tolerance: float | NDArray[np.float32] = 80.0
     threads: int = 1
     tangents: NDArray[np.float32] | None = None
+    owners: NDArray[np.uint32] | None = None
 
 
 def empty_buffer(shape: tuple[int, ...]) -> FrontToBack:
@@ -121,9 +135,10 @@ def streamlines_forward(
     bristles = bristle_args(fine_tile(options.seed), starts.ids, options.seed)
     guide = guide_args(len(starts), options.guide, options.tolerance)
     profile = profiles(options.profile, len(starts))
+    traced = None if options.owners is None else (options.owners.reshape(-1), stroke_numbers(starts.ids))
 
     def paint_band(top: int, bottom: int) -> None:
-        _paint_strokes(buffer, strokes.arrays, order, bristles, guide, profile, (top, bottom))
+        _paint_strokes(buffer, strokes.arrays, order, bristles, guide, profile, (top, bottom), traced)
 
     in_bands(paint_band, buffer.paint.shape[0], options.threads)
 
@@ -192,9 +207,10 @@ def _simplify(points: NDArray[np.float32], n: int, line: NDArray[np.float32]) ->
 @kernel
 def _paint_strokes(
     buffer: FrontToBack, strokes: StrokeArrays, order: NDArray[np.intp], bristles: BristleArgs, guide: GuideArgs,
-    profile: Profiles, band: tuple[int, int],
+    profile: Profiles, band: tuple[int, int], traced: tuple[NDArray[np.uint32], NDArray[np.uint32]] | None,
 ) -> None:  # fmt: skip
-    """Paint strokes into the rows [band[0], band[1])."""
+    """Paint strokes into the rows [band[0], band[1]). `traced`: `RasterOptions.owners`, flat, and the numbers of the
+    strokes; the kernel is compiled without them if they are None."""
     width = buffer.paint.shape[1]
     band_top, band_bottom = band
     finished = buffer.finished.reshape(-1)
@@ -317,7 +333,7 @@ def _paint_strokes(
         red, green, blue = strokes.colours[k, 0], strokes.colours[k, 1], strokes.colours[k, 2]
         target_r, target_g, target_b = strokes.targets[k, 0], strokes.targets[k, 1], strokes.targets[k, 2]
         g, thick, strength = strokes.grain[k], strokes.relief_px[k], strokes.opacity[k]
-        spread = min(r * _FINEST, _HAIRS)
+        spread = min(r * _FINEST, profile[k, BRISTLES])
         pull = _PULL * spread / r
         streaks = profile[k, STREAKS]
         for y in range(first_row, last_row + 1):
@@ -350,10 +366,15 @@ def _paint_strokes(
                     if late > _ZERO:
                         a *= _ONE - g * dry * late * (_ONE if trace < _HALF * late else _ZERO)
                 paint = np.uintp((pixel + x) * 5)
-                a *= pixels[paint + _4]
+                behind = pixels[paint + _4]
+                a *= behind
                 pixels[paint] += a * (red + shade)
                 pixels[paint + _1] += a * (green + shade)
                 pixels[paint + _2] += a * (blue + shade)
                 pixels[paint + _3] += a * thick * ridge
                 pixels[paint + _4] -= a
                 finished[np.uintp(pixel + x)] = pixels[paint + _4] <= _OPAQUE
+                if traced is not None:  # an `if` of its own, which Numba leaves out
+                    crosses = behind > _HALF and pixels[paint + _4] <= _HALF
+                    if crosses:
+                        traced[0][np.uintp(pixel + x)] = traced[1][k]

@@ -28,6 +28,14 @@ def direction_bins(tangents: Flow) -> Bytes:
     return np.where((x == 0) & (y == 0), np.uint8(NO_DIRECTION), bins.astype(np.uint8))
 
 
+def bin_tangents(bins: Bytes) -> Flow:
+    """Unit vectors of steps of `direction_bins`, float32 (h, w, 2), y down; (0, 0) = no direction."""
+    angles = np.arange(DIRECTIONS) * (np.pi / DIRECTIONS)
+    vectors = np.zeros((256, 2), np.float32)
+    vectors[:DIRECTIONS] = np.stack([np.cos(angles), np.sin(angles)], -1)
+    return np.asarray(vectors[bins])
+
+
 def orientation(gray: Bytes, sigma_px: float = 3.0, flat: float = 1.0) -> Bytes:
     """Dominant direction of a picture from its structure tensor: steps 0..63, 255 = no direction. uint8 (h, w).
 

@@ -30,6 +30,7 @@ class Rounds:
             offsets of another frame.
         votes: whether candidates are compared with the mean of the patches that overlap at a pixel (wexler2007space),
             not with the picture of the offsets: patches that disagree with their neighbours are then replaced.
+        every: whether the random search runs in every round, as in the paper.
     """
 
     count: int
@@ -38,6 +39,7 @@ class Rounds:
     full_rounds: int | None = None
     near: bool = False
     votes: bool = False
+    every: bool = False
 
     def search(self, key: RandomKey, index: int) -> Search:
         """Search of round `index`."""
@@ -50,7 +52,7 @@ class Rounds:
         return self.settles and not full
 
     def _searches(self, index: int) -> bool:
-        return index % 2 == 0 and (index == 0 or index + 1 < self.count)
+        return self.every or (index % 2 == 0 and (index == 0 or index + 1 < self.count))
 
 
 def refine(
@@ -63,9 +65,9 @@ def refine(
 
     Departures: besides the four direct neighbours, the four at 8, 4, 2 and 1 px (one distance per round) propose their
     offsets, so a good offset travels as far in 4 rounds as otherwise in 15. The random search runs in every second
-    round only, and not in the last of several; the other rounds propagate its results, which saves time. A single round
-    asks the direct neighbours only, because no later round would fill the gaps that distant proposals leave. For
-    further departures see `Rounds`.
+    round only, and not in the last of several, unless `Rounds.every`; the other rounds propagate its results, which
+    saves time. A single round asks the direct neighbours only, because no later round would fill the gaps that distant
+    proposals leave. For further departures see `Rounds`.
     """
     before: T | None = None
     for index in range(rounds.count):

@@ -70,6 +70,7 @@ class SearchSchedule:
     Attributes:
         settles: whether iterations skip pixels around which nothing changes, see `Rounds`.
         votes: whether candidates are compared with the mean of overlapping patches, see `Rounds`.
+        every: whether the random search runs in every round, see `Rounds`.
         first: effort for the first frame of a shot, which continues no other frame; None = the same as for the other
             frames. If it is given, the other frames take offsets from direct neighbours only.
     """
@@ -82,6 +83,7 @@ class SearchSchedule:
     first: FirstFrame | None = None
     settles: bool = False
     votes: bool = False
+    every: bool = False
 
     def rounds(self, continued: bool) -> Rounds:
         """Rounds of a frame.
@@ -89,7 +91,7 @@ class SearchSchedule:
         Args:
             continued: whether the frame continues another frame of its shot.
         """
-        rounds = Rounds(self.iterations, self.search_px, self.settles, votes=self.votes)
+        rounds = Rounds(self.iterations, self.search_px, self.settles, votes=self.votes, every=self.every)
         if self.first is None:
             return rounds
         if continued:

@@ -135,8 +135,13 @@ def derived_guide(painting: Frame, smoothing_px: float) -> Bytes:
     Args:
         smoothing_px: standard deviation of the Gaussian filter that precedes the bilateral filter, px.
     """
+    return lab_guide(smoothed(painting, smoothing_px))
+
+
+def smoothed(painting: Frame, smoothing_px: float) -> Frame:
+    """A painting without its strokes, uint8 (h, w, 3), see `derived_guide`."""
     smooth = cv2.GaussianBlur(painting, (0, 0), smoothing_px) if smoothing_px > 0.1 else painting
-    return lab_guide(np.asarray(cv2.bilateralFilter(smooth, -1, 25, max(1.0, 4 * smoothing_px)), np.uint8))
+    return np.asarray(cv2.bilateralFilter(smooth, -1, 25, max(1.0, 4 * smoothing_px)), np.uint8)
 
 
 class ToneMatch:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
 from pipeline.tensors.ellipses import Ellipse
@@ -36,6 +37,8 @@ class Element:
             so a node at 90 degrees is a center.
         decay_per_px: d of equation 4, >= 0: at 1 / d px from the centre 37 % of the strength is left.
         strength: rho near the centre, >= 0.
+        stretch: factor > 0 by which the whole pattern is stretched along the direction `stretch_rad`; it is compressed
+            by as much across it.
     """
 
     pattern: Pattern
@@ -44,6 +47,8 @@ class Element:
     angle_rad: float = 0.0
     decay_per_px: float = 0.0
     strength: float = 1.0
+    stretch: float = 1.0
+    stretch_rad: float = 0.0
 
     def __post_init__(self) -> None:
         if self.pattern not in WINDINGS:
@@ -69,14 +74,35 @@ def basis_field(element: Element, size: tuple[int, int]) -> OrientationField:
     y, x = np.indices(size, np.float64)
     dx, dy = x - element.x, y - element.y
     symmetric = element.pattern in TILT_RAD
-    offset = (dx + 1j * dy) * np.exp(-1j * (0.0 if symmetric else element.angle_rad))
+    offset = _stretched(dx + 1j * dy, 1 / element.stretch, element.stretch_rad)
+    offset = offset * np.exp(-1j * (0.0 if symmetric else element.angle_rad))
     radius = np.abs(offset)
     winding = WINDINGS[element.pattern]
     towards = offset if winding >= 0 else offset.conj()
     pattern = (towards / np.sqrt(radius**2 + 1)) ** abs(winding)
     tensors = element.strength * np.exp(-element.decay_per_px * radius) * pattern
     rotation_rad = element.angle_rad + TILT_RAD.get(element.pattern, 0.0)
-    return rotated(np.stack([tensors.real, tensors.imag]).astype(np.float32), rotation_rad)
+    field = rotated(np.stack([tensors.real, tensors.imag]).astype(np.float32), rotation_rad)
+    return field if element.stretch == 1 else _stretched_field(field, element.stretch, element.stretch_rad)
+
+
+def _stretched(
+    offsets: NDArray[np.complex128], stretch: float, axis_rad: float
+) -> NDArray[np.complex128]:  # fmt: skip
+    """Offsets x + iy, stretched along the axis and compressed across it."""
+    if stretch == 1:
+        return offsets
+    turned = offsets * np.exp(-1j * axis_rad)
+    return np.asarray((turned.real * stretch + 1j * turned.imag / stretch) * np.exp(1j * axis_rad), np.complex128)
+
+
+def _stretched_field(field: OrientationField, stretch: float, axis_rad: float) -> OrientationField:
+    """The field with the directions of a stretched picture, and the same strength."""
+    doubled = (field[0] + 1j * field[1]).astype(np.complex128)
+    strength = np.abs(doubled)
+    along = _stretched(np.exp(0.5j * np.angle(doubled)), stretch, axis_rad)
+    turned = strength * np.exp(2j * np.angle(along))
+    return np.stack([turned.real, turned.imag]).astype(np.float32)
 
 
 def design_field(edges: OrientationField, elements: Iterable[Element], edge_weight: float) -> OrientationField:
@@ -103,8 +129,10 @@ def design_field(edges: OrientationField, elements: Iterable[Element], edge_weig
 def follow(element: Element, key: Ellipse, now: Ellipse) -> Element:
     """Move the element with its object since the keyframe.
 
-    The centre keeps its coordinates relative to the ellipse's axes; the pattern rotates with the major axis, and its
-    reach scales with the object's size.
+    The centre keeps its coordinates relative to the ellipse's axes; the pattern rotates with the major axis, its reach
+    scales with the object's size, and it is stretched as the object is.
+
+    Source: kagaya2011video, section 3.2 (translation, rotation, isotropic and anisotropic scaling).
 
     Args:
         element: as placed in the keyframe.
@@ -115,7 +143,9 @@ def follow(element: Element, key: Ellipse, now: Ellipse) -> Element:
     moved = complex(across.real * now.major_px / key.major_px, across.imag * now.minor_px / key.minor_px)
     place = moved * complex(math.cos(now.angle_rad), math.sin(now.angle_rad))
     scale = math.sqrt(now.major_px * now.minor_px / (key.major_px * key.minor_px))
+    stretch = math.sqrt(now.major_px * key.minor_px / (key.major_px * now.minor_px))
     return replace(
         element, x=now.x + place.real, y=now.y + place.imag, decay_per_px=element.decay_per_px / scale,
         angle_rad=element.angle_rad + (0.0 if element.pattern in TILT_RAD else now.angle_rad - key.angle_rad),
+        stretch=stretch, stretch_rad=now.angle_rad,
     )  # fmt: skip

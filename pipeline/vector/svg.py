@@ -6,6 +6,12 @@ The id of a path is `r` followed by the region's permanent id, so the regions of
 share their boundary exactly. Renderers anti-alias both sides of a shared boundary independently, which makes the
 background visible as a thin line. Each region therefore also has a stroke of its own colour, which is so thin (0.6 px)
 that it covers no other pixel centre.
+
+Lines are strokes of a pen: each is a path around its outline.
+
+The attribute `data-from-previous` of a path is its motion since the previous frame: the `matrix(...)` of an SVG
+transform that moves the region of the previous frame to its place in this one. For a line, whose path has no id, it is
+the motion of the place: its inverse moves the line to where it was. New regions have none.
 """
 
 from __future__ import annotations
@@ -13,20 +19,51 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import BadFrame
-from pipeline.frames import Labels, Plane
+from pipeline.frames import Labels
 from pipeline.vector.borders import Borders
 from pipeline.vector.curves import fit_curves
 from pipeline.vector.outlines import Outlines, follow, rings, simplify, smooth, trace
+from pipeline.vector.stroke_outlines import StrokeOutlines
+from pipeline.vector.transforms import Transforms
 
 PARTS_PER_PX = 10
 """Coordinates are rounded to 1 / PARTS_PER_PX px."""
+STROKE_TOLERANCE_PX = 0.1
+"""Largest distance of the curves from the outline of a stroke, px."""
 DEFAULT_PASSES = 4
 """Low-pass passes over boundaries that are not smoothed yet."""
+
+
+class Lines(NamedTuple):
+    """Lines of one colour.
+
+    Attributes:
+        strokes: their outlines, px of the picture.
+        rgb: sRGB, 0..255.
+        opacity: of full ink, 0..1.
+    """
+
+    strokes: StrokeOutlines
+    rgb: Sequence[int] = (0, 0, 0)
+    opacity: float = 1.0
+
+
+class Motion(NamedTuple):
+    """Motion since the previous frame, px of the picture, see `pipeline.vector.transforms`.
+
+    Attributes:
+        regions: of each label.
+        lines: of each stroke.
+    """
+
+    regions: Transforms
+    lines: Transforms
 
 
 def to_svg(
@@ -34,11 +71,11 @@ def to_svg(
     colours: NDArray[np.uint8],
     ids: NDArray[np.integer] | None = None,
     *,
-    ink: Plane | None = None,
-    ink_colour: Sequence[int] = (0, 0, 0),
+    lines: Lines | None = None,
     tolerance_px: float = 0.5,
     smoothing: int | Borders = DEFAULT_PASSES,
     size: tuple[int, int] | None = None,
+    motion: Motion | None = None,
 ) -> bytes:
     """Write one frame as a stand-alone SVG document, UTF-8.
 
@@ -46,44 +83,56 @@ def to_svg(
         labels: int32 (height, width), regions; 0 = no region, transparent.
         colours: uint8 (n, 3), sRGB by label.
         ids: (n,) integers, permanent ids by label; None = the labels.
-        ink: line layer, float32 (height, width), 0..1, 1 = full ink; the area with at least 0.5 is outlined.
-        ink_colour: sRGB of the lines, 0..255.
+        lines: over the regions; None = no lines.
         tolerance_px: largest distance of the curves from the smoothed boundary, px; 0 = straight lines between all its
             points.
         smoothing: number of low-pass passes over each boundary; 0 = the pixels' edges. If both are 0, filling the
             document by the even-odd rule at pixel centres gives `labels` exactly. Or the smoothed borders of `labels`,
-            which are drawn as they are; the outlines of `ink` then get the default number of passes.
-        size: (width, height) of the picture and of `ink`, px; the regions are enlarged to it. None = that of `labels`.
+            which are drawn as they are.
+        size: (width, height) of the picture, px; the regions are enlarged to it. None = that of `labels`.
+        motion: of regions and lines since the previous frame; None = not written.
 
     Raises:
-        BadFrame: labels, colours, ids or ink are inconsistent.
+        BadFrame: labels, colours or ids are inconsistent.
     """
     _check(labels, colours, ids)
     width, height = size or (labels.shape[1], labels.shape[0])
-    if ink is not None and ink.shape != (height, width):
-        raise BadFrame("The ink must have the size of the picture.", field="ink", value=ink.shape)
     names = np.arange(len(colours)) if ids is None else ids
-    ink_smoothing = DEFAULT_PASSES if isinstance(smoothing, Borders) else smoothing
     return "\n".join(
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
             f'viewBox="0 0 {width} {height}" fill-rule="evenodd">',
             '<g id="regions" stroke-width="0.6" stroke-linejoin="round">',
             *(
-                f'<path id="r{names[label]}" fill="{colour}" stroke="{colour}" d="{path}"/>'
+                f'<path id="r{names[label]}"{_moved(motion and motion.regions, label)} fill="{colour}" '
+                f'stroke="{colour}" d="{path}"/>'
                 for label, path in _paths(labels, tolerance_px, smoothing, (width, height)).items()
                 for colour in [_hex(colours[label])]
             ),
             "</g>",
-            *([] if ink is None else _ink(ink, _hex(ink_colour), tolerance_px, ink_smoothing)),
+            *([] if lines is None else _lines(lines, motion)),
             "</svg>\n",
         ]
     ).encode()
 
 
-def _ink(ink: Plane, colour: str, tolerance_px: float, smoothing: int) -> list[str]:
-    drawn = _paths((ink >= 0.5).astype(np.int32), tolerance_px, smoothing, ink.shape[::-1])
-    return [f'<path id="lines" fill="{colour}" d="{path}"/>' for path in drawn.values()]
+def _lines(lines: Lines, motion: Motion | None) -> list[str]:
+    text = _ArcText(fit_curves(lines.strokes.arcs, STROKE_TOLERANCE_PX))
+    paths = [
+        f'<path{_moved(motion and motion.lines, arc)} fill-opacity="{lines.opacity * own:.2f}" '
+        f'd="{text.ring([(arc, False)])}"/>'
+        for arc, own in enumerate(lines.strokes.opacities.tolist())
+    ]
+    return [f'<g id="lines" fill="{_hex(lines.rgb)}" fill-rule="nonzero">', *paths, "</g>"]
+
+
+def _moved(transforms: Transforms | None, index: int) -> str:
+    """The attribute with a map, or nothing if there is none."""
+    if transforms is None or np.isnan(transforms[index]).any():
+        return ""
+    (a, c, e), (b, d, f) = transforms[index].tolist()
+    numbers = [f"{value:.5g}" for value in (a, b, c, d)] + [f"{value:.2f}" for value in (e, f)]
+    return f' data-from-previous="matrix({" ".join(numbers)})"'
 
 
 def _paths(

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import av
 
-from pipeline.frames import Frame
+from pipeline.arrays import AnyArray
 from pipeline.video.decoder import DamagedPass, NotAKey, Pass
 from pipeline.video.fields import EarlierNeeded, Numbered, is_interlaced
 from pipeline.video.geometry import Geometry, geometry_of, has_alpha, to_frame
 from pipeline.video.index import Index
 from pipeline.video.index_builder import build_index
 from pipeline.video.media import Limits, Note, SourceOptions, check_size, opacity_notes, unreadable
-from pipeline.video.wide_colour import described, wide_signal
+from pipeline.video.wide_colour import colour_notes, wide_signal
 
 
 class Clip:
@@ -72,9 +72,7 @@ class Clip:
         if self._stored_size != self.geometry.shown_of(self._stored_size):
             shown, whole = (f"{w}x{h}" for w, h in (self.geometry.shown_of(self._stored_size), self._stored_size))
             found.append(Note("cropped", f"The container crops the pictures: {shown} of {whole} px are shown."))
-        if self._wide is not None:
-            found.append(Note("assumed", described(self._wide)))
-        return (*found, *opacity_notes(self.has_alpha, self._options))
+        return (*found, *colour_notes(self._wide, self._options), *opacity_notes(self.has_alpha, self._options))
 
     def _forget(self) -> None:
         self._pass: Pass | None = None
@@ -95,7 +93,7 @@ class Clip:
             return self._current[0]
         return self._pass.position if self._pass else None
 
-    def read(self, start: int, stop: int) -> Iterator[Frame]:
+    def read(self, start: int, stop: int) -> Iterator[AnyArray]:
         """Yield the frames [start, stop); fewer if the video ends earlier."""
         for at in range(start, min(stop, len(self.index.pts)) if self.index.exact else stop):
             picture = self._retried(at)

@@ -19,6 +19,11 @@ DTYPES = (*FULL, np.dtype(np.float32))
 """Types of pictures that encoders accept."""
 
 
+def white_of(picture: AnyArray) -> int:
+    """Value of white in the picture's type."""
+    return FULL.get(picture.dtype, 1)
+
+
 def as_uint8(picture: AnyArray) -> NDArray[np.uint8]:
     """The picture with 8 bits a channel, rounded to nearest; a copy only if it has another type."""
     return np.asarray(_integers(picture, np.dtype(np.uint8)), np.uint8)
@@ -52,18 +57,12 @@ def with_opacity(picture: AnyArray, opacity: AnyArray) -> AnyArray:
     return np.dstack([picture[..., :3], as_float(opacity)])
 
 
-def linear(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Linear light of sRGB-encoded values; above 1, the curve goes on. Source: IEC 61966-2-1."""
-    low = np.maximum(encoded, 0)
-    return np.where(low <= 0.04045, low / 12.92, ((low + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
-def check_picture(array: object, size: tuple[int, int], field: str = "frame") -> AnyArray:
-    """The array, C-contiguous, if it is a picture of this (width, height). Raises BadFrame."""
+def check_picture(array: object, size: tuple[int, int], channels: int = 3, field: str = "frame") -> AnyArray:
+    """The array, C-contiguous, if it is a picture of this (width, height) and number of channels. Raises BadFrame."""
     if not isinstance(array, np.ndarray) or array.dtype not in DTYPES:
         kind = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
         raise BadFrame("A frame to be encoded is uint8, uint16 or float32.", field=field, value=kind)
-    if array.ndim != 3 or array.shape[2] not in (3, 4) or array.shape[1::-1] != size:
-        shape = f"({size[1]}, {size[0]}, 3 or 4)"
+    if array.shape != (size[1], size[0], channels):
+        shape = f"({size[1]}, {size[0]}, {channels})"
         raise BadFrame(f"A frame of this video has shape {shape}.", field=field, value=array.shape)
     return np.ascontiguousarray(array)

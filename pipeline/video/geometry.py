@@ -20,19 +20,22 @@ from av.sidedata.sidedata import SideData
 from av.video.reformatter import ColorRange, Colorspace, Interpolation
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.formats.base import square_size
-from pipeline.frames import Frame
 from pipeline.video.aperture import Crop
+from pipeline.video.depth import as_uint8
 from pipeline.video.media import SourceOptions
 from pipeline.video.opacity import as_frame
-from pipeline.video.wide_colour import to_srgb, wide_signal
+from pipeline.video.wide_colour import shown, wide_signal
 
 USUAL = SourceOptions()
 _LAYOUTS = {
     (False, False): "rgb24", (True, False): "rgba", (False, True): "rgb48le", (True, True): "rgba64le"
 }  # fmt: skip
-"""(Has opacity, is converted to sRGB) -> FFmpeg's pixel format."""
+"""(Has opacity, has 16 bits) -> FFmpeg's pixel format."""
 _HD_LINES = 720
+_LIMITED_WHITE = 65283
+"""What swscale makes of white of limited range, for R'G'B' of 16 bits."""
 EXACT = 0x40000 | 0x2000
 """SWS_ACCURATE_RND and SWS_FULL_CHR_H_INT of libswscale/swscale.h, which PyAV does not export."""
 _MATRICES = {
@@ -103,38 +106,55 @@ def _display_matrix(picture: av.VideoFrame) -> tuple[int, int, int, int]:
     return a, b, c, d
 
 
-def to_frame(picture: av.VideoFrame, geometry: Geometry, options: SourceOptions = USUAL) -> Frame:
-    """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it."""
+def to_frame(picture: av.VideoFrame, geometry: Geometry, options: SourceOptions = USUAL) -> AnyArray:
+    """Convert a decoded picture to a frame of `geometry.size`; pictures of other sizes are scaled to it. The frame is
+    uint8; with `options.deep`, also uint16, or float32 if its colours are converted."""
     whole = (picture.width, picture.height)
     width, height = whole if geometry.crop else geometry.scaled
     same = whole == (width, height)
     wide = wide_signal(picture)
-    deep = wide is not None or picture.format.components[0].bits > 8  # the fast path truncates deeper pictures
+    managed = wide is not None or bool(options.colour)
+    more = picture.format.components[0].bits > 8  # the fast path truncates deeper pictures
+    sixteen = managed or (more and options.deep)
     made = picture.reformat(
         width=width,
         height=height,
-        format=_LAYOUTS[has_alpha(picture), wide is not None],
+        format=_LAYOUTS[has_alpha(picture), sixteen],
         src_colorspace=_MATRICES.get(int(picture.colorspace), customary_matrix(picture.height)),
         src_color_range=_range_of(picture),
         dst_color_range=ColorRange.JPEG,
-        interpolation=(Interpolation.BILINEAR if same else Interpolation.BICUBIC) | (EXACT if deep else 0),
+        # Not bilinear to 16 bits: swscale then takes twice the colour differences of 4:2:0 (FFmpeg 8.1).
+        interpolation=(Interpolation.BILINEAR if same and not sixteen else Interpolation.BICUBIC)
+        | (EXACT if managed or more else 0),
         threads=1,
     )
-    if wide is not None:
-        pixels = to_srgb(np.asarray(made.to_ndarray(), np.uint16), wide)
-    else:
-        pixels = np.asarray(made.to_ndarray(), np.uint8) if made is picture else _pixels(made)
-    shown = pixels if pixels.shape[2] == 3 and options.opacity != "matte" else as_frame(pixels, options)
-    return _oriented(_cropped(shown, geometry) if geometry.crop else shown, geometry)
+    pixels = np.asarray(made.to_ndarray()) if made is picture or sixteen else _pixels(made)
+    if sixteen and not picture.format.is_rgb:
+        pixels = _to_full_scale(pixels, picture)
+    if managed:
+        pixels = shown(pixels, wide, options)
+    pixels = pixels if options.deep else as_uint8(pixels)
+    frame = pixels if pixels.shape[2] == 3 and options.opacity != "matte" else as_frame(pixels, options)
+    return _oriented(_cropped(frame, geometry) if geometry.crop else frame, geometry)
 
 
-def _cropped(pixels: Frame, geometry: Geometry) -> Frame:
+def _to_full_scale(pixels: AnyArray, picture: av.VideoFrame) -> AnyArray:
+    """R'G'B' of 16 bits from YUV with white at 65535. swscale shifts values of n bits to 16, so that white is 255 / 256
+    of it (limited range), or the largest value of n bits, shifted (full range, and opacity)."""
+    bits = picture.format.components[0].bits
+    shifted = ((1 << bits) - 1) << (16 - bits)
+    white = shifted if _range_of(picture) == ColorRange.JPEG else _LIMITED_WHITE
+    scale = np.array([65535 / white] * 3 + [65535 / shifted] * (pixels.shape[2] - 3), np.float32)
+    return np.asarray(np.minimum(pixels * scale + np.float32(0.5), 65535), np.uint16)
+
+
+def _cropped(pixels: AnyArray, geometry: Geometry) -> AnyArray:
     """The shown part of a picture, scaled to square pixels."""
     left, top, right, bottom = geometry.crop or (0, 0, 0, 0)
-    shown = pixels[top : pixels.shape[0] - bottom, left : pixels.shape[1] - right]
-    if (shown.shape[1], shown.shape[0]) == geometry.scaled:
-        return shown
-    return np.asarray(cv2.resize(shown, geometry.scaled, interpolation=cv2.INTER_CUBIC), np.uint8)
+    inside = pixels[top : pixels.shape[0] - bottom, left : pixels.shape[1] - right]
+    if (inside.shape[1], inside.shape[0]) == geometry.scaled:
+        return inside
+    return np.asarray(cv2.resize(inside, geometry.scaled, interpolation=cv2.INTER_CUBIC))
 
 
 def _pixels(picture: av.VideoFrame) -> NDArray[np.uint8]:
@@ -156,7 +176,7 @@ def _range_of(picture: av.VideoFrame) -> ColorRange:
     return ColorRange.JPEG if full else ColorRange.MPEG
 
 
-def _oriented(pixels: NDArray[np.uint8], geometry: Geometry) -> Frame:
+def _oriented(pixels: AnyArray, geometry: Geometry) -> AnyArray:
     if geometry.transpose:
         pixels = np.asarray(cv2.transpose(pixels))
     if geometry.flip_x:

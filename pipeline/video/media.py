@@ -65,6 +65,9 @@ class SourceOptions:
             prescribe it.
         opacity: what frames show of pictures with opacity: "white": the picture over white; "straight": its colours,
             continued where it is transparent; "matte": the opacity, as a gray frame. Chosen by the job, not the user.
+        deep: whether frames are uint16 or float32 if the source has more than 8 bits a channel. Chosen by the job.
+        colour: colour space of the pictures, a name of the OpenColorIO configuration; "": as the file says.
+        colour_view: the view through which they are seen, a name of that configuration; "": no tone map.
     """
 
     picture: int | None = None
@@ -72,13 +75,16 @@ class SourceOptions:
     fields: Fields = "auto"
     premultiplied: bool = False
     opacity: Annotated[Opacity, Field(exclude=True)] = "white"
+    deep: Annotated[bool, Field(exclude=True)] = False
+    colour: str = ""
+    colour_view: str = ""
 
     def as_json(self) -> dict[str, JsonValue]:
         sound: list[JsonValue] | None = None if self.sound is None else [*self.sound]
         given: dict[str, JsonValue] = {"picture": self.picture, "sound": sound, "fields": self.fields}
-        if self.premultiplied:  # services of earlier versions do not know the field
-            given["premultiplied"] = True
-        return given if self.opacity == "white" else {**given, "opacity": self.opacity}
+        # Services of earlier versions do not know these fields.
+        more: dict[str, JsonValue] = {name: getattr(self, name) for name in _LATER if getattr(self, name)}
+        return given | more if self.opacity == "white" else {**given, **more, "opacity": self.opacity}
 
     @classmethod
     def from_json(cls, value: dict[str, Any] | None) -> Self:
@@ -87,8 +93,13 @@ class SourceOptions:
             return cls()
         sound = value.get("sound")
         sounds = None if sound is None else tuple(sound)
-        fields, premultiplied = value.get("fields", "auto"), bool(value.get("premultiplied", False))
-        return cls(value.get("picture"), sounds, fields, premultiplied, value.get("opacity", "white"))
+        later = {name: value[name] for name in _LATER if name in value}
+        return cls(value.get("picture"), sounds, value.get("fields", "auto"), opacity=value.get("opacity", "white"),
+                   **later)  # fmt: skip
+
+
+_LATER = ("premultiplied", "deep", "colour", "colour_view")
+"""Fields of `SourceOptions` whose default is left out of its JSON."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +130,8 @@ class MediaInfo:
     """Whether its pictures have opacity."""
     numbers: Sequence[Sequence[int]] = ()
     """Numbers of the images of a sequence or archive, as runs (first, last, step); empty: frames are counted from 0."""
+    passes: Mapping[str, JsonValue] = field(default_factory=dict)
+    """Render passes of a sequence, see `pipeline.passes.facts`; empty: it has none."""
     fault: Mapping[str, str] = field(default_factory=dict)
     """Why the images of an archive are no video: "message", "value", "remedy". Keys and masks need not be one."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray
-from pipeline.frames import Frame
+from pipeline.video.depth import white_of
 from pipeline.video.media import SourceOptions
 from pipeline.video.stills import over_white
 
@@ -15,13 +15,14 @@ _LEAST = 16
 """Least opacity, of 255, of a premultiplied pixel whose colour is known: below it, a level is more than a tenth."""
 
 
-def as_frame(picture: AnyArray, options: SourceOptions) -> Frame:
-    """The frame of a picture, uint8 (h, w), (h, w, 3) or (h, w, 4), as `options.opacity` says: "white", "straight" or
-    "matte" (the opacity as a gray frame; of a picture without any, white)."""
+def as_frame(picture: AnyArray, options: SourceOptions) -> AnyArray:
+    """The frame of a picture, uint8, uint16 or float32 (h, w), (h, w, 3) or (h, w, 4), as `options.opacity` says:
+    "white", "straight" or "matte" (the opacity as a gray frame; of a picture without any, white). Same type."""
     if picture.ndim == 2:
         picture = np.dstack([picture] * 3)
     if options.opacity == "matte":
-        return np.dstack([picture[..., 3] if picture.shape[2] == 4 else np.full(picture.shape[:2], 255, np.uint8)] * 3)
+        opaque = np.full(picture.shape[:2], white_of(picture), picture.dtype)
+        return np.dstack([picture[..., 3] if picture.shape[2] == 4 else opaque] * 3)
     if picture.shape[2] == 3:
         return np.ascontiguousarray(picture)
     if options.premultiplied:
@@ -31,24 +32,31 @@ def as_frame(picture: AnyArray, options: SourceOptions) -> Frame:
     )
 
 
-def unpremultiplied(rgba: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Straight colours of premultiplied ones, uint8 (h, w, 4); 0 where the opacity is 0."""
-    clear = rgba[..., 3:].astype(np.float32)
-    straight = rgba[..., :3] * np.divide(255, clear, out=np.zeros_like(clear), where=clear > 0)
-    return np.dstack([np.clip(np.rint(straight), 0, 255).astype(np.uint8), rgba[..., 3]])
+def unpremultiplied(rgba: AnyArray) -> AnyArray:
+    """Straight colours of premultiplied ones, uint8, uint16 or float32 (h, w, 4); 0 where the opacity is 0."""
+    clear, white = rgba[..., 3:].astype(np.float32), np.float32(white_of(rgba))
+    straight = rgba[..., :3] * np.divide(white, clear, out=np.zeros_like(clear), where=clear > 0)
+    return np.dstack([_of_type(straight, rgba), rgba[..., 3]])
 
 
-def extended(rgba: NDArray[np.uint8], least: int = 1) -> Frame:
-    """The colours of a picture with straight opacity, uint8 (h, w, 4). Pixels with an opacity below `least`, whose
-    colours are unknown, get those of their surroundings, so that no brush and no filter draws a background into the
-    visible part. Source: push-pull, Gortler et al.: The lumigraph (SIGGRAPH 1996), section 3.4.2.
+def _of_type(values: NDArray[np.float32], like: AnyArray) -> AnyArray:
+    """The values, as they are for a float picture, else rounded and clipped to the type of `like`."""
+    if like.dtype == np.float32:
+        return values
+    return np.asarray(np.clip(np.rint(values), 0, white_of(like)), like.dtype)
+
+
+def extended(rgba: AnyArray, least: int = 1) -> AnyArray:
+    """The colours of a picture with straight opacity, uint8, uint16 or float32 (h, w, 4). Pixels with an opacity below
+    `least` of 255, whose colours are unknown, get those of their surroundings, so that no brush and no filter draws a
+    background into the visible part. Source: push-pull, Gortler et al.: The lumigraph (SIGGRAPH 1996), section 3.4.2.
     """
-    known = rgba[..., 3] >= least
+    known = rgba[..., 3] >= least * white_of(rgba) / 255
     if known.all() or not known.any():
         return np.ascontiguousarray(rgba[..., :3])
     weight = known[..., None].astype(np.float32)
     filled = _pulled(rgba[..., :3] * weight, weight)
-    return np.where(known[..., None], rgba[..., :3], np.clip(np.rint(filled), 0, 255)).astype(np.uint8)
+    return np.where(known[..., None], rgba[..., :3], _of_type(filled, rgba))
 
 
 def _pulled(colours: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -22,6 +22,7 @@ from pipeline.formats.base import OutputFormat
 from pipeline.video.audio import Timed
 from pipeline.video.container import film_streams, open_container
 from pipeline.video.media import Limits, Note
+from pipeline.video.timecode import is_timecode, shifted, usual_rate
 from pipeline.video.timeline import timed_packets
 
 _TEXT_CODECS = ("mov_text", "ass", "webvtt")
@@ -30,7 +31,6 @@ _TEXTS = frozenset({"mov_text", "webvtt", "subrip", "srt", "ass", "ssa", "text"}
 _OF_THE_FILE = frozenset({"major_brand", "minor_version", "compatible_brands", "encoder", "duration", "timecode"})
 """Tags that describe the source's file, not the film."""
 _TIMECODE = ("timecode", "reel_name")
-_TIMECODE_RATES = (24, 25, 30, 48, 50, 60)
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Passthrough:
     zero_s: Fraction
     end_s: Fraction | None = None
     whole: bool = True
-    """Whether the output shows the whole film: a timecode counts from its first frame."""
+    """Whether the output shows the whole film: otherwise its timecode begins at its first frame's."""
 
     def add(self, source: InputContainer, out: OutputContainer, film: VideoStream, form: OutputFormat) -> list[Note]:
         """Set tags, chapters and timecode of `out`, and name what is left out or converted."""
@@ -89,18 +89,28 @@ class Passthrough:
         return found
 
     def _timecode(self, source: InputContainer, film: VideoStream, form: OutputFormat) -> list[Note]:
-        """Hand on the timecode of the first frame, and the reel."""
+        """Write the timecode of the output's first frame, and the reel."""
         tags = [source.metadata, *(stream.metadata for stream in source.streams)]
         found = {k.lower(): v for each in reversed(tags) for k, v in each.items() if k.lower() in _TIMECODE}
         if "timecode" not in found:
             return []
-        rate = _timecode_rate(film_streams(source))
-        if form.timecode and self.whole and rate is not None:
+        films = film_streams(source)
+        rate = usual_rate(films[0].average_rate) if films else None
+        if form.timecode and rate is not None and is_timecode(found["timecode"]):
+            if not self.whole:
+                begin = (films[0].start_time or 0) * (films[0].time_base or Fraction(0))
+                found["timecode"] = shifted(found["timecode"], round((self.zero_s - begin) * rate), rate)
             film.metadata.update(found)
             film.codec_context.framerate = rate
             return []
-        where = form.title if self.whole and rate is not None else "a piece of the film" if rate else "this rate"
+        where = form.title if rate is not None else "this rate"
         return [Note("left-out", f"The timecode {found['timecode']} was left out: {where} cannot hold it.")]
+
+
+def timecode_tag(source: InputContainer) -> str:
+    """The timecode of a source's first frame; empty: it has none."""
+    tags = [*(stream.metadata for stream in source.streams), source.metadata]
+    return next((v for each in tags for k, v in each.items() if k.lower() == "timecode"), "")
 
 
 def left_out(source: InputContainer, form: OutputFormat) -> list[Note]:
@@ -122,13 +132,6 @@ def left_out(source: InputContainer, form: OutputFormat) -> list[Note]:
     if changed:
         notes.append(f"Subtitles were converted to {_text_codec(form)}: {_listed(changed)}.")
     return [Note("left-out", message) for message in notes]
-
-
-def _timecode_rate(streams: list[VideoStream]) -> Fraction | None:
-    """The frame rate that a timecode counts, frames per second; None: there is no usual one."""
-    found = streams[0].average_rate if streams else None
-    usual = (Fraction(nominal * 1000, divisor) for nominal in _TIMECODE_RATES for divisor in (1000, 1001))
-    return next((rate for rate in usual if found and abs(rate - found) < rate / 2000), None)
 
 
 def open_source(path: Path) -> InputContainer | None:

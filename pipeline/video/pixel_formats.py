@@ -40,6 +40,8 @@ class PictureConverter:
 
     def __call__(self, frame: AnyArray) -> av.VideoFrame:
         pixels: NDArray[Any] = as_uint16(frame) if self._deep else as_uint8(frame)
+        if self._deep and self._range == ColorRange.MPEG:  # swscale takes 255 / 256 of 16 bits for white
+            pixels = np.dstack([pixels[..., :3] - (pixels[..., :3] >> 8), pixels[..., 3:]])
         if self._has_alpha and pixels.shape[2] == 3:
             pixels = with_opacity(pixels, np.full(pixels.shape[:2], 255, np.uint8))
         layout = _LAYOUTS[pixels.itemsize, pixels.shape[2]]

@@ -12,7 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.errors import BadMedia, NotASequence
+from pipeline.errors import BadInput, BadMedia, NotASequence
 from pipeline.formats import image_format_of
 from pipeline.video.archive import entry_stream, open_archive
 from pipeline.video.clip import Clip
@@ -84,10 +84,30 @@ def _probe_zip(path: Path, limits: Limits) -> MediaInfo:
     found = MediaInfo("archive", "application/zip", codec="images")
     size = _check_members(path, limits)
     try:
-        return _described(open_zip(path, limits, source=_COLOURS), found, limits)
+        found = _described(open_zip(path, limits, source=_COLOURS), found, limits)
+        return replace(found, passes=_passes(path, limits))
     except NotASequence as fault:
         why = {"message": fault.message, "value": fault.value or "", "remedy": fault.remedy}
         return replace(_loose(path, limits, size, found), fault=why)
+
+
+def _passes(path: Path, limits: Limits) -> dict[str, JsonValue]:
+    """The render passes of a sequence; a picture that cannot be read is a matter of its frame."""
+    from pipeline.formats import has_planes
+    from pipeline.formats.decoding import decode_planes, decode_raw
+    from pipeline.passes.sequence import pass_sequence
+
+    with suppress(BadInput), closing(ShotFiles(path, limits)) as files:
+        if not any(map(has_planes, files)):
+            return {}
+        found = pass_sequence(
+            files,
+            lambda data, name: decode_planes(data, limits, name),
+            lambda data, name: decode_raw(data, limits, name),
+        )
+        facts = None if found is None else found.facts()
+        return facts.as_json() if facts is not None and facts.passes else {}
+    return {}
 
 
 def _loose(path: Path, limits: Limits, size: tuple[int, int], found: MediaInfo) -> MediaInfo:

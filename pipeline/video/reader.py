@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.formats import image_format_of
-from pipeline.frames import Frame
 from pipeline.video.animated import AnimatedImage
 from pipeline.video.clip import Clip
 from pipeline.video.headers import sniff
@@ -92,7 +92,7 @@ class VideoReader(FrameReader):
         """Index of the first frame that can be read without a seek; None = no decoder is open."""
         return self._source.position
 
-    def read(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+    def read(self, start: int = 0, stop: int | None = None) -> Iterator[AnyArray]:
         """Yield the frames [start, stop) in order; fewer if the video ends earlier.
 
         Only one read may be active at a time.
@@ -118,6 +118,11 @@ def open_source(
             header = form.header(stream)
             check_size(header.width, header.height, limits)
             if header.animated:
+                if options.colour:
+                    raise BadParameter(
+                        "Animated images are read as sRGB.", field="source.colour", value=options.colour,
+                        remedy="Leave it out, or give numbered images.",
+                    )  # fmt: skip
                 return AnimatedImage(path, form, limits, options)
             return open_still(path, limits, sequence, options)
         media_type = sniff(stream)

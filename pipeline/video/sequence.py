@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator
 from collections.abc import Sequence as List
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.arrays import AnyArray
 from pipeline.formats import IMAGE_NAMES, IMAGE_SUFFIXES
 from pipeline.formats.decoding import decode_shown, format_of
-from pipeline.frames import Frame, same_size
+from pipeline.frames import same_size
 from pipeline.video.archive import DESKTOP_FILES, MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.geometry import Geometry
 from pipeline.video.index import Index
 from pipeline.video.media import READING, Limits, Note, SourceOptions, check_bytes, opacity_notes, unreadable
 from pipeline.video.numbering import frames_of, number_by, range_of, sequence_numbers
+from pipeline.video.passes import samples, settled_choice
 from pipeline.video.sequence_options import OPTIONS_FILE, USUAL, SequenceOptions
 from pipeline.video.shot_files import FRAMES, is_shot, pictures_of
+from pipeline.video.wide_colour import colour_notes
 
 _IMAGE_BYTES = 1 << 30
 Loader = tuple[str, Callable[[], bytes]]
@@ -40,6 +45,7 @@ class Sequence:
     ) -> None:  # fmt: skip
         self._loaders = [loader for _, loader in images]
         self._limits, self._close, self._options, self._source = limits, close, options, source
+        self._choice = options.choice
         self.has_alpha = False
         self.errors: list[str] = []
         self.unreadable: list[int] = []
@@ -49,29 +55,46 @@ class Sequence:
         self._shown = frames.shown if frames else (0,)
         ticks = np.arange(len(self._shown), dtype=np.int64)
         self.index = Index(ticks, ticks, len(ticks), 1 / options.rate, True, numbers=frames.numbers if frames else ())
+        settled = self._settle_choice()
         first, self.has_alpha = self._shown_image(0)
         self.geometry = Geometry((first.shape[1], first.shape[0]))
         self.pixel_format = "rgb24"
         name, load = self._loaders[0]
-        notes = (*(frames.notes if frames else ()), *format_of(data := load(), name).notes(data, options.choice))
-        self.notes = (*(Note(READING, message) for message in notes), *opacity_notes(self.has_alpha, source))
+        choice = replace(self._choice, colour=source.colour, colour_view=source.colour_view)
+        form = format_of(data := load(), name)
+        notes = (*(frames.notes if frames else ()), *settled, *form.notes(data, choice))
+        colours = () if form.carries.planes else colour_notes(None, source)
+        self.notes = (*(Note(READING, message) for message in notes), *colours, *opacity_notes(self.has_alpha, source))
 
     def close(self) -> None:
         self._close()
 
-    def read(self, start: int, stop: int) -> Iterator[Frame]:
+    def read(self, start: int, stop: int) -> Iterator[AnyArray]:
         """Yield the frames [start, stop). Raises BadFrame if the size of a frame differs from that of the first."""
         for at in range(start, min(stop, len(self._shown))):
             self.position = at + 1
             shown = self._shown[at]
             yield same_size(self._load(shown), self.geometry.size, self._loaders[shown][0])
 
-    def _load(self, at: int) -> Frame:
+    def _settle_choice(self) -> tuple[str, ...]:
+        """Choose one of several pictures of the frames; notes on the choice."""
+        name, load = self._loaders[self._shown[0]]
+        form = format_of(data := load(), name)
+        if not form.carries.planes:
+            return ()
+        images = (
+            form.planes(again(), self._limits, other)
+            for other, again in (self._loaders[self._shown[k]] for k in samples(len(self._shown)))
+        )
+        self._choice, notes = settled_choice(self._choice, form.channels(io.BytesIO(data)), lambda: images)
+        return notes
+
+    def _load(self, at: int) -> AnyArray:
         return self._shown_image(at)[0]
 
-    def _shown_image(self, at: int) -> tuple[Frame, bool]:
+    def _shown_image(self, at: int) -> tuple[AnyArray, bool]:
         name, load = self._loaders[at]
-        return decode_shown(load(), self._limits, name, self._options.choice, self._source)
+        return decode_shown(load(), self._limits, name, self._choice, self._source)
 
 
 def open_still(

@@ -23,6 +23,7 @@ OPTIONS_FILE = "sequence.json"
 MAX_FPS = 1000
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 Missing = Literal["fail", "hold", "skip"]
+Vectors = Literal["auto", "off", "blender", "nuke"]
 
 
 class SequenceOptions(BaseModel):
@@ -39,6 +40,9 @@ class SequenceOptions(BaseModel):
     pattern: str = Field("", max_length=500, description="Which files: a name with ####, %04d or [1-20].")
     layer: str = Field("", max_length=200, description="Layer or part whose picture is read; empty: the usual one.")
     view: str = Field("", max_length=200, description="View of a stereo image; empty: the first one.")
+    vectors: Vectors = Field(
+        "auto", description="Convention of motion vectors: found by warping, not used, or that of a program."
+    )
 
     @field_validator("fps")
     @classmethod
@@ -90,7 +94,8 @@ def options_of(values: Mapping[str, object] | bytes, prefix: str = OPTIONS_FILE)
         name = ".".join(str(part) for part in first["loc"][:1])
         raise BadParameter(
             f"{first['msg'].removeprefix('Value error, ')[:200]}.", field=f"{prefix}: {name}" if name else prefix,
-            value=first.get("input"), remedy="missing: fail, hold or skip; fps; pattern; layer; view.",
+            value=first.get("input"),
+            remedy="missing: fail, hold or skip; fps; pattern; layer; view; vectors: auto, off, blender or nuke.",
         ) from None  # fmt: skip
 
 

@@ -25,16 +25,18 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Literal, NoReturn
+from typing import Literal, NamedTuple, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError
 
 from pipeline.compositing import Blend
 from pipeline.errors import UnreadableMedia
+from pipeline.formats import has_planes
 from pipeline.formats.decoding import format_of
 from pipeline.video.archive import MANIFEST
 from pipeline.video.numbering import frame_numbers
-from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, SPARSE, Files
+from pipeline.video.sequence_options import USUAL, SequenceOptions
+from pipeline.video.shot_files import FRAMES, LAYERS, PASSES, SPARSE, Files, is_shot
 
 NUMBERED = ("masks", "vectors", "normals", "ids", "lines", "directions", "keyframes", "painted")
 WHOLE = ""
@@ -46,8 +48,9 @@ class LayerJson(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    name: str = Field(min_length=1, description="Name of its folder in layers/; any name if `ids` is given.")
+    name: str = Field(min_length=1, description="Name of its folder in layers/; any name with `ids` or `objects`.")
     ids: tuple[int, ...] = Field((), description="Object numbers of the ids pass that form the layer.")
+    objects: tuple[str, ...] = Field((), description="Names of objects of the Cryptomatte that form the layer.")
     params: dict[str, JsonValue] = Field({}, description="Parameters of the method that differ for this layer.")
     guides: dict[str, float] = Field({}, description="Weights of its guides by name; 0 = not used.")
     overpaint_px: float | None = Field(
@@ -64,7 +67,7 @@ class ShotJson(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     version: Literal[1] = 1
-    vectors: Literal["auto", "cycles", "eevee", "nuke"] | tuple[float, float, float] | None = Field(
+    vectors: Literal["auto", "off", "cycles", "eevee", "nuke"] | tuple[float, float, float] | None = Field(
         None,
         description="Convention of the motion vectors; or three sign factors: of the next-frame vectors, of the "
         "previous-frame vectors, and of all y components.",
@@ -119,6 +122,42 @@ def read_shot(files: Files) -> ShotLayout:
     return ShotLayout(whole, tuple(_layers(tree, settings, numbers)), settings)
 
 
+class SequenceLayout(NamedTuple):
+    """The layout of a shot, and its files by the paths in it."""
+
+    layout: ShotLayout
+    files: Files
+
+
+def sequence_layout(files: Files) -> SequenceLayout | None:
+    """The layout of a shot; a sequence of numbered images with planes is a shot with frames only. None: the files are
+    neither.
+
+    Raises: UnreadableMedia: see `read_shot`.
+    """
+    if is_shot(files):
+        return SequenceLayout(read_shot(files), files)
+    if not all(has_planes(name) and any(c.isdigit() for c in name) for name in files):
+        return None
+    numbered = _NumberedFrames(files)
+    return SequenceLayout(read_shot(numbered), numbered)
+
+
+class _NumberedFrames(dict[str, bytes]):
+    """Numbered images presented as the frames of a shot. Contents are read on access."""
+
+    def __init__(self, files: Files) -> None:
+        self._files = {f"{FRAMES}/{name.rpartition('/')[2]}": name for name in files}
+        super().__init__((name, b"") for name in self._files)
+        self._source = files
+        self.options: SequenceOptions = getattr(files, "options", USUAL)
+        held = getattr(files, "held", frozenset[str]())
+        self.held = frozenset(name for name, given in self._files.items() if given in held)
+
+    def __getitem__(self, name: str) -> bytes:
+        return self._source[self._files[name]]
+
+
 def _layers(tree: _Tree, settings: ShotJson, numbers: Mapping[int, int]) -> Iterable[LayerFiles]:
     folders = tree.layer_names()
     if settings.layers is None:
@@ -132,10 +171,10 @@ def _layers(tree: _Tree, settings: ShotJson, numbers: Mapping[int, int]) -> Iter
         if name not in listed:
             _refuse(f"Layer {name} is not listed.", f"{MANIFEST}: layers", name, "List it, or remove its folder.")
     for index, layer in enumerate(settings.layers):
-        if layer.name not in folders and not layer.ids:
+        if layer.name not in folders and not (layer.ids or layer.objects):
             _refuse(
                 f"Layer {layer.name} has no folder.", f"{MANIFEST}: layers[{index}]", layer.name,
-                f"Put its pictures in {LAYERS}/{layer.name}/, or list its ids.",
+                f"Put its pictures in {LAYERS}/{layer.name}/, or list its ids or objects.",
             )  # fmt: skip
         yield tree.layer(layer.name, f"{LAYERS}/{layer.name}/", numbers, layer)
 

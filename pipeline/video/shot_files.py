@@ -8,7 +8,6 @@ from pathlib import Path, PurePosixPath
 from zipfile import ZipFile, ZipInfo
 
 from pipeline.errors import UnreadableMedia
-from pipeline.formats.base import Choice
 from pipeline.video.archive import MANIFEST, open_archive, options_in, read_entry
 from pipeline.video.media import Limits
 from pipeline.video.numbering import frame_numbers, frames_of, range_of, sequence_numbers
@@ -65,7 +64,8 @@ class ShotFiles(Mapping[str, bytes]):
     Of a sequence, only its frames are listed. A picture that is used again for a missing one has a name of its own.
 
     Attributes:
-        choice: layer and view of the frames' pictures.
+        options: how the frames are read.
+        held: names of frames for which the one before is used.
 
     Raises: UnreadableMedia, MediaTooLarge.
     """
@@ -76,12 +76,12 @@ class ShotFiles(Mapping[str, bytes]):
         listed = [*members, *(m for m in self._archive.infolist() if PurePosixPath(m.filename).name == MANIFEST)]
         root = root_of([m.filename for m in listed])
         self._members: dict[str, ZipInfo] = {m.filename[len(root) :]: m for m in listed}
-        options = options_in(self._archive) or SequenceOptions()
-        self.choice: Choice = options.choice
+        options = self.options = options_in(self._archive) or SequenceOptions()
         if not is_shot(self._members):
             self._members = _frames(self._members, options.missing, options.pattern, range_of(options.pattern))
         elif options.missing == "hold":
             self._members = _held(self._members)
+        self.held = frozenset(name for name, member in self._members.items() if not member.filename.endswith(name))
 
     def __getitem__(self, name: str) -> bytes:
         return read_entry(self._archive, self._members[name])

@@ -6,16 +6,32 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame
+from pipeline.video.depth import as_uint8, white_of
 
 
-def over_white(rgba: NDArray[np.uint8]) -> Frame:
-    """Composite RGBA with straight alpha, uint8 (h, w, 4), over white; rounds to nearest."""
+def over_white(rgba: AnyArray) -> AnyArray:
+    """Composite RGBA with straight alpha, uint8, uint16 or float32 (h, w, 4), over white; rounds to nearest."""
+    if rgba.dtype != np.uint8:
+        return _deep_over_white(rgba)
     alpha = rgba[..., 3:].astype(np.uint16)
     if alpha.min(initial=255) == 255:
         return np.ascontiguousarray(rgba[..., :3])
     mixed = rgba[..., :3].astype(np.uint16) * alpha + 255 * (255 - alpha) + 127
     return np.asarray(mixed // 255, np.uint8)
+
+
+def _deep_over_white(rgba: AnyArray) -> AnyArray:
+    white = np.float32(white_of(rgba))
+    mixed = white + rgba[..., 3:].astype(np.float32) / white * (rgba[..., :3].astype(np.float32) - white)
+    return mixed if rgba.dtype == np.float32 else np.asarray(np.rint(mixed), rgba.dtype)
+
+
+def as_shown(picture: AnyArray) -> Frame:
+    """A picture of any type, (h, w, 3) or (h, w, 4) with straight opacity, as a frame: 8 bit, over white."""
+    eight = as_uint8(picture)
+    return over_white(eight) if eight.shape[2] == 4 else eight
 
 
 def encode_png(frame: NDArray[np.uint8] | NDArray[np.uint16], level: int = 1) -> bytes:

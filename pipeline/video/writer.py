@@ -16,6 +16,7 @@ from __future__ import annotations
 import zipfile
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -31,12 +32,15 @@ from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTr
 from av.video.stream import VideoStream
 
 from pipeline.arrays import AnyArray
+from pipeline.colour.ocio import check_space, from_display
 from pipeline.errors import BadParameter
-from pipeline.formats import output_format
+from pipeline.formats import OUTPUTS, output_format
 from pipeline.formats.base import Profile
 from pipeline.frames import same_size
+from pipeline.video.depth import as_float, with_opacity
 from pipeline.video.geometry import customary_matrix
 from pipeline.video.pixel_formats import converter_of
+from pipeline.video.wide_colour import FILM_SIGNALS, Signal, film_signal, film_values
 
 MUXER_OPTIONS = {"fflags": "+bitexact"}
 _THREADS = 2
@@ -62,6 +66,10 @@ class SegmentSpec:
     """Name of a profile of the format; "": its usual one."""
     alpha: bool = False
     """Whether frames have opacity."""
+    colour: str = ""
+    """Colour space of the film, a name of the OpenColorIO configuration, "PQ" or "HLG"; "": the profile's."""
+    colour_view: str = ""
+    """The view that `colour` is seen through, whose inverse is applied; "": no tone map."""
 
     @property
     def profile(self) -> Profile:
@@ -75,7 +83,14 @@ class SegmentSpec:
     @property
     def matrix(self) -> Colorspace:
         """Colour matrix of encoded pictures: that which players assume for their height, unless the codec has one."""
+        if self.signal is not None:
+            return Colorspace.BT2020
         return Colorspace.ITU709 if self.profile.always_709 else customary_matrix(self.size[1])
+
+    @property
+    def signal(self) -> Signal | None:
+        """The signal of an HDR film; None: it is none."""
+        return film_signal(self.colour) if self.profile.has_hdr else None
 
     @property
     def coded_size(self) -> tuple[int, int]:
@@ -131,7 +146,33 @@ def segment_writer(path: Path, spec: SegmentSpec) -> SegmentWriter:
     output_format(spec.format).check(profile, spec.size, spec.fps)
     if spec.alpha and not profile.has_alpha:
         raise BadParameter(f"{profile.title} has no opacity.", field="output.alpha", value=profile.name)
+    check_colour(spec.format, profile, spec.colour)
     return ImageSegment(path, spec) if profile.encode else VideoSegment(path, spec)
+
+
+def check_colour(form: str, profile: Profile, colour: str) -> None:
+    """Raise BadParameter if a film of this format and profile cannot have this colour space."""
+    signal = film_signal(colour)
+    if not colour or (signal and profile.has_hdr):
+        return
+    if signal and not profile.has_spaces:
+        raise BadParameter(
+            f"{output_format(form).title}, {profile.title} holds no HDR.", field="output.colour", value=colour,
+            remedy=f"Leave it out, or use one of: {_profiles(lambda each: each.has_hdr)}.",
+        )  # fmt: skip
+    if not profile.has_spaces:
+        hdr = f"use {' or '.join(FILM_SIGNALS)}, " if profile.has_hdr else ""
+        raise BadParameter(
+            f"{output_format(form).title}, {profile.title} is not written in this colour space.", field="output.colour",
+            value=colour, remedy=f"Leave it out, {hdr}or use one of: {_profiles(lambda each: each.has_spaces)}.",
+        )  # fmt: skip
+    check_space(colour, "output.colour")
+
+
+def _profiles(chosen: Callable[[Profile], bool]) -> str:
+    """Formats and names of these profiles."""
+    found = (f"{form.name} {profile.name}" for form in OUTPUTS.values() for profile in form.profiles if chosen(profile))
+    return ", ".join(found)
 
 
 class VideoSegment(SegmentWriter):
@@ -167,6 +208,8 @@ class VideoSegment(SegmentWriter):
         size = self.spec.coded_size
         if size[0] < self.spec.size[0] or size[1] < self.spec.size[1]:
             frame = np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA))
+        if (signal := self.spec.signal) is not None:
+            frame = film_values(frame, signal, self.spec.colour_view)
         return self._convert(_even(frame, size))
 
     def _encode(self, picture: av.VideoFrame | None) -> None:
@@ -195,7 +238,11 @@ def _describe(context: VideoCodecContext, spec: SegmentSpec) -> None:
     context.thread_count = _THREADS
     if VideoFormat(spec.pixel_format).is_rgb:
         context.color_range, context.colorspace = ColorRange.JPEG, _RGB_TAG
-        context.color_primaries, context.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
+        context.color_primaries, context.color_trc = spec.signal or (ColorPrimaries.BT709, ColorTrc.IEC61966_2_1)
+        return
+    if spec.signal is not None:
+        context.color_range, context.colorspace = ColorRange.MPEG, Colorspace.BT2020
+        context.color_primaries, context.color_trc = spec.signal
         return
     hd = spec.matrix == Colorspace.ITU709
     context.color_range = ColorRange.MPEG
@@ -222,7 +269,13 @@ class ImageSegment(SegmentWriter):
 
     def _write(self, index: int, frame: AnyArray, start: int, stop: int) -> None:
         name = f"{index:0{4 if index >= 0 else 5}d}{self._suffix}"
-        self._zip.writestr(zip_entry(name), self._encode(frame))
+        self._zip.writestr(zip_entry(name), self._encode(self._in_space(frame), self.spec.colour))
+
+    def _in_space(self, frame: AnyArray) -> AnyArray:
+        if not self.spec.colour:
+            return frame
+        colours = from_display(as_float(frame)[..., :3], self.spec.colour, self.spec.colour_view)
+        return colours if frame.shape[2] == 3 else with_opacity(colours, frame[..., 3])
 
     def finish(self) -> None:
         return

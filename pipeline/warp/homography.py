@@ -18,6 +18,8 @@ Points: TypeAlias = NDArray[np.floating]
 
 IDENTITY: Homography = np.eye(3)
 IDENTITY.setflags(write=False)
+MOST_PERSPECTIVE = 2.0
+"""Largest change of scale by perspective between two frames, within the rectangle of a patch."""
 MOST = 1500
 """Largest number of points used by a fit; more points are subsampled evenly."""
 
@@ -57,7 +59,7 @@ def lattice(shape: tuple[int, int], origin: tuple[int, int] = (0, 0)) -> NDArray
 
 def fit(
     source: Points, target: Points, *, weights: AnyArray | None = None, noise_px: float = 0.25, rounds: int = 6,
-    start: Homography | None = None,
+    start: Homography | None = None, over: tuple[int, int, int, int] | None = None,
 ) -> Homography:  # fmt: skip
     """Fit a homography from `source` to `target`, robust to outliers.
 
@@ -70,6 +72,8 @@ def fit(
         noise_px: residual at which a point's weight begins to fall (Geman and McClure).
         rounds: iterations of reweighted least squares.
         start: initial estimate, from which the first weights are computed; None = `weights` alone.
+        over: rectangle in which the map is used, (left, top, right, bottom), px. Points in a corner of it say little
+            about the perspective of the rest: if it magnifies by more than `MOST_PERSPECTIVE`, the map is affine.
     """
     n = len(source)
     if n < 4:
@@ -88,9 +92,14 @@ def fit(
     if start is not None:
         found = matrix @ start @ np.linalg.inv(matrix)
         share = base * _doubt(u, v, found, scale, noise_px)
-    for _ in range(rounds):
-        found = _solve(u, v, share, affine=n < 200 or spread < 24)
-        share = base * _doubt(u, v, found, scale, noise_px)
+    first = share
+    for affine in (n < 200 or spread < 24, True):
+        share = first
+        for _ in range(rounds):
+            found = _solve(u, v, share, affine=affine)
+            share = base * _doubt(u, v, found, scale, noise_px)
+        if over is None or _is_moderate(found, (np.reshape(over, (2, 2)) - middle) / scale):
+            break
     return np.asarray(np.linalg.inv(matrix) @ found @ matrix)
 
 
@@ -116,6 +125,13 @@ def _doubt(u: Points, v: Points, matrix: Homography, scale: float, noise_px: flo
     out = np.empty(len(u))
     _weigh(u, v, np.ascontiguousarray(matrix), (scale / noise_px) ** 2, out)
     return out
+
+
+def _is_moderate(matrix: Homography, corners: NDArray[np.float64]) -> bool:
+    """Whether the perspective changes the scale by at most `MOST_PERSPECTIVE` in a rectangle, (2, 2) corners."""
+    (left, top), (right, bottom) = corners
+    depths = [matrix[2] @ (x, y, 1.0) for x in (left, right) for y in (top, bottom)]
+    return bool(min(depths) * MOST_PERSPECTIVE >= 1 and max(depths) <= MOST_PERSPECTIVE)
 
 
 RIDGE = np.array([1, 1, 0.01, 1, 1, 0.01, 30, 30.0])

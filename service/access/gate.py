@@ -1,4 +1,4 @@
-"""Middleware before every request: Host and Origin checks, authentication, rate limit."""
+"""Middleware before every request: Host and Origin checks, authentication, the group, rate limit."""
 
 from __future__ import annotations
 
@@ -6,18 +6,22 @@ import asyncio
 import hmac
 import math
 import re
+from dataclasses import replace
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from pipeline.errors import ImpastoError
 from service.access.keys import EVERYONE, OPERATOR, Principal
+from service.access.keys import Scope as KeyScope
 from service.access.rates import Rates
 from service.errors import BadRequest, Forbidden, RateLimited, Unauthorized, respond, retry_after
 from service.settings import Settings, is_address, is_loopback
 from workers.contract.record import ApiKey
-from workers.store.keys import Keys
+from workers.errors import NotFound
+from workers.farm import Farm
 
 GUARDED = ("/v1/", "/metrics")
 """Paths that need a key where keys are required. Pages, health and the OpenAPI document contain no user data."""
@@ -25,8 +29,17 @@ GUARDED = ("/v1/", "/metrics")
 SHARED = "/v1/shared/"
 """Prefix of shared links: their routes check the token in the address."""
 
+SIGN_IN = "/sign-in"
+"""The address where a browser's user signs in, if the service has an OpenID provider."""
+
+COOKIE = "impasto_session"
+"""The cookie of a browser whose user has signed in: the secret of a key that is a session."""
+
 KEY_PROTOCOL = "impasto.key."
 """Prefix of a WebSocket subprotocol that carries a key."""
+
+SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
+"""Methods that change nothing."""
 
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:\d{1,5})?")
 
@@ -34,8 +47,9 @@ _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:\d{1,5})?")
 class Gate:
     """Sets `request.state.principal`, or answers with 401, 403 or 429."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, keys: Keys, rates: Rates) -> None:
-        self._app, self._settings, self._keys, self._rates = app, settings, keys, rates
+    def __init__(self, app: ASGIApp, settings: Settings, farm: Farm, rates: Rates) -> None:
+        self._app, self._settings, self._rates = app, settings, rates
+        self._keys, self._owners = farm.keys, farm.owners
         self._asked: dict[str, asyncio.Future[ApiKey | None]] = {}
         """Queries for keys that are being answered, by secret."""
 
@@ -56,28 +70,59 @@ class Gate:
         secret = _bearer(headers) or _offered(scope)
         if secret is None and self._settings.open:
             self._check_local(headers, scope["scheme"])
+        if scope["path"].startswith(SIGN_IN):
+            self._check_rate(None, address_of(scope))
         if not scope["path"].startswith(GUARDED):
             return None
-        principal = await self._known(secret)
-        self._check_rate(principal, _address(scope))
+        principal = await (self._signed_in(scope, headers) if secret is None else self._known(secret))
+        self._check_rate(principal, address_of(scope))
         if scope["path"].startswith(SHARED):
             return None
         if principal is None:
-            raise Unauthorized(
-                "An API key is required." if secret is None else "Unknown API key.",
-                field="Authorization",
-                remedy="Send the header 'Authorization: Bearer <key>' with a valid key.",
-            )
-        return principal
+            raise self._unauthorized(secret)
+        return await self._in_group(principal, scope.get("group"))
 
-    async def _known(self, secret: str | None) -> Principal | None:
-        if secret is None:
-            return EVERYONE if self._settings.open else None
+    def _unauthorized(self, secret: str | None) -> Unauthorized:
+        """The answer 401. With an OpenID provider, its header names the address at which users sign in."""
+        offered = {"WWW-Authenticate": f'Bearer sign_in="{SIGN_IN}"'} if self._settings.oidc_issuer else {}
+        return Unauthorized(
+            "An API key is required." if secret is None else "Unknown API key.",
+            headers=offered,
+            field="Authorization",
+            remedy="Send the header 'Authorization: Bearer <key>' with a valid key"
+            + (f", or sign in at {SIGN_IN} with a browser." if offered else "."),
+        )
+
+    async def _signed_in(self, scope: Scope, headers: Headers) -> Principal | None:
+        """The caller without a key: the user of a browser's session, or anyone of an open service."""
+        if self._settings.open:
+            return EVERYONE
+        secret = cookie_parser(headers.get("cookie", "")).get(COOKIE)
+        key = await self._verified(secret) if secret else None
+        if key is None or not key.session:
+            return None
+        if scope["type"] == "websocket" or scope["method"] not in SAFE:
+            check_origin(headers, scope["scheme"], self._settings.public_url)
+        return _principal(key)
+
+    async def _in_group(self, principal: Principal, group: str | None) -> Principal:
+        """The caller under the address of a group: acts for it, with the scopes of the role, as far as the key has
+        them. Raises NotFound for strangers, as if there were no such group."""
+        if group is None:
+            return principal
+        found = await run_in_threadpool(self._owners.role, principal.user, group)
+        role, quotas = found or (None, {})
+        if found is None or (role is None and not principal.may(KeyScope.ADMIN)):
+            raise NotFound("Group not found.", field="group", value=group, remedy="GET /v1/me lists your groups.")
+        scopes = principal.scopes if role is None else principal.scopes & (role.scopes | {KeyScope.ADMIN})
+        return replace(principal, owner=group, scopes=scopes, quotas=quotas)
+
+    async def _known(self, secret: str) -> Principal | None:
         fixed = self._settings.admin_key
         if fixed and hmac.compare_digest(secret.encode(), fixed.get_secret_value().encode()):
             return OPERATOR
         key = await self._verified(secret)
-        return Principal(key.owner, key.scopes, key.quotas, key.id) if key else None
+        return _principal(key) if key else None
 
     async def _verified(self, secret: str) -> ApiKey | None:
         """The key of the secret. Requests that come meanwhile with the same secret share the query, so that a thousand
@@ -111,15 +156,8 @@ class Gate:
                 value=host,
                 remedy="Use http://127.0.0.1, add the name to IMPASTO_ALLOWED_HOSTS, or use an API key.",
             )
-        origin = headers.get("origin")
-        scheme = {"ws": "http", "wss": "https"}.get(scheme, scheme)
-        if origin is not None and origin.lower() != f"{scheme}://{host}".lower():
-            raise Forbidden(
-                "Pages of other origins may not use this service.",
-                field="Origin",
-                value=origin,
-                remedy="Use the service's own page, or an API key from a program.",
-            )
+        if headers.get("origin") is not None:
+            check_origin(headers, scheme)
 
     def _trusted(self, host: str) -> bool:
         """Whether a Host header is a name that nobody else can point at this machine: of loopback, allowed by the
@@ -130,6 +168,28 @@ class Gate:
         name = found["name"].strip("[]").lower().rstrip(".")
         allowed = {one.lower() for one in self._settings.allowed_hosts}
         return is_loopback(name) or name in allowed or (self._settings.auth == "off" and is_address(name))
+
+
+def _principal(key: ApiKey) -> Principal:
+    return Principal(key.owner, key.scopes, key.quotas, key.id, key.owner, key.session)
+
+
+def check_origin(headers: Headers, scheme: str, public_url: str = "") -> None:
+    """Raise Forbidden unless a page of this service sent the request: browsers name the origin of each page that may
+    change something.
+
+    Args:
+        public_url: the service's address for browsers, if a proxy changes it.
+    """
+    origin, scheme = headers.get("origin", ""), {"ws": "http", "wss": "https"}.get(scheme, scheme)
+    own = {f"{scheme}://{headers.get('host', '')}".lower(), "/".join(public_url.lower().split("/")[:3])}
+    if not origin or origin.lower() not in own:
+        raise Forbidden(
+            "Pages of other origins may not use this service.",
+            field="Origin",
+            value=origin,
+            remedy="Use the service's own page, or an API key from a program.",
+        )
 
 
 def _check_framing(headers: Headers) -> None:
@@ -153,6 +213,7 @@ def _offered(scope: Scope) -> str | None:
     return next(keys, None) or None
 
 
-def _address(scope: Scope) -> str:
+def address_of(scope: Scope) -> str:
+    """The client's network address, behind an @, which no id of an owner contains."""
     client = scope.get("client")
     return f"@{client[0]}" if client else "@"

@@ -17,16 +17,21 @@ class Scope(StrEnum):
 
 @dataclass(frozen=True)
 class Principal:
-    """A caller: the holder of a key, or anyone where no key is required."""
+    """A caller: the holder of a key, somebody who has signed in, or anyone where no key is required."""
 
     owner: str
-    """Owner of what the caller creates: the key's owner; "" without a key."""
+    """Owner of what the caller creates and sees: the user, or the group under whose address the request came; ""
+    without a key."""
     scopes: frozenset[str]
     quotas: dict[str, int] = field(default_factory=dict)
     """The owner's limits, by name: "active_jobs", "asset_bytes", "document_bytes", "live_sessions",
     "requests_per_minute", "running_tasks"."""
     key: str = ""
     """Id of the caller's key; "" without a stored key."""
+    user: str = ""
+    """The user, also where the request is for a group; "" without a key."""
+    session: bool = False
+    """Whether the user has signed in with a browser."""
 
     def may(self, scope: Scope) -> bool:
         return scope in self.scopes or Scope.ADMIN in self.scopes
@@ -47,8 +52,8 @@ class Principal:
 
 
 LIVE_SESSIONS = "live_sessions"
-"""Quota of a key: maximum number of its live sessions."""
+"""Quota of an owner: maximum number of its live sessions."""
 EVERYONE = Principal("", frozenset(Scope))
 """A caller without a key, where none is required."""
-OPERATOR = Principal("admin", frozenset(Scope))
+OPERATOR = Principal("admin", frozenset(Scope), user="admin")
 """The holder of `Settings.admin_key`."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.video.sequence_options import Missing, SequenceOptions, embed, options_of
+from pipeline.video.sequence_options import Missing, SequenceOptions, Vectors, embed, options_of
 
 
 class SequenceQuery(BaseModel):
@@ -20,6 +20,7 @@ class SequenceQuery(BaseModel):
     pattern: str | None = Field(None, max_length=500, description="Which images: a name with ####, %04d or [1-20].")
     layer: str | None = Field(None, max_length=200, description="Layer of multi-layer images that is read.")
     view: str | None = Field(None, max_length=200, description="View of stereo images that is read.")
+    vectors: Vectors | None = Field(None, description="Convention of motion vectors: auto, off, blender, nuke.")
 
     def options(self) -> SequenceOptions | None:
         """The options, if any is given. Raises BadParameter."""

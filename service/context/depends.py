@@ -16,6 +16,7 @@ from prometheus_client import CollectorRegistry
 
 from service.access.admission import Admission
 from service.access.keys import EVERYONE, Principal, Scope
+from service.access.provider import Provider
 from service.context.load_history import LoadHistory
 from service.errors import Forbidden
 from service.settings import Settings
@@ -71,6 +72,8 @@ class ServiceContext:
     """Slots of requests, by the class of their cost."""
     webhook_secrets: WebhookSecrets
     styles: StyleLibrary
+    provider: Provider | None
+    """Where users sign in; None: keys only."""
     registry: CollectorRegistry
     """Registry of this app's metrics."""
     download_threads: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(DOWNLOADS))
@@ -107,6 +110,8 @@ def _requires(*scopes: Scope) -> Callable[..., Awaitable[Principal]]:
 
 
 Context = Annotated[ServiceContext, Depends(_context)]
+Anyone = Annotated[Principal, Depends(_requires())]
+"""A caller with a key of any scope."""
 Reader = Annotated[Principal, Depends(_requires(Scope.READ))]
 Submitter = Annotated[Principal, Depends(_requires(Scope.SUBMIT))]
 Sharer = Annotated[Principal, Depends(_requires(Scope.SUBMIT, Scope.READ))]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.formats import OutputName
+from pipeline.formats import PASS_FORMATS, OutputName
 from service.prefix import Address
 from workers.contract.record import Job
 from workers.contract.request import (
@@ -42,6 +42,27 @@ ALPHA: Alpha = Field(
 )
 
 
+COLOUR: str = Field(
+    default="", max_length=200,
+    description="Colour space of the film. Images of more than 8 bits: a name of the OpenColorIO configuration, for "
+    "example `ACEScg`. Video of more than 8 bits: `PQ` or `HLG` (BT.2100). Empty: sRGB, BT.709, and linear Rec. 709 "
+    "in floating point.",
+)  # fmt: skip
+
+
+PASSES: tuple[Name, ...] = Field(
+    default=(), max_length=64,
+    description="Passes of the method beside the film, for example `flow`: names of `makes_passes` of the method. The "
+    "job then has the artefact `passes`, a zip.",
+)  # fmt: skip
+PASSES_FORMAT: str = Field(
+    default="", max_length=32,
+    description=f"Format of the passes: {', '.join(PASS_FORMATS)}. Empty: the first one, an image a frame with a "
+    "layer for each pass. `film`: layers in the film's own images, if these can hold any; the job then has no artefact "
+    "`passes`.",
+)  # fmt: skip
+
+
 class _Body(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -58,8 +79,13 @@ class OutputIn(_Body):
     profile: str = PROFILE
     alpha: Alpha = ALPHA
 
+    colour: str = COLOUR
+
+    passes: tuple[Name, ...] = PASSES
+    passes_format: str = PASSES_FORMAT
+
     def spec(self) -> OutputSpec:
-        return OutputSpec(self.format, self.quality, self.artefacts, self.report, self.profile, self.alpha)
+        return OutputSpec(**{name: getattr(self, name) for name in type(self).model_fields})
 
 
 class ExportIn(_Body):
@@ -69,8 +95,10 @@ class ExportIn(_Body):
     profile: str = PROFILE
     alpha: Alpha = ALPHA
 
+    colour: str = COLOUR
+
     def spec(self) -> OutputSpec:
-        return OutputSpec(self.format, self.quality, profile=self.profile, alpha=self.alpha)
+        return OutputSpec(self.format, self.quality, profile=self.profile, alpha=self.alpha, colour=self.colour)
 
 
 class Work(_Body):

@@ -29,7 +29,7 @@ from service.context.depends import ServiceContext
 from service.errors import BadMessage
 from service.live.changes import Changes, ordered_filter, shown_filter
 from service.live.closing import NORMAL, Ending, Left, Lost
-from service.live.frames import HEADER_BYTES, Header, pack, unpack
+from service.live.frames import HEADER_BYTES, Header, is_sound, pack, unpack
 from service.live.message_sender import MessageSender
 from service.live.messages import (
     FORMATS,
@@ -58,6 +58,7 @@ from workers.live.resolution import deadline_s
 from workers.live.stream import Answer, Item, KeyframeNeeded, Replaced, Resized, Stream
 
 MAX_FRAMES_PER_S = 240
+MAX_SOUND_PER_S = 240
 
 
 class Connection:
@@ -76,6 +77,7 @@ class Connection:
         self._sender = MessageSender(socket, context.settings.live_slow_s)
         self._changes = Changes(sessions.live, self._sender, self._assets)
         self._arrivals: deque[float] = deque(maxlen=MAX_FRAMES_PER_S)
+        self._sounds: deque[float] = deque(maxlen=MAX_SOUND_PER_S)
         self._sequence = -1
 
     async def stop(self, ending: Ending) -> None:
@@ -130,7 +132,9 @@ class Connection:
 
     async def _exchange(self, session: LiveSession, stream: Stream) -> None:
         """Exchange frames until the client sends bye and has received its last frame."""
-        await self._race(self._read(stream), self._changes.run(session, stream), self._send_statistics(session, stream))
+        await self._race(
+            self._read(session, stream), self._changes.run(session, stream), self._send_statistics(session, stream)
+        )
         await self._race(stream.finish(), self._discard_messages())
 
     @staticmethod
@@ -236,7 +240,7 @@ class Connection:
             )  # fmt: skip
         return data
 
-    async def _read(self, stream: Stream) -> None:
+    async def _read(self, session: LiveSession, stream: Stream) -> None:
         """Receive until the client sends bye."""
         deadline = asyncio.get_running_loop().time() + self._settings.live_idle_s
         while True:
@@ -247,7 +251,10 @@ class Connection:
                 raise Ending(
                     "idle", f"No frame for {self._settings.live_idle_s:g} s.", remedy="Connect again."
                 ) from None
-            if isinstance(message, bytes):
+            if isinstance(message, bytes) and is_sound(message):
+                _check_rate(self._sounds, "packets of sound", time.perf_counter())
+                session.viewers.hear(message)
+            elif isinstance(message, bytes):
                 stream.offer(self._packet(message, stream))
                 deadline = asyncio.get_running_loop().time() + self._settings.live_idle_s
             elif await self._handle_control(message, stream):
@@ -255,7 +262,7 @@ class Connection:
 
     def _packet(self, message: bytes, stream: Stream) -> Packet:
         now = time.perf_counter()
-        self._check_rate(now)
+        _check_rate(self._arrivals, "frames", now)
         header, payload = unpack(message)
         if header.sequence <= self._sequence:
             raise BadMessage(
@@ -266,11 +273,6 @@ class Connection:
         self._check_size(header)
         key = header.key or stream.order.wire.send not in BUILT_ON
         return Packet(header.sequence, header.timestamp, (header.width, header.height), key, payload, now)
-
-    def _check_rate(self, now: float) -> None:
-        if len(self._arrivals) == MAX_FRAMES_PER_S and now - self._arrivals[0] < 1.0:
-            raise Ending("rate-limited", f"More than {MAX_FRAMES_PER_S} frames in a second.", remedy="Send fewer.")
-        self._arrivals.append(now)
 
     def _check_size(self, header: Header) -> None:
         most, value = self._sessions.live.limits.side_px, f"{header.width}x{header.height}"
@@ -358,6 +360,13 @@ def _resolution(item: Resized) -> Resolution:
         latency_ms=round(1000 * why.latency_s, 1) if measured else None,
         deadline_ms=round(1000 * why.deadline_s, 1) if measured else None,
     )  # fmt: skip
+
+
+def _check_rate(arrivals: deque[float], what: str, now: float) -> None:
+    """Note an arrival. Raises Ending if as many as `arrivals` holds came within the last second."""
+    if len(arrivals) == arrivals.maxlen and now - arrivals[0] < 1.0:
+        raise Ending("rate-limited", f"More than {arrivals.maxlen} {what} in a second.", remedy="Send fewer.")
+    arrivals.append(now)
 
 
 def _is_lost(disconnect: Message) -> bool:

@@ -1,4 +1,4 @@
-"""Binary messages in both directions: a big-endian header of 32 bytes, then the encoded frame."""
+"""Binary messages in both directions: a big-endian header of 32 bytes, then the encoded frame, or sound for viewers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ VERSION = 1
 _HEADER = struct.Struct(">BBHHHIIQQ")
 HEADER_BYTES = _HEADER.size
 _KEY = 1
+_SOUND = 2
+MAX_SOUND_BYTES = 4000
+"""Longest packet of sound: Opus at 510 kbit/s needs 1,275 bytes for 20 ms."""
 _MOST_US = (1 << 32) - 1
 
 
@@ -45,6 +48,20 @@ def pack(header: Header, payload: bytes) -> bytes:
         VERSION, flags, header.width, header.height, 0, header.sequence, latency_us, header.timestamp, 0
     )
     return head + payload
+
+
+def is_sound(message: bytes) -> bool:
+    """Whether a binary message is a packet of sound instead of a frame. Raises BadMessage if its form is wrong."""
+    if len(message) <= HEADER_BYTES or not message[1] & _SOUND:
+        return False
+    version, flags, channels, height, zero, _sequence, latency, _timestamp, zeros = _HEADER.unpack_from(message)
+    if version != VERSION or flags != _SOUND or height or zero or latency or zeros:
+        raise _bad("Unused bits and fields of a packet of sound are 0.", "sound.flags", f"{flags:#04x}")
+    if channels not in (1, 2):
+        raise _bad("Sound has one or two channels.", "sound.channels", channels)
+    if len(message) > HEADER_BYTES + MAX_SOUND_BYTES:
+        raise _bad(f"A packet of sound has at most {MAX_SOUND_BYTES} bytes.", "sound", f"{len(message)} bytes")
+    return True
 
 
 def _bad(message: str, field: str, value: object) -> BadMessage:

@@ -78,7 +78,7 @@ async def connect(socket: WebSocket, session: str | None = None) -> None:
 
 
 @router.websocket("/v1/live/view")
-async def watch(socket: WebSocket, session: str | None = None) -> None:
+async def watch(socket: WebSocket, session: str | None = None, sound: bool = False) -> None:
     context, sessions = _context(socket)
     try:
         principal, protocol = caller(socket, Scope.READ), subprotocol(socket)
@@ -88,7 +88,7 @@ async def watch(socket: WebSocket, session: str | None = None) -> None:
         await socket.send_denial_response(respond(error, socket.url.path))
         return
     await socket.accept(protocol)
-    await ViewConnection(socket, context, sessions, principal, session).run()
+    await ViewConnection(socket, context, sessions, principal, session, sound).run()
 
 
 async def _run(socket: WebSocket, connection: Connection, session: LiveSession, protocol: str | None) -> None:

@@ -14,7 +14,7 @@ from service.live.frames import pack
 from service.live.message_sender import MessageSender
 from service.live.messages import KeyframeIn, ViewReadyOut, ViewWaitingOut, parse, receiving
 from service.live.sessions import LiveSession, Sessions
-from service.live.viewers import Viewer, ViewFormat
+from service.live.viewers import ViewedSound, Viewer, ViewFormat
 
 MAX_VIEWERS = 16
 """Maximum number of viewers of a session."""
@@ -27,6 +27,7 @@ class ViewConnection:
     Args:
         socket: accepted.
         session_id: the session to show; None: the caller's newest one, and after its end the next one.
+        sound: whether the viewer gets the sound of the session, too.
     """
 
     def __init__(
@@ -36,9 +37,10 @@ class ViewConnection:
         sessions: Sessions,
         principal: Principal,
         session_id: str | None,
+        sound: bool = False,
     ) -> None:
         self._socket, self._context, self._sessions = socket, context, sessions
-        self._principal, self._session_id = principal, session_id
+        self._principal, self._session_id, self._sound = principal, session_id, sound
         self._sender = MessageSender(socket, context.settings.live_slow_s)
         self._viewer: Viewer | None = None
 
@@ -81,11 +83,13 @@ class ViewConnection:
         """Send the session's frames until it ends."""
         if len(session.viewers) >= MAX_VIEWERS:
             raise Ending("rate-limited", f"A session has at most {MAX_VIEWERS} viewers.", remedy="Close another one.")
-        with session.viewers.watch() as viewer:
+        with session.viewers.watch(self._sound) as viewer:
             self._viewer = viewer
             while (item := await viewer.next()) is not None:
                 if isinstance(item, ViewFormat):
                     await self._sender.send_message(_ready(session, item))
+                elif isinstance(item, ViewedSound):
+                    await self._sender.send_frame(item.message)
                 else:
                     await self._sender.send_frame(pack(item.header, item.payload))
 

@@ -1,4 +1,4 @@
-"""Viewers of a live session: each painted frame is also sent to them. A slow viewer delays nobody else."""
+"""Viewers of a live session: painted frames and sound are also sent to them. A slow viewer delays nobody else."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from workers.live.stream import Stream
 MAX_WAITING = 30
 """Maximum number of frames of a video codec that wait for a viewer. Beyond it, the viewer continues at the next key
 frame."""
+
+
+MAX_WAITING_SOUND = 100
+"""Maximum number of packets of sound that wait for a viewer: two seconds. Beyond it, the oldest is dropped."""
 
 
 @dataclass(frozen=True)
@@ -35,18 +39,34 @@ class ViewedFrame:
     payload: bytes
 
 
-class Viewer:
-    """The frames for one viewer. For one event loop only."""
+@dataclass(frozen=True)
+class ViewedSound:
+    """A packet of the client's sound."""
 
-    def __init__(self, of: Viewers) -> None:
+    message: bytes
+    """The binary message of the client, unchanged, with its header."""
+
+
+ViewItem = ViewFormat | ViewedFrame | ViewedSound
+
+
+class Viewer:
+    """The frames for one viewer. For one event loop only.
+
+    Args:
+        sound: whether the viewer gets the sound, too.
+    """
+
+    def __init__(self, of: Viewers, sound: bool = False) -> None:
         self._of = of
-        self._items: deque[ViewFormat | ViewedFrame] = deque()
+        self.sound = sound
+        self._items: deque[ViewItem] = deque()
         self._news = asyncio.Event()
         self._ended = False
         self._waits_for_key = True
 
-    async def next(self) -> ViewFormat | ViewedFrame | None:
-        """The next format or frame; a format precedes the first frame in it. None at the end of the session."""
+    async def next(self) -> ViewItem | None:
+        """The next item; a format precedes the first frame in it. None at the end of the session."""
         while not self._items and not self._ended:
             self._news.clear()
             await self._news.wait()
@@ -56,10 +76,12 @@ class Viewer:
         """Ask for a key frame, because the viewer cannot decode the following frames."""
         self._of.key_wanted = True
 
-    def put(self, item: ViewFormat | ViewedFrame) -> None:
+    def put(self, item: ViewItem) -> None:
         if isinstance(item, ViewFormat):
             self._items.clear()
             self._waits_for_key = True
+        elif isinstance(item, ViewedSound):
+            self._forget_sound()
         elif not self._accepts(item):
             return
         self._items.append(item)
@@ -81,6 +103,11 @@ class Viewer:
         if self._waits_for_key:
             self.request_key()
         return not self._waits_for_key
+
+    def _forget_sound(self) -> None:
+        waiting = [item for item in self._items if isinstance(item, ViewedSound)]
+        if len(waiting) >= MAX_WAITING_SOUND:
+            self._items.remove(waiting[0])
 
     def _forget(self, frames: list[ViewedFrame]) -> None:
         for frame in frames:
@@ -120,10 +147,16 @@ class Viewers:
             self.key_wanted = False
             stream.want_key()
 
+    def hear(self, message: bytes) -> None:
+        """Pass a packet of the client's sound to the viewers that want it."""
+        for viewer in self._viewers:
+            if viewer.sound:
+                viewer.put(ViewedSound(message))
+
     @contextmanager
-    def watch(self) -> Iterator[Viewer]:
+    def watch(self, sound: bool = False) -> Iterator[Viewer]:
         """A new viewer, removed when the block ends."""
-        viewer = Viewer(self)
+        viewer = Viewer(self, sound)
         self._viewers.add(viewer)
         if self.form is not None:
             viewer.put(self.form)

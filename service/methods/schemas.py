@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.methods.base import Example, InputSpec, Method, Studio
+from pipeline.methods.base import Example, InputSpec, MadePass, Method, Studio
 from pipeline.methods.studio import PreviewKind
 from workers.contract.request import Json
 
@@ -36,6 +36,8 @@ class MethodOut:
     examples: tuple[Example, ...]
     artefacts: tuple[str, ...]
     """Optional artefacts, for `output.artefacts` of a job."""
+    makes_passes: tuple[MadePass, ...]
+    """Passes beside the film, for `output.passes` of a job."""
     steps: tuple[StepOut, ...]
     parts: tuple[PartOut, ...]
     previews: tuple[PreviewKind, ...]
@@ -62,6 +64,7 @@ def method_out(method: Method) -> MethodOut:
         defaults=method.Params().model_dump(mode="json"),
         examples=method.examples,
         artefacts=method.artefacts,
+        makes_passes=method.makes_passes,
         steps=tuple(StepOut(step.name, step.title) for step in method.steps),
         parts=tuple(PartOut(part.name, part.title) for part in method.parts),
         previews=method.preview_kinds(),

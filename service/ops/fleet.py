@@ -60,7 +60,7 @@ def get_queue(context: Context, _caller: Admin) -> QueueOut:
 @router.post("/queue/pause")
 def pause_queue(context: Context, caller: Admin, body: ReasonIn | None = None) -> QueueOut:
     """Pause the queue: no further task starts, running tasks finish, new jobs are accepted and wait."""
-    context.farm.workers.drain(DrainScope.QUEUE, "", caller.owner, _reason(body))
+    context.farm.workers.drain(DrainScope.QUEUE, "", caller.user, _reason(body))
     return get_queue(context, caller)
 
 
@@ -81,7 +81,7 @@ def list_workers(context: Context, _caller: Admin, cursor: Cursor = None, limit:
 @router.post("/workers/{worker_id}/drain")
 def drain_worker(worker_id: WorkerId, context: Context, caller: Admin, body: ReasonIn | None = None) -> Drain:
     """Drain a worker: no further task starts there, running tasks finish. Idempotent."""
-    return context.farm.workers.drain(DrainScope.WORKER, worker_id, caller.owner, _reason(body))
+    return context.farm.workers.drain(DrainScope.WORKER, worker_id, caller.user, _reason(body))
 
 
 @router.post("/workers/{worker_id}/resume", status_code=204)
@@ -99,7 +99,7 @@ def list_nodes(context: Context, _caller: Admin) -> Listing[NodeView]:
 @router.post("/nodes/{node}/drain")
 def drain_node(node: NodeName, context: Context, caller: Admin, body: ReasonIn | None = None) -> Drain:
     """Drain a machine: no further task starts there until it is resumed, also after a restart."""
-    return context.farm.workers.drain(DrainScope.NODE, node, caller.owner, _reason(body))
+    return context.farm.workers.drain(DrainScope.NODE, node, caller.user, _reason(body))
 
 
 @router.post("/nodes/{node}/resume", status_code=204)

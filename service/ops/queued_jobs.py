@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.errors import ImpastoError
 from service.access.admission import Cost, costs
+from service.access.audit import about
 from service.access.keys import Principal
 from service.context.depends import Admin, Context, ServiceContext
 from service.jobs.lookup import find_job, max_reopened_jobs
@@ -71,9 +73,10 @@ def set_priority(job_id: JobId, body: PriorityIn, context: Context, caller: Admi
 
 @router.post("/actions")
 @costs(Cost.HEAVY)
-def act_on_jobs(body: JobsActionIn, context: Context, caller: Admin) -> JobsActionOut:
+def act_on_jobs(body: JobsActionIn, request: Request, context: Context, caller: Admin) -> JobsActionOut:
     """Cancel, pause, resume, retry or delete several jobs. If the action is refused for one job, it is still done for
     the others; all but retries are done in one transaction."""
+    about(request, body.action, *body.jobs)
     alone = set(body.jobs) if body.action == "retry" else set()
     if body.action == "delete":
         alone = context.farm.exports.having(body.jobs)

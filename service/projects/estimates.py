@@ -54,8 +54,9 @@ class EstimatesOut:
 @router.post("")
 @costs(Cost.HEAVY)
 def estimate_jobs(body: EstimateIn, context: Context, caller: Reader) -> EstimatesOut:
-    """Wall time, CPU time, memory and disk of jobs once they begin: from finished jobs of the same method on this farm,
-    else (`samples` 0) from the method's own figures."""
+    """Wall time, CPU time, memory and disk of jobs once they begin: from a preview of the same film with the same
+    parameters, else from finished jobs of the same method on this farm, else (`samples` 0) from the method's own
+    figures."""
     items = tuple(_estimate(context, *each) for each in _requests(context, caller, body))
     jobs = context.farm.jobs.by_state()
     return EstimatesOut(items, jobs["queued"] + jobs["running"])

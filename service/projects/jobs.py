@@ -24,10 +24,16 @@ def submit_project(
     caller: Submitter,
     idempotency_key: IdempotencyKey = None,
 ) -> Listing[ProjectJobOut]:
-    """Submit a job for each selected shot or variant. 422 with all problems if one of them cannot be rendered."""
+    """Submit a job for each selected shot or variant. With `changed`, the answer has the jobs that exist already, too.
+    422 with all problems if one of them cannot be rendered."""
     find_project(context, caller, project_id)
     made = context.farm.projects.submit(
-        project_id, body.selection(), body.version, idempotency_key or "", max_active_jobs(context, caller)
+        project_id,
+        body.selection(),
+        body.version,
+        idempotency_key or "",
+        max_active_jobs(context, caller),
+        body.changed,
     )
     items = [
         project_job_out(ProjectJob(one.job.id, one.shot, one.variant, one.version, one.job.created_at), one.job)

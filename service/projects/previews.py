@@ -18,7 +18,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from pipeline.errors import BadParameter, Cancelled, ImpastoError
-from pipeline.methods.parts import FrameNumber, FrameRange, Id
+from pipeline.methods.parts import FrameNumber, FrameRange, Id, Ratio
 from service.access.admission import Cost
 from service.access.keys import Principal
 from service.context.depends import Context, ServiceContext, Submitter
@@ -104,6 +104,7 @@ async def preview_propagate(
 
 class RegionsIn(QueryIn):
     frame: FrameNumber = 0
+    film: bool = Field(default=False, description="The layer's own regions as the film has them, instead of tubes.")
 
 
 class DirectionsIn(QueryIn):
@@ -139,6 +140,21 @@ class SpreadIn(QueryIn):
     max_side_px: int = Field(default=256, ge=16, le=1024)
 
 
+class ObjectIn(QueryIn):
+    frame: FrameNumber = 0
+    box: tuple[Ratio, Ratio, Ratio, Ratio] = Field(
+        description="Left, top, right, bottom, as shares of the frame's sides: around the object, or a point on it."
+    )
+
+
+@router.post("/object", response_class=StreamingResponse, responses=STREAM)
+async def preview_object(
+    project_id: ProjectId, body: ObjectIn, context: Context, caller: Submitter
+) -> StreamingResponse:
+    """The object of a frame of the video that is clicked, or in a box: a mask."""
+    return await _answer(context, caller, project_id, "object", body, {"frame": body.frame, "box": body.box})
+
+
 @router.post("/clusters", response_class=StreamingResponse, responses=STREAM)
 async def preview_clusters(
     project_id: ProjectId, body: ClustersIn, context: Context, caller: Submitter
@@ -160,7 +176,8 @@ async def preview_regions(
     project_id: ProjectId, body: RegionsIn, context: Context, caller: Submitter
 ) -> StreamingResponse:
     """Tubes and objects of a frame, with the numbers that jobs find: a map, and a list."""
-    return await _answer(context, caller, project_id, "regions", body, {"frame": body.frame})
+    options = {"frame": body.frame, "film": body.film}
+    return await _answer(context, caller, project_id, "regions", body, options)
 
 
 @router.post("/directions", response_class=StreamingResponse, responses=STREAM)

@@ -58,7 +58,7 @@ def create_project(body: ProjectIn, response: Response, context: Context, caller
     """Begin a project."""
     document = empty(body.name) if body.document is None else body.document
     project = context.farm.projects.create(
-        document, caller.owner, max_bytes=document_quota(context, caller, caller.owner)
+        document, caller.owner, caller.user, max_bytes=document_quota(context, caller, caller.owner)
     )
     response.headers["Location"] = f"/v1/projects/{project.id}"
     response.headers["ETag"] = etag(project.version)
@@ -97,7 +97,7 @@ def put_project(
     """Save a document. 428 without If-Match, 412 if another version is stored."""
     stored = find_project(context, caller, project_id)
     expected, limit = expected_version(if_match, stored), document_quota(context, caller, stored.owner)
-    project = context.farm.projects.save(project_id, expected, document, caller.owner, limit)
+    project = context.farm.projects.save(project_id, expected, document, caller.user, limit)
     response.headers["ETag"] = etag(project.version)
     return project_out(project)
 
@@ -123,7 +123,7 @@ async def patch_project(
         if expected != stored.version:
             raise VersionMismatch(expected, stored.version)
         _, before = context.farm.projects.document(project_id, expected)
-        return context.farm.projects.save(project_id, expected, _changed(before, change, kind), caller.owner, limit)
+        return context.farm.projects.save(project_id, expected, _changed(before, change, kind), caller.user, limit)
 
     project = await run_in_threadpool(save)
     response.headers["ETag"] = etag(project.version)

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import Path
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.methods.parts import FrameRange, Id
+from pipeline.methods.parts import FrameNumber, FrameRange, Id
 from service.jobs.schemas import JobOut, job_out
 from service.prefix import Address
 from workers.contract.project import Project, ProjectJob
@@ -16,8 +16,10 @@ from workers.contract.record import Job
 from workers.contract.request import Json
 from workers.projects.document import Output
 from workers.projects.faults import DocumentFault
+from workers.projects.joining import Chapter
 from workers.projects.submissions import Selection
 
+CommentId = Annotated[str, Path(pattern=r"^cmt_[0-9a-z]{26}$", description="A comment's id (`cmt_...`).")]
 ProjectId = Annotated[str, Path(pattern=r"^[A-Za-z0-9_-]{1,100}$", description="A project's id (`prj_...`).")]
 Version = Annotated[int, Path(ge=1, le=2**31 - 1, description="Number of a version, from 1.")]
 
@@ -37,6 +39,16 @@ class LabelIn(_In):
 
 class ShareIn(_In):
     days: float = Field(default=30.0, gt=0, le=3650, description="How long the link lasts.")
+    comments: bool = Field(default=False, description="Whether people with the link may comment on frames.")
+
+
+class CommentIn(_In):
+    """A comment on a frame."""
+
+    shot: Id
+    frame: FrameNumber = Field(description="Of the shot's clip, from 0.")
+    text: str = Field(min_length=1, max_length=1000, pattern=r"\S")
+    author: str = Field(default="", max_length=60, description="Name of the writer, as it is to be shown.")
 
 
 class ProjectJobsIn(_In):
@@ -48,6 +60,9 @@ class ProjectJobsIn(_In):
     version: int | None = Field(default=None, ge=1, description="None: the newest.")
     output: Output | None = Field(default=None, description="Instead of the document's.")
     priority: int = Field(default=0, ge=-100, le=100)
+    changed: bool = Field(
+        default=False, description="Leave out shots with a film, finished or in work, of exactly the same content."
+    )
 
     def selection(self) -> Selection:
         return Selection(self.shots, self.variants, self.range, self.output, self.priority)
@@ -120,3 +135,15 @@ class ShareOut:
     token: str
     url: str
     expires_at: float
+
+
+@dataclass(frozen=True)
+class SharedFilmOut:
+    """The film of a shared project. `version`: null while no film of all shots is finished; `comments`: whether the
+    link allows comments."""
+
+    version: int | None
+    ready: bool
+    joined: float | None
+    chapters: tuple[Chapter, ...]
+    comments: bool

@@ -22,12 +22,14 @@ class Claims:
 
     project: str
     key: str
-    """Origin of the link: the id of a key, the name of the admin key (`admin-` and its fingerprint), or "" for a
-    service that required no key."""
+    """Origin of the link: the id of a key, `user:` and the id of a user who had signed in, the name of the admin key
+    (`admin-` and its fingerprint), or "" for a service that required no key."""
     epoch: int
     """The project's share epoch when the link was made."""
     expires_at: int
     """Seconds since the epoch, UTC."""
+    comments: bool = False
+    """Whether people with the link may write comments and read all of them."""
 
 
 def sign(claims: Claims, secret: bytes) -> str:

@@ -56,6 +56,6 @@ def restore_version(
     stored = find_project(context, caller, project_id)
     expected, limit = expected_version(if_match, stored), document_quota(context, caller, stored.owner)
     _, document = context.farm.projects.document(project_id, version)
-    project = context.farm.projects.save(project_id, expected, document, caller.owner, limit)
+    project = context.farm.projects.save(project_id, expected, document, caller.user, limit)
     response.headers["ETag"] = etag(project.version)
     return project_out(project, document)

@@ -169,13 +169,13 @@ def test_running_tasks_of_a_key_are_limited(url: str, clock: Clock) -> None:
     store = _open(url, clock, owner_tasks=3)
     small, _ = store.keys.create("small", ["submit"], {"running_tasks": 1})
     large, _ = store.keys.create("large", ["submit"], {"running_tasks": 5})
-    for owner in (small.id, large.id, "open"):
+    for owner in (small.owner, large.owner, "open"):
         _job(store, owner)
     _plan(store, *(Task(f"t-{i}") for i in range(8)))
     claims = []
     while (claim := store.queue.claim("me", 30)) is not None:
         claims.append(claim)
-    assert Counter(claim.job["owner"] for claim in claims) == {small.id: 1, large.id: 5, "open": 3}
+    assert Counter(claim.job["owner"] for claim in claims) == {small.owner: 1, large.owner: 5, "open": 3}
     assert store.queue.finish(_answer(claims[0]))
     assert _served(store, 2) == [claims[0].job["owner"]], "one place is free again"
     store.close()

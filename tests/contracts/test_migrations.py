@@ -20,6 +20,7 @@ from tests.contracts.databases import DATABASES
 from tests.contracts.released import RELEASED
 from tests.real.postgres import Postgres
 from workers.contract.order import TaskOutcome
+from workers.contract.owners import OwnerKind, Role
 from workers.store import Store, schema
 from workers.store.migrate import FOLDER, newest_version
 
@@ -154,4 +155,37 @@ def test_a_key_of_an_earlier_version_becomes_the_first_key_of_its_owner(url: str
     ]
     key, _ = store.keys.rotate("key_1")
     assert key.owner == "key_1" and store.keys.verify("impasto_1_secret") is None
+    store.close()
+
+
+def test_owners_of_an_earlier_version_become_users_and_lose_nothing(url: str) -> None:
+    """A database of revision 11: an owner with two keys, one of them revoked, and a key that an older program made."""
+    _at(url, "0011")
+    engine = create_engine(url)
+    secret = hashlib.sha256(b"secret").hexdigest()
+    rows = [
+        """INSERT INTO owners (id, name, quotas, created_at) VALUES ('key_1', 'anna', '{"active_jobs"\\: 2}', 1)""",
+        """INSERT INTO api_keys (id, owner, name, hash, scopes, quotas, created_at, revoked_at)
+            VALUES ('key_1', 'key_1', 'anna', 'h', '["read"]', '{}', 1, 2)""",
+        f"""INSERT INTO api_keys (id, owner, name, hash, scopes, quotas, created_at)
+            VALUES ('key_2', 'key_1', 'laptop', '{secret}', '["read"]', '{{}}', 1)""",
+        """INSERT INTO api_keys (id, name, hash, scopes, quotas, created_at)
+            VALUES ('key_3', 'ben', 'h', '["read"]', '{"asset_bytes"\\: 9}', 3)""",
+        """INSERT INTO projects (id, owner, name, version, created_at, updated_at, share_epoch)
+            VALUES ('prj_1', 'key_1', 'Film', 1, 1, 1, 0)""",
+    ]
+    with engine.begin() as connection:
+        for row in rows:
+            connection.execute(text(row))
+    engine.dispose()
+    store = Store(url)
+    users = {owner.id: (owner.kind, owner.name, owner.quotas) for owner in store.owners.all()}
+    assert users == {"key_1": ("user", "anna", {"active_jobs": 2}), "key_3": ("user", "ben", {"asset_bytes": 9})}
+    key = store.keys.verify("impasto_2_secret")
+    assert key is not None and (key.owner, key.quotas) == ("key_1", {"active_jobs": 2})
+    assert [project.id for project in store.projects.page("key_1", False, None, 10).items] == ["prj_1"]
+    new, _ = store.keys.create("desk", ["read"], owner="key_1")
+    group = store.owners.add("Show", OwnerKind.GROUP).id
+    store.owners.put_member(group, new.owner, Role.EDITOR)
+    assert store.owners.role("key_1", group) == (Role.EDITOR, {})
     store.close()

@@ -439,13 +439,15 @@ def test_the_same_bytes_are_one_asset_with_several_owners(store: Store) -> None:
 def test_keys_are_shown_once_and_verified(store: Store) -> None:
     key, secret = store.keys.create("anna", ["submit", "read"], {"active_jobs": 2})
     assert store.keys.verify(secret) == key
+    key = store.keys.get(key.id)
+    assert key.used_at is not None and store.keys.verify(secret) == key, "the use is noted once an hour"
     assert key.scopes == {"read", "submit"}
     for wrong in ("", "impasto_", secret[:-1], secret + "x", secret.replace("impasto_", "other_"), "\ud800"):
         assert store.keys.verify(wrong) is None
     with store.database.read() as connection:
         assert secret.rpartition("_")[2] not in str(connection.execute(select(schema.api_keys)).all())
-    _job(store, key.id)
-    assert store.keys.usage(key.id) == {"active_jobs": 1, "asset_bytes": 0}
+    _job(store, key.owner)
+    assert store.keys.usage(key.owner) == {"active_jobs": 1, "asset_bytes": 0}
     revoked = store.keys.revoke(key.id)
     assert store.keys.verify(secret) is None
     assert store.keys.revoke(key.id) == revoked

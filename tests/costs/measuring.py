@@ -22,6 +22,7 @@ from service.app import create_app
 from service.settings import Settings
 from tests.costs.budgets import Ask
 from tests.costs.filling import ASSET, Owners, Size, fill, job_id, project_id
+from workers.contract.owners import OwnerKind, Role
 from workers.farm import Farm
 from workers.settings import FarmSettings
 
@@ -76,16 +77,20 @@ class Measured:
         scopes = {"anna": ["read", "submit"], "cleo": ["read", "submit"], "root": ["admin"]}
         made = {name: self.farm.keys.create(name, wanted) for name, wanted in scopes.items()}
         self._secrets = {name: secret for name, (_, secret) in made.items()}
-        fill(self.farm.store, self.farm.blobs, Owners(made["anna"][0].id, made["cleo"][0].id), size)
+        fill(self.farm.store, self.farm.blobs, Owners(made["anna"][0].owner, made["cleo"][0].owner), size)
         settings = Settings(home=home, auth="required", requests_per_minute=10**6, quota_active_jobs=10**6)
         self._client = TestClient(create_app(settings, self.farm), raise_server_exceptions=False)
+        for secret in self._secrets.values():
+            self.farm.keys.verify(secret)  # the first use of a key in an hour is written
+        self._group = self.farm.owners.add("group", OwnerKind.GROUP).id
+        self.farm.owners.put_member(self._group, made["anna"][0].owner, Role.OWNER)
         self._meter = Meter(self.farm.store.database.engine)
         self._token = self._share()
 
     def _share(self) -> str:
         if not self._size.projects:
             return "none"
-        answer = self._send("POST", f"/v1/projects/{project_id(0)}/share", "anna", {})
+        answer = self._send("POST", f"/v1/projects/{project_id(0)}/share", "anna", {"comments": True})
         return str(answer.json().get("token") or str(answer.json().get("url", "none")).rpartition("/")[2])
 
     def cost(self, ask: Ask, repeats: int = REPEATS) -> Cost:
@@ -121,7 +126,7 @@ class Measured:
             "job": job_id(0), "waiting": job_id(jobs - 13), "first": job_id(jobs - 2 - 2 * number),
             "second": job_id(jobs - 8 - 2 * number), "old": job_id(10 + number), "several": ",".join(several),
             "task": f"tsk_{0:026d}", "attempt": f"att_{0:026d}", "asset": ASSET, "project": project_id(0),
-            "token": self._token,
+            "token": self._token, "group": self._group,
         }  # fmt: skip
 
     def close(self) -> None:

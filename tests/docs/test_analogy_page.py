@@ -32,5 +32,5 @@ def test_every_input_and_step_is_documented() -> None:
 
 def test_every_folder_of_a_shot_is_documented_and_the_example_is_valid() -> None:
     assert [name for name in (*PASSES, *NUMBERED) if f"{name}/" not in TEXT] == []
-    blocks = [json.loads(block) for block in re.findall(r"```json\n(.*?)```", TEXT, re.S)]
-    assert blocks and all(ShotJson.model_validate(block).layers for block in blocks)
+    shots = [json.loads(block) for block in re.findall(r"```json\n({.*?)```", TEXT, re.S)]
+    assert shots and all(ShotJson.model_validate(shot).layers for shot in shots)

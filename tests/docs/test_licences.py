@@ -11,7 +11,7 @@ import av
 from packaging.requirements import Requirement
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operations.md").read_text()
-EXTRAS = ("cpu", "webrtc", "window", "cluster", "s3", "postgresql")
+EXTRAS = ("cpu", "webrtc", "window", "cluster", "cuts", "oidc", "s3", "postgresql")
 OBLIGES = re.compile(r"GPL|MPL|Mozilla|Proprietary")
 EITHER = re.compile(r"\bOR\b")
 

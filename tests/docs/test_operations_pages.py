@@ -13,7 +13,7 @@ from impasto.settings import CommandSettings
 from service.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "docs" / f"{name}.md" for name in ("operations", "runbook", "security")]
+PAGES = [ROOT / "docs" / f"{name}.md" for name in ("operations", "users", "runbook", "security")]
 OTHERS = {"IMPASTO_REQUIRE_REAL"}
 
 

@@ -12,7 +12,7 @@ from docs.pictures import CLIPS
 from pipeline.methods import parse_params
 from pipeline.methods.base import PlanContext, VideoInfo
 from pipeline.methods.patches import Patches, PatchesParams
-from pipeline.methods.patches.scan import label_styles
+from pipeline.methods.patches.patch_styles import label_styles
 
 TEXT = PAGE.read_text()
 

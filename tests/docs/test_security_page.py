@@ -73,11 +73,12 @@ def test_arrays_are_loaded_without_pickle() -> None:
 
 
 def test_only_listed_modules_open_connections() -> None:
-    """The service itself connects only to its stores, to Ray, and to webhooks through the guarded pool."""
+    """The service itself connects only to its stores, to Ray, to webhooks through the guarded pool, and to the
+    operator's OpenID provider."""
     modules = {"httpx", "httpcore", "requests", "urllib.request", "aiohttp", "smtplib", "ftplib"}
     found = {path for path, tree in sources() for name in _imports(tree) if name in modules}
     found = {path for path in found if path.startswith(("service", "workers", "pipeline"))}
-    assert found == {"service/webhooks/connect.py", "service/webhooks/sender.py"}
+    assert found == {"service/webhooks/connect.py", "service/webhooks/sender.py", "service/users/sign_in.py"}
 
 
 def _imports(tree: ast.Module) -> Iterator[str]:
@@ -135,5 +136,6 @@ def test_printed_settings_contain_no_secret() -> None:
         "s3_access_key": "hidden",
         "admin_key": "hidden",
         "webhook_secret": "hidden" * 8,
+        "oidc_client_secret": "hidden",
     }
     assert "hidden" not in repr(Settings.model_validate(given))

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import psutil
 
+from pipeline.methods import method
 from tests.e2e.processes import ROOT, Service, impasto, kill_9, start
 
 TIMEOUT_S = 180.0
@@ -46,9 +47,18 @@ def kill_points(count: int, frames: float, then_s: float, seed: int) -> list[Kil
     return [KillPoint(at, dice.uniform(0, then_s)) for at in sorted(dice.uniform(0, frames) for _ in range(count))]
 
 
-def render_killed(clip: Path, out: Path, home: Path, plan: Sequence[KillPoint]) -> list[Killed]:
-    """`impasto render clip -o out`, killed at each point, and run once more to its end."""
-    command, log = impasto("render", clip, "-o", out, "--home", home, *RENDER), home.with_suffix(".log")
+def job_words(name: str, clip: Path) -> list[str]:
+    """Options of `impasto render` for a method: the clip is each video that it requires."""
+    required = (spec.name for spec in method(name).inputs[1:] if spec.required)
+    return ["--method", name, *(word for each in required for word in ("--input", f"{each}={clip}"))]
+
+
+def render_killed(
+    clip: Path, out: Path, home: Path, plan: Sequence[KillPoint], name: str = "abstraction"
+) -> list[Killed]:
+    """`impasto render clip -o out` with a method, killed at each point, and run once more to its end."""
+    command = impasto("render", clip, "-o", out, "--home", home, *job_words(name, clip), *RENDER)
+    log = home.with_suffix(".log")
     deaths = []
     for point in plan:
         deaths.append(_kill_at(start(command, log), point, lambda: next(home.glob("renders/*/impasto.db"), None)))

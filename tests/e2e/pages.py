@@ -99,11 +99,11 @@ def _encode(path: Path, frames: Iterable[NDArray[np.uint8]], codec: str = "libx2
 
 
 def serve(home: Path, **settings: str) -> Iterator[str]:
-    """Run `impasto serve` with one worker until the test ends; its address."""
+    """Run `impasto serve` with one worker until the test ends; its address. "PORT" in a setting becomes its port."""
     bundle.build()
     port, log = free_port(), home.with_suffix(".log")
     command = [sys.executable, "-m", "impasto", "serve", "--port", str(port), "--home", str(home), "--workers", "1"]
-    env = os.environ | {f"IMPASTO_{name}": value for name, value in settings.items()}
+    env = os.environ | {f"IMPASTO_{name}": value.replace("PORT", str(port)) for name, value in settings.items()}
     with log.open("wb") as sink:
         server = subprocess.Popen(command, cwd=ROOT, stdout=sink, stderr=sink, env=env)
     try:

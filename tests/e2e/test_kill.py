@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 from impasto.cli.app import run
-from tests.e2e.killing import RENDER, kill_points, render_killed, serve_killed
+from pipeline.methods import methods
+from tests.e2e.killing import RENDER, KillPoint, job_words, kill_points, render_killed, serve_killed
 from tests.e2e.pages import make_two_shots
 
 FRAMES = 240
 """Two shots of 120 frames: a chain of two tasks each."""
+FEW_FRAMES = 28
+"""For the other methods: two shots, of two runs each where runs have twelve frames."""
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +37,17 @@ def test_a_render_survives_kill_9(clip: Path, undisturbed: bytes, tmp_path: Path
     deaths = render_killed(clip, out, tmp_path / "home", kill_points(3, 0.8 * FRAMES, 0.1, seed=2))
     assert out.read_bytes() == undisturbed
     assert deaths[-1].frames > 0, "one death at least was in the middle of the work"
+
+
+@pytest.mark.parametrize("method", sorted({*methods()} - {"abstraction"}))
+def test_a_render_of_every_method_survives_kill_9(method: str, tmp_path: Path) -> None:
+    clip, out, whole = make_two_shots(tmp_path / "cut.mp4", FEW_FRAMES), tmp_path / "out.mp4", tmp_path / "whole.mp4"
+    words = ["render", str(clip), "-o", str(whole), "--home", f"{whole}.home", *job_words(method, clip), *RENDER]
+    assert run(words) == 0
+    points = [KillPoint(0, 1.0), KillPoint(0.3 * FEW_FRAMES, 0.0)]
+    deaths = render_killed(clip, out, tmp_path / "home", points, method)
+    assert out.read_bytes() == whole.read_bytes()
+    assert deaths[-1].frames > 0
 
 
 def test_a_service_and_its_client_survive_kill_9(clip: Path, undisturbed: bytes, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from websockets.sync.client import connect
 
 from pipeline.methods.multistyle import Multistyle
 from pipeline.scenes import scene
-from tests.e2e.pages import CHROMIUM_ARGS, KEY, Watched, open_page, serve, until
+from tests.e2e.pages import CHROMIUM_ARGS, KEY, Watched, accessibility_faults, open_page, serve, until
 from tests.waiting import HTTP
 from tests.waiting import until as wait_until
 
@@ -231,7 +232,7 @@ def test_the_view_page_shows_the_painting_alone(browser: Browser, service: str) 
         )
         assert colours > 20
         assert canvas.bounding_box() == {"x": 0, "y": 0, **view.viewport_size}
-        assert view.locator("button, a, input, header").count() == 0
+        assert view.locator(":is(button, a, input, header):visible").count() == 0
         view.close()
 
 
@@ -255,6 +256,41 @@ def test_every_setting_changes_during_a_stream(browser: Browser, service: str, t
         page.get_by_role("button", name="Remove Colour reference").click()
         until(page, lambda: talk.last("params")["inputs"] == {})
         assert talk.sockets == 1
+        assert talk.last("error") == {}
+        watched.check()
+
+
+def test_a_hue_histogram_and_a_palette_are_edited_during_a_stream(browser: Browser, service: str, axe: str) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        start(page)
+        page.locator("summary", has_text="Colour").last.click()
+        page.get_by_label("Hue neighbourhood").last.fill("180")
+        page.locator("summary", has_text="Colour scheme").click()
+        histogram = page.get_by_role("slider", name="Hues of the painting")
+        expect(page.get_by_role("button", name="From the video")).to_be_enabled()
+        histogram.focus()
+        for _ in range(9):  # yellow green
+            page.keyboard.press("ArrowRight")
+        for _ in range(6):
+            page.keyboard.press("ArrowUp")
+        until(page, lambda: talk.last("params").get("inputs", {}).get("histogram", "").startswith("ast_"))
+        stored = HTTP.get(
+            f"{service}/v1/assets/{talk.last('params')['inputs']['histogram']}/content", headers=AUTHORIZED
+        )
+        assert stored.json()["hue"][9] > 0
+        page.get_by_label("Saturation", exact=True).last.fill("0.9")
+        plain = saturation(picture(page, "after"))
+        until(page, lambda: saturation(picture(page, "after")) > 1.2 * plain)
+        assert accessibility_faults(page, axe) == []
+        page.get_by_role("button", name="Remove the scheme").click()
+        until(page, lambda: talk.last("params")["inputs"] == {})
+        for number, colour in enumerate(("#102030", "#f0e0d0"), 1):
+            page.get_by_role("button", name="Add a colour").click()
+            page.get_by_label(f"Palette: colour {number}", exact=True).fill(colour)
+        until(page, lambda: talk.last("params")["params"]["palette"] == ["#102030", "#f0e0d0"])
+        bright = (0xF0, 0xE0, 0xD0)
+        until(page, lambda: float((np.abs(picture(page, "after").astype(int) - bright).max(-1) < 12).mean()) > 0.1)
         assert talk.last("error") == {}
         watched.check()
 
@@ -297,6 +333,92 @@ def test_a_recording_is_a_playable_film_and_stop_releases_the_camera(browser: Br
         expect(page.locator("video.live-source")).to_have_count(0)
         expect(page.locator(".submit-hint")).to_contain_text("frames were painted")
         assert talk.last("bye")["stats"]["painted"] > 5
+        wait_for_free_worker(service)
+        watched.check()
+
+
+NOTE_DELAYS = """
+  window.delays = [];
+  const change = AudioParam.prototype.setTargetAtTime;
+  AudioParam.prototype.setTargetAtTime = function (value, ...more) {
+    window.delays.push(value);
+    return change.call(this, value, ...more);
+  };
+"""
+
+
+def test_a_recording_has_the_sound_of_the_microphone_by_the_delay_of_the_picture(
+    browser: Browser, service: str
+) -> None:
+    with visit(browser, service) as (watched, talk):
+        page = watched.page
+        page.add_init_script(NOTE_DELAYS)
+        page.reload()
+        page.get_by_role("button", name="Sound of the microphone").click()
+        start(page)
+        until(page, lambda: len(page.evaluate("window.delays")) > 0)
+        shown = page.locator(".live-tiles div", has_text="Delay")
+        until(page, lambda: bool(re.search(r"\d", shown.inner_text())))
+        assert 0 < page.evaluate("window.delays.at(-1)") < 3
+        page.get_by_role("button", name="Record").click()
+        before = talk.pictures
+        until(page, lambda: talk.pictures > before + 12)
+        with page.expect_download() as download:
+            page.locator(".live-record").click()
+        with av.open(str(download.value.path())) as film:
+            samples = np.concatenate([frame.to_ndarray().ravel() for frame in film.decode(audio=0)])
+        assert np.abs(samples.astype(float)).max() > 0.01 * (1 if samples.dtype.kind == "f" else 32768), "it is heard"
+        with av.open(str(download.value.path())) as film:
+            assert sum(1 for _ in film.decode(video=0)) > 5
+        page.get_by_role("button", name="Stop", exact=True).click()
+        wait_for_free_worker(service)
+        watched.check()
+
+
+NOTE_SOUNDS = """
+  window.sounds = [];
+  const start = AudioBufferSourceNode.prototype.start;
+  AudioBufferSourceNode.prototype.start = function (when) {
+    const loudest = this.buffer.getChannelData(0).reduce((most, one) => Math.max(most, Math.abs(one)), 0);
+    window.sounds.push({ when, ahead: when - this.context.currentTime, length: this.buffer.duration, loudest });
+    return start.call(this, when);
+  };
+"""
+
+
+def test_viewers_hear_the_sound_with_the_picture(browser: Browser, service: str) -> None:
+    with visit(browser, service) as (watched, _talk):
+        page = watched.page
+        page.get_by_role("button", name="Viewers hear the sound").click()
+        expect(page.get_by_role("button", name="Sound of the microphone")).to_have_attribute("aria-pressed", "true")
+        start(page)
+        view = browser.new_page()
+        view.add_init_script(NOTE_SOUNDS)
+        view.goto(f"{service}/live/view#key={KEY}")
+        listen = view.get_by_role("button", name="Hear the sound")
+        listen.click(timeout=SLOW_MS)
+        expect(listen).to_be_hidden()
+        until(view, lambda: len(view.evaluate("window.sounds")) > 120)
+        sounds = view.evaluate("window.sounds")
+        assert max(one["loudest"] for one in sounds) > 0.01, "the fake microphone beeps once a second"
+        assert all(0 < one["ahead"] < 3 for one in sounds)
+        follow = [abs(after["when"] - before["when"] - before["length"]) < 1e-3 for before, after in pairwise(sounds)]
+        assert sum(follow) > 0.9 * len(follow), "packets follow each other without gaps"
+        page.get_by_role("button", name="Viewers hear the sound").click()
+        view.wait_for_timeout(500)
+        known = len(view.evaluate("window.sounds"))
+        view.wait_for_timeout(500)
+        assert len(view.evaluate("window.sounds")) == known
+        view.close()
+
+        silent = browser.new_page()
+        sent: list[str] = []
+        silent.on("websocket", lambda socket: sent.append(socket.url))
+        silent.goto(f"{service}/live/view?silent#key={KEY}")
+        until(silent, lambda: bool(sent))
+        assert "sound" not in sent[0]
+        silent.close()
+        page.get_by_role("button", name="Stop", exact=True).click()
         wait_for_free_worker(service)
         watched.check()
 

@@ -1,17 +1,22 @@
-"""One worker and two, in this process and on Ray, write the same file byte for byte."""
+"""One worker and several, in this process and on Ray, write the same file byte for byte."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from impasto.cli.app import run
+from pipeline.methods import methods
+from tests.e2e.killing import job_words
 from tests.e2e.pages import make_two_shots
 from tests.e2e.processes import Service
 
 FRAMES = 240
 """Two shots of 120 frames: a chain of two tasks each, so that two workers always have something each."""
+FEW_FRAMES = 28
+"""For every method: two shots, of two runs each where runs have twelve frames."""
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +24,9 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_two_shots(tmp_path_factory.mktemp("bytes") / "cut.mp4", FRAMES)
 
 
-def render(clip: Path, out: Path, workers: int) -> bytes:
-    words = ["render", str(clip), "-o", str(out), "--workers", str(workers), "--seed", "5", "--quiet"]
-    assert run([*words, "--home", f"{out}.home"]) == 0
+def render(clip: Path, out: Path, workers: int, method: str = "abstraction") -> bytes:
+    words = ["render", str(clip), "-o", str(out), *job_words(method, clip), "--seed", "5", "--quiet"]
+    assert run([*words, "--workers", str(workers), "--home", f"{out}.home"]) == 0
     return out.read_bytes()
 
 
@@ -33,6 +38,17 @@ def by_one(clip: Path) -> bytes:
 
 def test_two_workers_give_the_same_bytes(clip: Path, by_one: bytes, tmp_path: Path) -> None:
     assert render(clip, tmp_path / "two.mp4", 2) == by_one
+
+
+@pytest.mark.parametrize("method", sorted(methods()))
+def test_three_workers_and_the_threads_of_a_large_machine_give_the_bytes_of_one(
+    method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip = make_two_shots(tmp_path / "cut.mp4", FEW_FRAMES)
+    one = render(clip, tmp_path / "one.mp4", 1, method)
+    assert render(clip, tmp_path / "two.mp4", 2, method) == one
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(8)))
+    assert render(clip, tmp_path / "three.mp4", 3, method) == one
 
 
 @pytest.mark.real("ray")

@@ -23,6 +23,15 @@ def pick_a_region(page: Page) -> None:
     page.get_by_role("group", name="Styles").get_by_role("button", name="Watercolor").click()
     page.get_by_role("group", name="Pattern").get_by_role("button", name="Circles").click()
     draw(page, (0.3, 0.5), (0.45, 0.5))
+    page.keyboard.press("End")
+    page.get_by_label("Stroke width", exact=True).fill("30")
+    expect(page.get_by_role("slider", name="Stroke width at frame 12")).to_be_visible()
+    for title in ("The segmentation", "All settings of the style", "All settings of the directions"):
+        page.locator("summary", has_text=title).click()
+    page.get_by_label("Show all objects and their parts").check()
+    page.get_by_role("button", name="Correct with a brush").click()
+    draw(page, (0.6, 0.5), (0.8, 0.5))
+    expect(page.get_by_role("button", name="Remove the corrections of this frame (1)")).to_be_visible()
 
 
 def paint_a_key(page: Page) -> None:
@@ -70,6 +79,20 @@ def open_library(page: Page) -> None:
     page.get_by_role("button", name="Compare on this frame").click()
 
 
+def open_drawing_panel(page: Page) -> None:
+    start_painting(page)
+    page.get_by_role("button", name="Brush:").click()
+    page.get_by_role("list", name="Brushes").get_by_role("button", name="Oil").click()
+    page.locator("summary", has_text="Settings of Oil").click()
+
+
+def open_colours(page: Page) -> None:
+    start_painting(page)
+    page.get_by_role("button", name="Colours", exact=True).click()
+    page.get_by_role("button", name="Take the colours of this frame").click()
+    expect(page.get_by_role("group", name="Colours of the painting")).to_be_visible(timeout=SOON_MS)
+
+
 STATES: dict[str, tuple[str, Callable[[Page], None]]] = {
     "region": ("multistyle", pick_a_region),
     "key": ("analogy", paint_a_key),
@@ -78,6 +101,8 @@ STATES: dict[str, tuple[str, Callable[[Page], None]]] = {
     "flicker": ("abstraction", show_flicker),
     "clusters": ("patches", find_clusters),
     "library": ("analogy", open_library),
+    "brushes": ("analogy", open_drawing_panel),
+    "colours": ("analogy", open_colours),
 }
 
 
@@ -157,7 +182,7 @@ def test_a_film_is_made_from_a_file_by_keyboard_alone(watched: Watched, service:
     assert film.value.suggested_filename.endswith(".mp4")
 
 
-def test_every_tool_is_visible_on_a_tablet_that_has_lost_its_connection(
+def test_every_tool_is_reached_on_a_tablet_that_has_lost_its_connection(
     browser: Browser, service: str, video: str
 ) -> None:
     """The connection is lost before the worker that encodes pictures has been loaded."""
@@ -169,7 +194,10 @@ def test_every_tool_is_visible_on_a_tablet_that_has_lost_its_connection(
     draw(page, (0.2, 0.3), (0.8, 0.3))
     expect(page.get_by_role("alert").filter(has_text="kept in this browser")).to_be_visible(timeout=SOON_MS)
     toolbar = page.get_by_role("toolbar", name="Tools")
-    assert toolbar.evaluate("bar => bar.scrollHeight <= bar.clientHeight + 1 && bar.scrollWidth <= bar.clientWidth + 1")
+    assert toolbar.evaluate("bar => bar.scrollHeight <= bar.clientHeight + 1"), "no tool is cut off"
+    for tool in toolbar.get_by_role("button").all():  # the last ones by scrolling
+        tool.scroll_into_view_if_needed()
+        expect(tool).to_be_in_viewport(ratio=1)
     box = page.locator(".stage-canvas").bounding_box()
     assert box is not None and box["width"] > 450, "the tools leave most of the room to the picture"
     assert page.locator(".designer-main").evaluate("main => main.scrollWidth <= main.clientWidth")

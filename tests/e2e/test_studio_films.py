@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import re
+import zipfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import expect
@@ -69,8 +72,8 @@ def test_a_small_preview_is_shown_at_full_size_on_demand(watched: Watched, servi
     page.get_by_role("button", name="Show at full size").click()
     expect(hint).to_have_text("Preview at 100 % of full size", timeout=SOON_MS)
     expect(page.get_by_role("button", name="Show at full size")).to_be_hidden()
-    page.get_by_role("button", name="Onion skin").click()
-    expect(page.get_by_role("button", name="Onion skin")).to_have_attribute("aria-pressed", "true")
+    page.get_by_role("button", name="Overlay").click()
+    expect(page.get_by_role("button", name="Overlay")).to_have_attribute("aria-pressed", "true")
 
 
 def test_the_loupe_shows_a_piece_at_full_size(watched: Watched, service: str, tmp_path: Path) -> None:
@@ -235,3 +238,16 @@ def test_scribbles_are_in_the_film_that_the_command_makes(
     job = render(page)
     assert "masks" in HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]["inputs"]
     assert result(service, job) == rendered_by_command(service, project, tmp_path)
+
+
+def test_a_layer_is_painted_alone_with_its_opacity(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    open_project(page, service, video, "abstraction", opacity=0.5)
+    page.get_by_label("Layers of the film").select_option("l1")
+    page.get_by_role("button", name="Paint the film").click()
+    expect(page.get_by_role("alert").filter(has_text="has no opacity")).to_be_visible(timeout=SOON_MS)  # MP4
+    frames = result(service, render(page))
+    with zipfile.ZipFile(io.BytesIO(frames)) as archive:
+        data = np.frombuffer(archive.read(sorted(archive.namelist())[0]), np.uint8)
+    alone = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    assert alone.shape[2] == 4 and (alone[..., 3] == 128).all()

@@ -109,7 +109,7 @@ def test_the_order_of_layers_changes_by_buttons(watched: Watched, service: str, 
     assert order() == ["l1", "layer"]
 
 
-def test_a_painting_of_the_library_and_a_saved_style_are_used_in_another_project(
+def test_a_painting_of_the_library_and_a_saved_look_are_used_in_another_project(
     watched: Watched, service: str, video: str, axe: str
 ) -> None:
     page = watched.page
@@ -118,9 +118,10 @@ def test_a_painting_of_the_library_and_a_saved_style_are_used_in_another_project
     expect(cards.first.locator("img")).to_be_visible(timeout=FILM_MS)
     cards.filter(has_text="Swirling strokes").click()
     expect(page.locator(".slot-name", has_text="harbour-swirls.png")).to_be_visible(timeout=FILM_MS)
-    page.locator(".style-library summary").click()
-    page.get_by_label("Name of the style to save").fill("Swan swirls")
-    page.get_by_role("button", name="Save style").click()
+    page.locator(".looks summary").click()
+    page.get_by_label("Name of the look to save").fill("Swan swirls")
+    page.get_by_role("button", name="Save look").click()
+    expect(page.get_by_role("list", name="Looks").get_by_role("button", name="Swan swirls", exact=True)).to_be_visible()
     saved(page)
     document = stored(service, project)
     inputs = layer_of(document)["inputs"]
@@ -130,7 +131,7 @@ def test_a_painting_of_the_library_and_a_saved_style_are_used_in_another_project
     other = open_project(page, service, video, "multistyle")
     page.reload()
     expect(page.locator(".stage-canvas")).to_be_visible(timeout=SOON_MS)
-    page.locator(".style-library summary").click()
+    page.locator(".looks summary").click()
     page.get_by_role("button", name="Swan swirls", exact=True).click()
     saved(page)
     layer = layer_of(stored(service, other))

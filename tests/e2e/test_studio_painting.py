@@ -44,6 +44,7 @@ def exported(page: Page) -> bytes:
 def test_a_smudge_carries_paint_and_is_undone_exported_and_rendered(watched: Watched, service: str, video: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "analogy", params={}, inputs={})
+    page.get_by_role("button", name="Original", exact=True).click()
     start_painting(page)
     draw(page, (0.6, BAR), (0.95, BAR))
     saved(page)
@@ -123,6 +124,7 @@ def test_fill_picker_eraser_and_import_change_the_key(
         found: list[int] = picture()[int(y * HEIGHT), int(x * WIDTH)].tolist()
         return found
 
+    page.get_by_role("button", name="Original", exact=True).click()
     start_painting(page)
     page.keyboard.press("g")
     page.mouse.click(*on_stage(page, 0.9, 0.9))
@@ -145,6 +147,7 @@ def test_fill_picker_eraser_and_import_change_the_key(
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.full((size[1], size[0], 3), (30, 20, 200), np.uint8))
     page.get_by_label("Import a painted frame").set_input_files(tmp_path / "small.png")
     expect(page.get_by_text("has 94 × 64 pixels, the video has 96 × 64")).to_be_visible(timeout=SOON_MS)
+    page.get_by_role("button", name="Leave it").click()
     page.get_by_label("Import a painted frame").set_input_files(tmp_path / "right.png")
     expect(page.get_by_role("button", name=f"Key at frame {FRAMES}")).to_be_visible(timeout=SOON_MS)
     saved(page)

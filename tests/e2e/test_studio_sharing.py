@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, expect
 
 from tests.e2e.pages import Watched, accessibility_faults, open_page, until
 from tests.e2e.studio import SOON_MS, open_project, saved, stored
+from tests.waiting import HTTP
 
 pytestmark = [pytest.mark.real("chromium"), pytest.mark.timeout(240)]
 
@@ -53,6 +54,10 @@ def test_a_project_is_shared_exported_and_brought_back(
     expect(guest.page.get_by_text("This link shows nothing any more.")).to_be_visible(timeout=SOON_MS)
     guest.page.context.close()
 
+    dialog.get_by_label("Name or note of version 1").fill("Before the red")
+    dialog.get_by_label("Name or note of version 1").press("Tab")
+    versions = f"{service}/v1/projects/{project}/versions"
+    until(page, lambda: HTTP.get(f"{versions}/1").json()["label"] == "Before the red")
     dialog.get_by_role("button", name="Restore version 1").click()
     expect(page.get_by_label("Name of the project")).to_have_value("Disc", timeout=SOON_MS)
     assert stored(service, project) == first

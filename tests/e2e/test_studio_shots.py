@@ -1,4 +1,4 @@
-"""Shots on the filmstrip: the service finds the cuts, buttons and keys step between them."""
+"""Cuts on the filmstrip: the service finds them, buttons and keys step between them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def middle_of_the_cut(page: Page) -> float:
     return mark["x"] + mark["width"] / 2
 
 
-def test_shots_are_marked_and_stepped_by_keys_and_buttons(
+def test_cuts_are_marked_and_stepped_by_keys_and_buttons(
     watched: Watched, service: str, tmp_path: Path, axe: str
 ) -> None:
     page = watched.page
@@ -35,19 +35,19 @@ def test_shots_are_marked_and_stepped_by_keys_and_buttons(
     box = page.locator(".strip").bounding_box()
     assert box is not None
     assert middle_of_the_cut(page) == pytest.approx(box["x"] + box["width"] / 2, abs=1)
-    expect(strip).to_have_attribute("aria-valuetext", "Frame 14 of 40, shot 1 of 2")
-    expect(page.locator(".strip-time")).to_contain_text("shot 1 of 2")
+    expect(strip).to_have_attribute("aria-valuetext", "Frame 14 of 40, piece 1 of 2")
+    expect(page.locator(".strip-time")).to_contain_text("piece 1 of 2")
     page.keyboard.press(".")
     expect(canvas).to_have_attribute("data-frame", str(CUT), timeout=SOON_MS)
-    expect(strip).to_have_attribute("aria-valuetext", "Frame 21 of 40, shot 2 of 2")
-    expect(page.get_by_role("button", name="Next shot")).to_be_disabled()
+    expect(strip).to_have_attribute("aria-valuetext", "Frame 21 of 40, piece 2 of 2")
+    expect(page.get_by_role("button", name="Next cut")).to_be_disabled()
     page.keyboard.press("ArrowRight")
     expect(canvas).to_have_attribute("data-frame", str(CUT + 1), timeout=SOON_MS)
     page.keyboard.press(",")
     expect(canvas).to_have_attribute("data-frame", str(CUT), timeout=SOON_MS)
-    page.get_by_role("button", name="Previous shot").click()
+    page.get_by_role("button", name="Previous cut").click()
     expect(canvas).to_have_attribute("data-frame", "0", timeout=SOON_MS)
-    expect(page.get_by_role("button", name="Previous shot")).to_be_disabled()
+    expect(page.get_by_role("button", name="Previous cut")).to_be_disabled()
     strip.press("+")
     expect(page.locator(".cut-mark")).to_have_count(0)
     page.keyboard.press("End")

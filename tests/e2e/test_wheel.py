@@ -22,6 +22,7 @@ from impasto import Client
 from pipeline.video.probe import probe
 from service import bundle
 from tests.conftest import ROOT
+from tests.processes import started
 
 pytestmark = pytest.mark.slow
 PACKAGES = ("impasto", "service", "workers", "pipeline")
@@ -32,11 +33,12 @@ HIDDEN = ("ray", "boto3", "psycopg")
 def wheel(pages: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel of this checkout, built in a copy of its tracked files and its built pages."""
     source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
-    for name in _tracked(*PACKAGES, "pyproject.toml", "setup.py", "README.md", "LICENSE"):
+    for name in _tracked(*PACKAGES, "client", "pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, source / name)
     shutil.copytree(pages, source / "service" / "web" / "dist")
-    command = [sys.executable, "-m", "pip", "wheel", ".", "--no-deps", "--no-build-isolation", "-q", "-w", str(out)]
+    options = ["--no-deps", "--no-build-isolation", "-q", "-w", str(out)]
+    command = [sys.executable, "-m", "pip", "wheel", ".", "./client", *options]
     subprocess.run(command, cwd=source, check=True, env=_environment())
     (found,) = out.glob("impasto-*.whl")
     return found
@@ -49,7 +51,7 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     python = folder / "bin" / "python"
     install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-index", "--no-deps", "-q"]
-    subprocess.run([*install, str(wheel)], check=True, env=_environment())
+    subprocess.run([*install, *map(str, wheel.parent.glob("*.whl"))], check=True, env=_environment())
     (packages,) = (folder / "lib").glob("python*/site-packages")
     (packages / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
     (packages / "sitecustomize.py").write_text(f"import sys\nfor name in {HIDDEN}:\n    sys.modules[name] = None\n")
@@ -97,13 +99,9 @@ def test_a_missing_extra_is_named_with_its_remedy(environment: Path, tmp_path: P
 @contextmanager
 def _service(environment: Path, folder: Path) -> Iterator[str]:
     command = [str(environment / "impasto"), "serve", "--port", "0", "--home", str(folder / "home")]
-    with subprocess.Popen(command, cwd=folder, env=_environment(), stdout=subprocess.PIPE, text=True) as process:
+    with started(command, cwd=folder, env=_environment(), stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        try:
-            yield process.stdout.readline().strip()
-        finally:
-            process.terminate()
-            process.wait(60)
+        yield process.stdout.readline().strip()
 
 
 def _run(environment: Path, folder: Path, program: str, *words: str) -> str:

@@ -33,26 +33,36 @@ def film(service: str, video: str) -> str:
     return job
 
 
-@pytest.mark.parametrize(("title", "name"), [("WebM", "Field.webm"), ("PNG frames", "Field.zip"), ("GIF", "Field.gif")])
+@pytest.mark.parametrize(
+    ("encoding", "name"),
+    [("webm vp9", "Field.webm"), ("png 16", "Field.zip"), ("gif 256", "Field.gif"), ("mov 4444", "Field.mov")],
+)
 def test_a_finished_film_is_saved_in_another_format(
-    title: str, name: str, watched: Watched, service: str, film: str, tmp_path: Path
+    encoding: str, name: str, watched: Watched, service: str, film: str, tmp_path: Path
 ) -> None:
     page = watched.page
     page.goto(f"{service}/#/jobs/{film}")
     formats = page.get_by_role("group", name="Export as")
-    expect(formats.get_by_role("button")).to_have_text([form.title for form in OUTPUTS.values() if form.name != "mp4"])
+    offered = formats.get_by_label("Encoding of the export")
+    expect(offered).to_be_visible(timeout=SOON_MS)
+    known = [f"{form.name} {profile.name}" for form in OUTPUTS.values() for profile in form.profiles]
+    assert offered.locator("option").evaluate_all("all => all.map(each => each.value)") == [
+        each for each in known if each != "mp4 h264"
+    ]
+    offered.select_option(encoding)
+    expect(formats.get_by_label("Quality of the export")).to_have_count(int(encoding == "webm vp9"))
     with page.expect_download(timeout=FILM_MS) as download:
-        formats.get_by_role("button", name=title).click()
+        formats.get_by_role("button", name="Export").click()
     assert download.value.suggested_filename == name
     path = tmp_path / name
     download.value.save_as(path)
     if name.endswith(".zip"):
         frames = frames_of(path.read_bytes())
-        assert (len(frames), frames[0].shape) == (FRAMES, (HEIGHT, WIDTH, 3))
+        assert (len(frames), frames[0].shape[:2]) == (FRAMES, (HEIGHT, WIDTH))
     else:
         with av.open(str(path)) as container:
             assert sum(1 for _ in container.decode(video=0)) == FRAMES
-    expect(formats.get_by_role("button", name=title)).to_be_enabled()
+    expect(formats.get_by_role("button", name="Export")).to_be_enabled()
     watched.check()
 
 

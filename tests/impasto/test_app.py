@@ -10,7 +10,7 @@ import pytest
 
 from impasto.cli import app, console
 from impasto.cli.console import Interrupted, status
-from impasto.problems import JobFailed
+from impasto_client.errors import JobFailed
 from pipeline.errors import BadMedia, DeviceError, ImpastoError
 from workers.errors import NotFound
 

@@ -16,7 +16,7 @@ from fastapi.testclient import TestClient
 import impasto
 from impasto.cli.app import run
 from impasto.cli.piping import PipeOrder
-from impasto.library import DamagedSource
+from impasto.sources import DamagedSource
 from pipeline.errors import DamagedMedia
 from service.app import create_app
 from service.settings import Settings

@@ -7,7 +7,7 @@ import pytest
 
 from impasto.cli.console import print_table, table
 from impasto.cli.jobs import find_id
-from impasto.client import Client
+from impasto_client import Client
 from pipeline.errors import BadInput
 from workers.errors import NotFound
 

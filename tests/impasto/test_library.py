@@ -103,7 +103,7 @@ def test_errors_are_raised_before_the_first_frame(tiny_clip: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "array", [np.zeros((40, 40, 3)), np.zeros((40, 40), np.uint8), np.zeros((8, 40, 3), np.uint8), "pixels"]
+    "array", [np.zeros((40, 40, 3), bool), np.zeros((40, 40, 2), np.uint8), np.zeros((8, 40, 3), np.uint8), "pixels"]
 )
 def test_an_array_of_the_wrong_shape_is_named_in_the_error(array: object) -> None:
     with pytest.raises(BadFrame) as caught:

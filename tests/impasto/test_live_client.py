@@ -17,7 +17,7 @@ import pytest
 from impasto import LiveClient
 from impasto.live.client import LiveEnded, LiveOptions, now_us
 from impasto.live.wire import HEADER_BYTES, pack, unpack
-from impasto.problems import NotAllowed, ServiceUnreachable
+from impasto_client.errors import NotAllowed, ServiceUnreachable
 from pipeline.errors import BadFrame, BadParameter
 from pipeline.frames import Frame
 from service.live import frames as service_side

@@ -18,6 +18,7 @@ from impasto.y4m import StreamFormat, Y4mReader, Y4mWriter, raw_frames
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
 from tests.conftest import TINY_HEIGHT, TINY_WIDTH, tiny_frame
+from tests.processes import started
 
 SIZE = (TINY_WIDTH, TINY_HEIGHT)
 FRAMES = [tiny_frame(index) for index in range(4)]
@@ -127,7 +128,7 @@ def test_frames_are_written_as_soon_as_they_are_rendered() -> None:
     data = ffmpeg_writes(FRAMES, "yuv420p")
     header, *frames = data.split(b"FRAME\n")
     command = [sys.executable, "-m", "impasto", "render", "-", "-o", "-", "-p", "lines=off"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    with started(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdin is not None and process.stdout is not None
         process.stdin.write(header + b"FRAME\n" + frames[0])
         process.stdin.flush()
@@ -136,6 +137,7 @@ def test_frames_are_written_as_soon_as_they_are_rendered() -> None:
         assert len(process.stdout.read(len(frames[0]))) == len(frames[0])
         process.stdin.close()
         assert process.stdout.read() == b""
+        assert process.wait(60) == 0
 
 
 def test_files_and_pipes_can_be_combined(tiny_clip: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from impasto.cli import private_farm
 from impasto.cli.console import Interrupted
 from impasto.cli.input_files import gather
-from impasto.problems import JobFailed
+from impasto_client.errors import JobFailed
 from workers.contract.record import RunState
 from workers.contract.request import JobRequest
 from workers.farm import Farm, open_farm

@@ -20,6 +20,7 @@ import pytest
 
 from impasto.cli.app import run
 from tests.conftest import TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, tiny_frame
+from tests.processes import started
 from workers.farm import Farm, open_farm
 from workers.settings import FarmSettings
 
@@ -149,6 +150,17 @@ def test_an_estimate_uses_the_methods_figures_then_earlier_renders(
     assert half["seconds"] == pytest.approx(second["seconds"] / 2, abs=0.11)
     (render.home / "render-history.json").write_text("no list")
     assert render(tiny_clip, "-o", out, "--estimate")["samples"] == 0
+
+
+def test_an_explanation_names_tasks_critical_path_and_times_without_rendering(
+    render: Here, tiny_clip: Path, tmp_path: Path
+) -> None:
+    found = render(tiny_clip, "--explain", "--method", "multistyle")
+    assert (found["frames"], found["samples"]) == (TINY_FRAMES, 0)
+    assert {kind["step"] for kind in found["kinds"]} == {"scan", "paint", "assemble"}
+    assert sum(kind["cpu_s"] for kind in found["kinds"]) == pytest.approx(found["cpu_s"], rel=0.01)
+    assert [each["processors"] for each in found["durations"]] == [1, 2, 4, 8, 16, 64]
+    assert [path.name for path in tmp_path.iterdir() if path.name != "home"] == []
 
 
 def test_a_folder_of_frames_and_a_still_image_are_accepted_as_inputs(render: Here, tmp_path: Path) -> None:
@@ -360,7 +372,7 @@ def whole(long_clip: Path) -> bytes:
 def stop_while_painting(command: list[str], how: signal.Signals) -> tuple[int, str]:
     """Start a render, send `how` as soon as its first step is done; exit status and stderr."""
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=_heed_interrupts) as process:
+    with started(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=_heed_interrupts) as process:
         assert process.stderr is not None
         for line in process.stderr:
             if "succeeded" in line:

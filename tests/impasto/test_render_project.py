@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from impasto.cli import project_film, rendering
 from impasto.cli.app import app
+from impasto.cli.console import Interrupted
+from pipeline.errors import BadInput
 from pipeline.video.probe import probe
+from tests.pipeline.video.making import make_video
 from workers.farm import Farm, open_farm
 from workers.projects.archive import write_archive
 from workers.settings import FarmSettings
@@ -55,12 +61,16 @@ def _document(clip: str, shot: dict[str, Any]) -> dict[str, Any]:
 
 def _film_of_service(farm: Farm, project: str) -> bytes:
     (made,) = farm.projects.submit(project)
-    last_seq = 0
-    while not farm.jobs.get(made.job.id).state.final:
-        farm.jobs.wait_for_event(made.job.id, last_seq, 5.0)
-        last_seq = max((event.seq for event in farm.jobs.events(made.job.id, last_seq)[0]), default=last_seq)
-    assert farm.jobs.get(made.job.id).state == "succeeded", farm.jobs.get(made.job.id).error
+    _finished(farm, made.job.id)
     return b"".join(farm.files.read(farm.files.get(made.job.id, "result")))
+
+
+def _finished(farm: Farm, job: str) -> None:
+    last_seq = 0
+    while not farm.jobs.get(job).state.final:
+        farm.jobs.wait_for_event(job, last_seq, 5.0)
+        last_seq = max((event.seq for event in farm.jobs.events(job, last_seq)[0]), default=last_seq)
+    assert farm.jobs.get(job).state == "succeeded", farm.jobs.get(job).error
 
 
 @pytest.mark.parametrize("name", SHOTS)
@@ -102,3 +112,105 @@ def test_a_project_that_was_exported_in_schema_1_is_imported_and_rendered_to_the
         ]}  # fmt: skip
         films.append(out.read_bytes())
     assert films[0] == films[1]
+
+
+def _film(farm: Farm, clips: dict[str, str]) -> str:
+    """A project of four shots of these clips, two of them equal; the project's id."""
+    shots = [
+        {"id": "s1", "video": "long", "range": [2, 6], "layers": [{"id": "l1", "method": "abstraction"}]},
+        {"id": "s2", "video": "short", "layers": [{**STROKES, "id": "l2"}]},
+        {"id": "s3", "video": "long", "range": [2, 6], "layers": [{"id": "l3", "method": "abstraction"}]},
+        {"id": "s4", "video": "long", "range": [0, 3], "layers": [{"id": "l4", "method": "abstraction", "seed": 2}]},
+    ]
+    document = {"schema": 2, "name": "Film", "output": {"quality": 14}, "shots": shots}
+    document["assets"] = {name: {"id": asset} for name, asset in clips.items()}
+    return farm.projects.create(document, "").id
+
+
+@pytest.fixture(scope="module")
+def project_zip(farm: Farm, tiny_clip: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes]:
+    """A project of four shots with sound, of clips of two sizes, and its film as the service makes it."""
+    folder = tmp_path_factory.mktemp("film")
+    small = make_video(folder / "small.mp4", [np.full((64, 64, 3), 40 * k, np.uint8) for k in range(5)])
+    clips = {"long": farm.assets.add(tiny_clip, "tiny.mp4").id, "short": farm.assets.add(small, "small.mp4").id}
+    project = _film(farm, clips)
+    for made in farm.projects.submit(project, changed=True):
+        _finished(farm, made.job.id)
+    archive = folder / "project.zip"
+    farm.projects.export(project, archive)
+    return archive, b"".join(farm.files.read(farm.films.file(project)))
+
+
+def test_all_shots_are_rendered_and_joined_to_the_bytes_of_the_service(
+    project_zip: tuple[Path, bytes], tmp_path: Path
+) -> None:
+    archive, film = project_zip
+    out = tmp_path / "film.mp4"
+    found = CliRunner().invoke(app, ["render", str(archive), "-o", str(out), "--home", str(tmp_path), "--json"])
+    assert found.exit_code == 0, found.output
+    summary = json.loads(found.stdout)
+    assert (summary["frames"], [shot["frames"] for shot in summary["shots"]]) == (16, [4, 5, 4, 3])
+    assert hashlib.sha256(out.read_bytes()).hexdigest() == hashlib.sha256(film).hexdigest()
+    assert next(warning["message"] for warning in summary["warnings"]).startswith(
+        "The film has the size of its first shot, 96x64 px"
+    )
+    assert probe(out).has_audio
+    assert not list((tmp_path / "renders").glob("*")), "nothing of a finished render stays"
+
+
+def test_one_shot_of_a_project_is_rendered(project_zip: tuple[Path, bytes], tmp_path: Path) -> None:
+    archive, _film = project_zip
+    out = tmp_path / "shot.mp4"
+    words = ["render", str(archive), "-o", str(out), "--home", str(tmp_path), "--quiet"]
+    assert CliRunner().invoke(app, [*words, "--shot", "4", "--frames", "1:3"]).exit_code == 0
+    assert probe(out).frames == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "field", "remedy"),
+    [
+        (["--shot", "5"], "--shot", "It has 4 shots"),
+        (["--frames", "0:2"], "--frames", "Add --shot N"),
+        (["--artefact", "svg"], "--artefact", "Add --shot N"),
+        (["-o", "frames/"], "--output", "or add --shot N"),
+    ],
+)
+def test_what_is_for_one_shot_is_refused_for_a_film(
+    project_zip: tuple[Path, bytes], tmp_path: Path, options: list[str], field: str, remedy: str
+) -> None:
+    words = ["render", str(project_zip[0]), "-o", str(tmp_path / "film.mp4"), "--home", str(tmp_path), *options]
+    error = CliRunner().invoke(app, words).exception
+    assert isinstance(error, BadInput)
+    assert error.field == field
+    assert remedy in error.remedy
+
+
+def test_an_interrupted_film_continues_with_the_shots_that_are_missing(
+    project_zip: tuple[Path, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive, film = project_zip
+    out = tmp_path / "film.mp4"
+    words = ["render", str(archive), "-o", str(out), "--home", str(tmp_path), "--quiet"]
+    painted: list[str] = []
+
+    def interrupted(order: rendering.RenderOrder, *how: Any) -> dict[str, Any]:
+        if painted == ["Film: s1", "Film: s2"]:
+            raise Interrupted("Interrupted at 10%.", remedy="Run the same command again to resume.")
+        painted.append(order.request.name)
+        return rendering.run(order, *how)
+
+    monkeypatch.setattr(project_film, "run", interrupted)
+    assert isinstance(CliRunner().invoke(app, words).exception, Interrupted)
+    assert not out.exists()
+    painted.clear()
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert painted == ["Film: s4"], "shots 1 and 2 are taken over, and shot 3 shows what shot 1 shows"
+    assert out.read_bytes() == film
+
+
+def test_an_estimate_of_a_film_is_that_of_all_its_shots(project_zip: tuple[Path, bytes], tmp_path: Path) -> None:
+    found = CliRunner().invoke(
+        app, ["render", str(project_zip[0]), "--estimate", "--json", "--home", str(tmp_path / "home")]
+    )
+    assert found.exit_code == 0, found.output
+    assert json.loads(found.stdout)["frames"] == 16

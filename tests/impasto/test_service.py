@@ -15,12 +15,13 @@ import pytest
 
 from impasto import Client
 from impasto.cli.app import run
-from impasto.ops import Ops
-from impasto.problems import JobFailed, NotAllowed
+from impasto_client._sync.ops import Ops
+from impasto_client.errors import JobFailed, NotAllowed
 from pipeline.errors import BadParameter, UnreadableMedia
 from pipeline.kernels.processors import usable_processors
 from tests.conftest import TINY_FRAMES
 from tests.ports import free_port
+from tests.processes import started
 from workers.errors import IdempotencyMismatch, NotFound
 from workers.process.descriptors import MAX_DESCRIPTORS
 
@@ -190,7 +191,7 @@ def test_a_worker_exports_its_metrics(tmp_path: Path, serve: Serve) -> None:
     serve(home=home)
     port = str(free_port())
     command = [sys.executable, "-m", "impasto", "worker", "--home", str(home), "--metrics-port", port]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as worker:
+    with started(command, stdout=subprocess.PIPE, text=True) as worker:
         assert worker.stdout is not None
         assert worker.stdout.readline().startswith("dsp_")
         text = httpx.get(f"http://127.0.0.1:{port}/metrics").text
@@ -205,10 +206,9 @@ def test_a_worker_raises_its_open_file_limit(home: Path) -> None:
         f"import resource, sys; resource.setrlimit(resource.RLIMIT_NOFILE, (256, {hard}));"
         f"from impasto.cli.app import run; sys.exit(run(['worker', '--home', {str(home)!r}]))"
     )
-    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as worker:
+    with started([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as worker:
         assert worker.stdout is not None and worker.stdout.readline().startswith("dsp_")
         limits = Path(f"/proc/{worker.pid}/limits").read_text()
-        worker.terminate()
     soft = next(line.split()[3] for line in limits.splitlines() if line.startswith("Max open files"))
     assert int(soft) == min(hard, MAX_DESCRIPTORS)
 

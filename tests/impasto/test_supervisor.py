@@ -5,16 +5,19 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import psutil
 import pytest
 
 from tests.conftest import ROOT
+from tests.processes import started
+from tests.waiting import until
 
 RENDER = """
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 from impasto.cli import supervisor
 
@@ -40,36 +43,31 @@ main()
 """
 
 
-def _start(clip: Path, out: Path, *more: str) -> subprocess.Popen[str]:
+def _started(clip: Path, out: Path, *more: str) -> AbstractContextManager[subprocess.Popen[str]]:
     command = ["render", str(clip), "-m", "multistyle", "-o", str(out), "--home", f"{out}.home", "--quiet"]
-    return subprocess.Popen(
-        [sys.executable, "-c", RENDER, *command, *more], cwd=ROOT, stderr=subprocess.PIPE, text=True
-    )
+    return started([sys.executable, "-c", RENDER, *command, *more], cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize("hang", ["spin_in_python", "spin_in_native_code_with_the_lock"])
 def test_a_render_in_which_a_library_hangs_is_started_again(hang: str, tiny_clip: Path, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
-    process = _start(tiny_clip, tmp_path / "out.mp4", hang, str(mark))
-    _, errors = process.communicate(timeout=180)
-    assert process.returncode == 0, errors
+    with _started(tiny_clip, tmp_path / "out.mp4", hang, str(mark)) as process:
+        _, errors = process.communicate(timeout=180)
+        assert process.returncode == 0, errors
     assert errors.count("A library hung; the render is started again.") == 1
     mark.touch()
-    undisturbed = _start(tiny_clip, tmp_path / "other.mp4", hang, str(mark))
-    assert undisturbed.wait(120) == 0
+    with _started(tiny_clip, tmp_path / "other.mp4", hang, str(mark)) as undisturbed:
+        assert undisturbed.wait(120) == 0
     assert (tmp_path / "out.mp4").read_bytes() == (tmp_path / "other.mp4").read_bytes()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_signal_ends_both_processes(number: signal.Signals, tiny_clip: Path, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
-    process = _start(tiny_clip, tmp_path / "out.mp4", "sleep_in_python", str(mark))
-    deadline = time.monotonic() + 60
-    while not mark.exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    children = psutil.Process(process.pid).children(recursive=True)
-    process.send_signal(number)
-    assert process.wait(30) == (130 if number == signal.SIGINT else -number)
+    with _started(tiny_clip, tmp_path / "out.mp4", "sleep_in_python", str(mark)) as process:
+        until(mark.exists, 60)
+        children = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(number)
+        assert process.wait(30) == (130 if number == signal.SIGINT else -number)
     _, alive = psutil.wait_procs(children, 10)
     assert alive == []

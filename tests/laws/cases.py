@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import cv2
@@ -24,6 +25,7 @@ WIDTH, HEIGHT = 64, 48
 Params = dict[str, Any]
 
 DOCUMENTS: Mapping[tuple[str, str], Any] = {
+    ("analogy", "keyframe_settings"): [{"frame": 1, "before": 0, "after": 2, "weight": 3}],
     ("abstraction", "histogram"): {
         "hue": [1.0] * 6 + [0.0] * 30, "saturation_mean": 0.7, "saturation_std": 0.1, "value_mean": 0.5,
     },
@@ -35,6 +37,10 @@ DOCUMENTS: Mapping[tuple[str, str], Any] = {
         ],
         "directions": [
             {"region": "rest", "edge_weight": 0.1, "elements": [{"pattern": "center", "at": [0.7, 0.5]}]},
+        ],
+        "corrections": [
+            {"region": "left", "frame": 1, "points": [[0.7, 0.2], [0.8, 0.4]], "width": 0.2},
+            {"region": "rest", "frame": 4, "points": [[0.2, 0.6]], "width": 0.3},
         ],
     },
     ("patches", "label_intervals"): [{"frame": 2, "before": 1, "after": 1}],
@@ -53,6 +59,8 @@ WITH_INPUT: Mapping[tuple[str, str, str], Any] = {
 SLOW: Mapping[str, float] = {"levels": 4, "iterations": 5, "sweeps": 2, "key_iterations": 3, "patch_radius": 5}
 """Largest values to draw of parameters that multiply the time of a frame."""
 SEE_LEAD = 2000
+LONG, LONGER = 0.06, 4
+"""Share of the cases whose film has several runs of frames, and the factor on the number of its frames."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,10 @@ class Case:
 
     def film(self) -> list[Frame]:
         """The video: a textured square that moves over a texture that pans; another scene after the cut."""
+        return [frame.copy() for frame in self._film]
+
+    @cached_property
+    def _film(self) -> list[Frame]:
         scenes = [_scene(self.seed + 1000 * (bool(self.cut) and k >= self.cut), k) for k in range(self.frames)]
         return [self._drawn(scene) for scene in scenes]
 
@@ -126,6 +138,10 @@ def generated(seed: int, name: str | None = None) -> Case:
     params = {str(one): drawn_value(properties[one], str(one), draw) for one in changed if one != "preroll"}
     inputs = [spec.name for spec in chosen.inputs[1:] if spec.required or draw.random() < 0.25]
     cut = int(draw.integers(2, frames - 1)) if draw.random() < 0.3 else 0
+    if draw.random() < LONG:
+        frames, cut = LONGER * frames, LONGER * cut
+        first = LONGER * piece[0] + int(draw.integers(LONGER))
+        piece = first, max(first + 1, LONGER * piece[1] - int(draw.integers(LONGER)))
     return Case(seed, name, params, complete(chosen, inputs), frames, cut, piece)
 
 
@@ -146,7 +162,12 @@ def complete(chosen: Method, inputs: list[str]) -> tuple[str, ...]:
 
 def properties_of(chosen: Method) -> dict[str, dict[str, Any]]:
     """Schema of every parameter."""
-    found: dict[str, dict[str, Any]] = chosen.Params.model_json_schema()["properties"]
+    return _properties_of(chosen.Params)
+
+
+@cache
+def _properties_of(params: type[AnyParams]) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = params.model_json_schema()["properties"]
     return found
 
 
@@ -154,6 +175,10 @@ def drawn_value(schema: Mapping[str, Any], name: str, draw: np.random.Generator)
     """A value of a parameter other than its default."""
     if "enum" in schema:
         return str(draw.choice([value for value in schema["enum"] if value != schema["default"]]))
+    if "pattern" in schema:
+        return str(draw.choice(extremes(schema, name)))
+    if schema["type"] == "array":
+        return extremes(schema, name)[int(draw.integers(2))]
     low, high = schema["minimum"], min(schema["maximum"], SLOW.get(name, float("inf")))
     if schema["type"] == "integer":
         return int(draw.choice([value for value in range(int(low), int(high) + 1) if value != schema["default"]]))
@@ -164,6 +189,10 @@ def extremes(schema: Mapping[str, Any], name: str) -> list[Any]:
     """The values of a parameter that differ most from its default."""
     if "enum" in schema:
         return [value for value in schema["enum"] if value != schema["default"]]
+    if "pattern" in schema:  # colours are the only texts with one
+        return ["#c02010", "#ffffff"]
+    if schema["type"] == "array":  # colours are the only lists
+        return [["#c02010", "#f0e0c0", "#203040"], ["#808080"]]
     ends = [schema["minimum"], min(schema["maximum"], SLOW.get(name, float("inf")))]
     ends = [int(end) if schema["type"] == "integer" else float(end) for end in ends]
     return [end for end in ends if end != schema["default"]]
@@ -184,11 +213,14 @@ def _meeting(case: Case, when: When) -> Case:
 # -- pictures
 
 
+@lru_cache(maxsize=8)
 def _texture(seed: int, side: int) -> NDArray[np.uint8]:
     draw = np.random.default_rng(seed)
     coarse = draw.integers(20, 236, (side // 8, side // 8, 3)).astype(np.float32)
     picture = cv2.resize(coarse, (side, side), interpolation=cv2.INTER_CUBIC)
-    return np.clip(picture + draw.normal(0, 6, picture.shape), 0, 255).astype(np.uint8)
+    texture: NDArray[np.uint8] = np.clip(picture + draw.normal(0, 6, picture.shape), 0, 255).astype(np.uint8)
+    texture.flags.writeable = False
+    return texture
 
 
 def _scene(seed: int, index: int) -> Frame:
@@ -215,6 +247,11 @@ def _input(case: Case, spec: InputSpec) -> Input:
     if spec.kind == "video":
         return [_beside(name, frame, index) for index, frame in enumerate(film)]
     return [_still(name, case.seed)]
+
+
+def mattes(case: Case) -> list[Frame]:
+    """A matte by frame, whose edge moves."""
+    return [np.dstack([_half(case, WIDTH // 3 + number)] * 3) for number in range(case.frames)]
 
 
 def document(case: Case, name: str) -> Any:

@@ -16,8 +16,10 @@ NEEDS_MORE = {
     ("abstraction", "face_importance"): "needs a face",
     ("multistyle", "face_detail"): "needs a face",
     ("patches", "face_detail"): "needs a face",
+    ("patches", "background_patches"): "needs a second plane of the background",
     ("abstraction", "analysis"): "needs 720 rows",
     ("analogy", "refinement"): "needs frames of 720 rows",
+    ("analogy", "key_transparency"): "needs a key with semi-transparent paint",
     ("analogy", "vectors"): "needs a shot with motion vectors",
     ("analogy", "guided_stills"): "needs one frame with a registered style",
 }

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any, get_args
 
 import numpy as np
 
-from pipeline.errors import ImpastoError
+from pipeline.compositing import Blend
 from tests.laws import ways
-from tests.laws.cases import SEE_LEAD, Case, drawn_value, properties_of
-from tests.laws.ways import WAYS, difference
+from tests.laws.cases import SEE_LEAD, Case, drawn_value, generated, mattes, properties_of
+from tests.laws.stage import Layer, Stage, composited_film
+from tests.laws.ways import WAYS, Films, difference
 
 Verdict = str | None
+HALF, LAYERED, FORGETFUL = 0.25, 0.3, 0.1
+"""Shares of the cases whose stage has half the size, of the others whose shot has two layers, and of all whose stage
+keeps hardly anything between tasks."""
+OTHER_SEED = 1 << 32
 
 
-def film_is_painted(case: Case) -> ways.Frames | str:
-    """The film, or why the case has none: it must then be a fault that its own error names."""
-    try:
-        return ways.film(case)
-    except ImpastoError as error:
-        return f"{error.field}: {error.message}"
-
-
-def piece_is_film(case: Case) -> Verdict:
+def piece_is_film(case: Case, films: Films) -> Verdict:
     """Frames [a, b) painted alone are those of the film."""
-    if "preroll" in case.chosen.Params.model_fields:
-        case = case.with_params(preroll=SEE_LEAD)
-    film = film_is_painted(case)
+    film = films(case)
     if isinstance(film, str):
         return None
+    if "preroll" in case.chosen.Params.model_fields:
+        case = case.with_params(preroll=SEE_LEAD)
     piece = ways.piece(case)
     if sorted(piece) != list(range(*case.piece)):
         return f"the piece {case.piece} has the frames {sorted(piece)}"
@@ -46,9 +44,44 @@ def is_exact(case: Case) -> bool:
     return keyed or bool(given & {"masks", "labels", "label_intervals", "styles"} and case.method == "patches")
 
 
-def every_way_is_the_same(case: Case) -> Verdict:
+def preview_is_film(case: Case, films: Films) -> Verdict:
+    """What the stage shows of any frame is the film's picture at full size; at half size it is what the film's plan
+    paints on pictures of half the size."""
+    film = films(case)
+    if isinstance(film, str):
+        return None
+    draw = np.random.default_rng(case.seed)
+    whole = max(case.size)
+    small = {"cache_bytes": 100_000, "disk_bytes": 1} if draw.random() < FORGETFUL else {}
+    given: dict[str, Any] = {"drawn": bool(draw.random() < 0.5), **small}
+    asked = [int(number) for number in draw.choice(case.frames, size=1 if small else 2, replace=False)]
+    if draw.random() < HALF:
+        half = Stage([Layer(case)], whole // 2, **given)
+        film, stage = half.plan(), half
+    elif draw.random() < LAYERED:
+        stage = Stage(shot_of(case, draw), whole, **given)
+        if isinstance(films(stage.layers[1].case), str):
+            return None
+        film = composited_film(stage.layers)
+    else:
+        stage = Stage([Layer(case)], whole, **given)
+    found = difference(stage.frames(asked), film)
+    return f"the stage at {stage.side_px} px shows {found:.2f} levels of difference in {asked}" if found else None
+
+
+def shot_of(case: Case, draw: np.random.Generator) -> list[Layer]:
+    """The case below a layer of another method, or of the same, over the same video."""
+    other = generated(case.seed + OTHER_SEED)
+    above = replace(other, seed=case.seed, frames=case.frames, cut=case.cut, scale=case.scale, light=case.light)
+    rows = [(case, False), (above, bool(draw.random() < 0.3))]
+    blends = get_args(Blend)
+    looks = [(float(draw.choice([0.4, 1.0])), blends[int(draw.integers(len(blends)))]) for _ in rows]
+    return [Layer(one, *look, mattes(one) if cut else None) for (one, cut), look in zip(rows, looks, strict=True)]
+
+
+def every_way_is_the_same(case: Case, films: Films) -> Verdict:
     """Each way has the frames of the film, or refuses by name what it cannot do."""
-    film = film_is_painted(case)
+    film = films(case)
     if isinstance(film, str):
         return None
     way = WAYS[case.seed % len(WAYS)]
@@ -58,9 +91,8 @@ def every_way_is_the_same(case: Case) -> Verdict:
     return f"the way {way.name} differs by {found:.2f} levels" if found else None
 
 
-def idle_is_said(case: Case) -> Verdict:
+def idle_is_said(case: Case, films: Films) -> Verdict:
     """What is said to have no effect has none. (What has one is checked for every parameter and input by itself.)"""
-    film = film_is_painted(case)
     draw = np.random.default_rng(case.seed)
     properties = properties_of(case.chosen)
     conditions = case.chosen.Params.applies_when
@@ -68,13 +100,16 @@ def idle_is_said(case: Case) -> Verdict:
     name = names[int(draw.integers(len(names)))]
     changed = case.with_params(**{name: drawn_value(properties[name], name, draw)})
     idle = {found.field for found in changed.chosen.ineffective(changed.parsed, {"video", *case.inputs}, False, False)}
-    if isinstance(film, str) or f"params.{name}" not in idle:
+    if isinstance(films(case), str) or f"params.{name}" not in idle:
         return None
-    plain = ways.film(replace(case, params={k: v for k, v in case.params.items() if k != name}))
-    found = difference(plain, ways.film(changed))
+    plain = films(replace(case, params={k: v for k, v in case.params.items() if k != name}))
+    other = films(changed)
+    if isinstance(plain, str) or isinstance(other, str):
+        return f"{name} is said to have no effect, and with one of its values the film fails: {plain} {other}"
+    found = difference(plain, other)
     return f"{name} is said to have no effect, and changes {found:.2f} levels" if found else None
 
 
-LAWS: Mapping[str, Callable[[Case], Verdict]] = {
-    law.__name__: law for law in (piece_is_film, every_way_is_the_same, idle_is_said)
+LAWS: Mapping[str, Callable[[Case, Films], Verdict]] = {
+    law.__name__: law for law in (piece_is_film, preview_is_film, every_way_is_the_same, idle_is_said)
 }

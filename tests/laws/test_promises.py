@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -42,6 +44,44 @@ def test_a_shot_without_a_key_has_the_style_of_the_nearest_one(lines: tuple[str,
     colours = {tuple(colour) for colour in (255 - keys).reshape(-1, 3)}
     assert all(tuple(colour) in colours for colour in context.emitted[7].reshape(-1, 3))
     assert ways.difference(ways.piece(case), context.emitted) == 0, "alone, too"
+
+
+def test_one_frame_of_a_film_is_not_painted_as_a_still() -> None:
+    inputs = ("style_output", "style", "guide_a", "style_guide_a")
+    case = Case(2, "analogy", {"temporal": "off"}, inputs, 6, 0, (0, 1))
+    assert ways.difference(ways.piece(case), ways.film(case)) == 0
+
+
+@pytest.mark.parametrize("piece", [(2, 3), (3, 6), (5, 7), (8, 12)])
+@pytest.mark.parametrize("cut", [0, 7])
+def test_a_piece_that_looks_ahead_is_averaged_as_in_the_film(piece: tuple[int, int], cut: int) -> None:
+    case = Case(2, "steady", {"look_ahead": 2}, ("styled",), 14, cut, piece)
+    assert ways.difference(ways.piece(case), ways.film(case)) == 0
+
+
+@pytest.mark.parametrize("cut", [0, 3])
+@pytest.mark.parametrize(
+    ("method", "params", "inputs"),
+    [
+        ("analogy", {"on_twos": "on", "levels": 2}, ("style_output",)),
+        ("analogy", {"on_twos": "on", "levels": 2}, ("keyframes",)),
+        ("patches", {"frames_per_painting": 3}, ()),
+        ("patches", {"frames_per_painting": 6}, ()),
+    ],
+)
+def test_a_piece_holds_its_paintings_as_the_film(
+    method: str, params: dict[str, Any], inputs: tuple[str, ...], cut: int
+) -> None:
+    whole = Case(2, method, {"temporal": "off", **params}, inputs, 11, cut, (0, 11))
+    film = ways.film(whole)
+    for piece in ((1, 3), (4, 5), (5, 9), (8, 11)):
+        assert ways.difference(ways.piece(replace(whole, piece=piece)), film) == 0, piece
+
+
+@pytest.mark.parametrize("piece", [(12, 13), (22, 24)])
+def test_a_piece_within_a_later_run_of_patches_is_the_film(piece: tuple[int, int]) -> None:
+    case = Case(2, "patches", {}, ("masks",), 26, 0, piece)
+    assert ways.difference(ways.piece(case), ways.film(case)) == 0
 
 
 def test_the_library_uses_an_effect_without_an_output_and_live_refuses_it() -> None:

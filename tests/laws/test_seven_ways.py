@@ -30,7 +30,7 @@ from workers.settings import FarmSettings
 
 Frames = ways.Frames
 CASES = [
-    Case(1, "abstraction", {"lines": "flow"}, ("importance",), 6, 0, (2, 4)),
+    Case(1, "abstraction", {"line_colour": "#204060"}, ("importance",), 6, 0, (2, 4)),
     Case(1, "multistyle", {"style": "watercolor"}, ("design",), 6, 0, (2, 4)),
     Case(1, "patches", {"style": "circles"}, ("styles",), 6, 0, (2, 4)),
     Case(1, "analogy", {}, ("keyframes",), 6, 0, (2, 4)),

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 import impasto
-from impasto.library import NoEffect
+from impasto import NoEffect
+from pipeline.errors import ImpastoError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.layers import LAYERS
@@ -29,6 +30,22 @@ def film(case: Case) -> Frames:
     context = LocalContext(case.parsed, case.film(), case.given(), seed=case.seed)
     run_plan(case.chosen, context)
     return context.emitted
+
+
+class Films:
+    """Films of cases. Each is painted once, however many laws need it."""
+
+    def __init__(self) -> None:
+        self._painted: dict[str, Frames | str] = {}
+
+    def __call__(self, case: Case) -> Frames | str:
+        """The film, or why the case has none: it must then be a fault that its own error names."""
+        if (name := repr(case)) not in self._painted:
+            try:
+                self._painted[name] = film(case)
+            except ImpastoError as error:
+                self._painted[name] = f"{error.field}: {error.message}"
+        return self._painted[name]
 
 
 def piece(case: Case) -> Frames:

@@ -68,8 +68,17 @@ Fault = Callable[[Request, np.random.Generator], str | None]
 
 def _pick(request: Request, draw: np.random.Generator, fits: Callable[[InputSpec], bool]) -> str | None:
     names = [spec.name for spec in request.chosen.inputs if spec.name in request.assets and fits(spec)]
-    names = [name for name in names if f"inputs.{name}" not in {place.split("[")[0] for place in request.wrong}]
+    wrong = {place.split("[")[0].removeprefix("inputs.") for place in request.wrong}
+    compared = {name: _compared_with(request, name) for name in request.assets}
+    taken = wrong.union(*(compared.get(name, ()) for name in wrong))
+    names = [name for name in names if name not in taken and not compared[name] & wrong]
     return str(draw.choice(names)) if names else None
+
+
+def _compared_with(request: Request, name: str) -> set[str]:
+    """The inputs whose size or length an input must have: a fault of theirs leaves nothing to compare."""
+    fits = next((spec.fits for spec in request.chosen.inputs if spec.name == name), None)
+    return set() if fits is None else {fits.size, fits.aspect, fits.frames} - {"", "video", None}
 
 
 def _changed(request: Request, name: str, **info: Any) -> str:

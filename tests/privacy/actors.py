@@ -10,6 +10,7 @@ from typing import Any
 
 from fastapi.testclient import TestClient
 
+from service.access.gate import COOKIE
 from service.app import create_app
 from service.settings import Settings
 from workers.farm import Farm
@@ -19,24 +20,32 @@ ADMIN = "the admin key of this test, of some length"
 
 @dataclass(frozen=True)
 class Caller:
-    """Sends requests with a key; "": without one."""
+    """Sends requests with a key; "": without one. `at`: the address of a group. `session`: the key is in a cookie."""
 
     client: TestClient
     key: str = ""
+    at: str = ""
+    session: bool = False
+
+    @property
+    def headers(self) -> dict[str, str]:
+        if self.session:
+            return {"Cookie": f"{COOKIE}={self.key}", "Origin": str(self.client.base_url)}
+        return {"Authorization": f"Bearer {self.key}"} if self.key else {}
 
     def __call__(self, verb: str, path: str, body: Any = None, **headers: str) -> Any:
-        own = {"Authorization": f"Bearer {self.key}"} if self.key else {}
-        return self.client.request(verb, path, json=body, headers=own | headers)
+        return self.client.request(verb, f"{self.at}{path}", json=body, headers=self.headers | headers)
 
     def upload(self, path: Path, name: str) -> str:
         """The id of a new asset."""
-        own = {"Authorization": f"Bearer {self.key}"}
-        made = self.client.post("/v1/assets", files={"file": (name, path.read_bytes())}, headers=own)
+        files = {"file": (name, path.read_bytes())}
+        made = self.client.post(f"{self.at}/v1/assets", files=files, headers=self.headers)
         return str(made.json()["id"])
 
     def project(self, document: Any) -> str:
         """The address of a new project."""
-        return str(self("POST", "/v1/projects", {"document": document}).json()["links"]["self"])
+        made = self("POST", "/v1/projects", {"document": document}).json()
+        return str(made["links"]["self"]).removeprefix(self.at)
 
     def share(self, project: str) -> str:
         """The address of a new link."""

@@ -22,14 +22,16 @@ Ids = Mapping[str, str]
 
 OWNED = {
     "asset_id": "asset", "job_id": "job", "task_id": "task", "project_id": "project", "upload_id": "upload",
-    "peer_id": "peer",
+    "peer_id": "peer", "group_id": "group",
 }  # fmt: skip
 """Path parameters that name an object of an owner."""
 LINK = "token"
-OPERATORS = frozenset({"key_id", "worker_id", "node", "attempt_id", "session_id"})
+OPERATORS = frozenset({"key_id", "worker_id", "node", "attempt_id", "session_id", "owner_id", "rule_id"})
 """Path parameters of things that only operators see."""
-PARTS = {"name": "svg", "entry": "a.svg", "index": "0", "version": "1"}
+PARTS = {"name": "svg", "entry": "a.svg", "index": "0", "version": "1", "user_id": "x"}
 """Path parameters that name a part of an owned object."""
+PART_IDS = {"comment_id": "comment"}
+"""Path parameters that name a part of an owned object by an id, which the callers have one of."""
 LIBRARY = {"style_id": "swan", "input_name": "video", "name": "toy"}
 """Path parameters of what every key may see: methods, styles, scenes."""
 
@@ -41,9 +43,12 @@ SCOPES: dict[tuple[str, str], frozenset[str]] = {
     ("POST", "/v1/projects/{project_id}/share"): frozenset({"submit", "read"}),  # lets others read
     ("GET", "/v1/webhooks/secret"): frozenset({"submit"}),  # checks the messages of jobs that one submits
     ("POST", "/v1/live/whep"): frozenset({"read"}),  # watches
+    ("GET", "/v1/me"): frozenset(),  # who the caller is
     ("DELETE", "/v1/live/peers/{peer_id}"): frozenset({"read"}),  # ends what whep began
 }
 """Scopes of operations whose verb does not tell them."""
+MEMBERS = "/v1/groups/{group_id}/members/{user_id}"
+"""Changes of members, for which a group's owners are asked."""
 
 _SHOT = {"shot": "s1"}
 BODIES: dict[str, tuple[tuple[str, ...], Callable[[Ids], Any]]] = {
@@ -59,12 +64,19 @@ BODIES: dict[str, tuple[tuple[str, ...], Callable[[Ids], Any]]] = {
     "JobsActionIn": ((), lambda ids: {"action": "cancel", "jobs": [ids["job"]]}),
     "ExportIn": ((), lambda ids: {"format": "gif"}),
     "LabelIn": ((), lambda ids: {"label": "first"}),
+    "CommentIn": ((), lambda ids: {"shot": "s1", "frame": 0, "text": "Too red."}),
     "ShareIn": ((), lambda ids: {}),
     "ProjectJobsIn": ((), lambda ids: {}),
     "KeyIn": ((), lambda ids: {"name": "k", "scopes": ["read"]}),
+    "MemberIn": ((), lambda ids: {"role": "viewer"}),
+    "OwnerIn": ((), lambda ids: {"kind": "group", "name": "g"}),
+    "OwnerPatch": ((), lambda ids: {"name": "n"}),
+    "TransferIn": ((), lambda ids: {"to": "x"}),
+    "RuleIn": ((), lambda ids: {"days": 36500}),
     "ReasonIn": ((), lambda ids: {"reason": "r"}),
     "PriorityIn": ((), lambda ids: {"priority": 1}),
     "PropagateIn": ((), lambda ids: {**_SHOT, "key": 0}),
+    "ObjectIn": ((), lambda ids: {**_SHOT, "box": [0.5, 0.5, 0.5, 0.5]}),
     "StylesIn": ((), lambda ids: {**_SHOT, "cards": [{"id": "c", "set": {}}]}),
     **dict.fromkeys(
         ("ClustersIn", "SpreadIn", "RegionsIn", "DirectionsIn", "KeysIn", "CutsIn", "PaintIn"),
@@ -123,7 +135,7 @@ class Operation:
     def owned(self) -> list[str]:
         """Kinds of the objects that it names, in the address and in the body, and that belong to an owner."""
         for name in self.params:
-            known = name in LIBRARY if self.in_library else {*OWNED, LINK, *OPERATORS, *PARTS}
+            known = name in LIBRARY if self.in_library else {*OWNED, LINK, *OPERATORS, *PARTS, *PART_IDS}
             if known is False or (known is not True and name not in known):
                 raise Undescribed(f"{self.verb} {self.path}: which kind of object is {name!r}?")
         named = [OWNED[name] for name in self.params if name in OWNED]
@@ -140,9 +152,10 @@ class Operation:
     def url(self, ids: Ids) -> str:
         values = {
             **(LIBRARY if self.in_library else PARTS),
-            **{name: ids.get(kind, "x") for name, kind in OWNED.items()},
+            **{name: ids.get(kind, "x") for name, kind in (*OWNED.items(), *PART_IDS.items())},
         }
         values |= {LINK: ids.get("link", "x"), **dict.fromkeys(OPERATORS, "x"), "key_id": ids.get("key", "x")}
+        values |= {"user_id": ids.get("member", "x")}
         return re.sub(r"{(\w+)(?::\w+)?}", lambda found: values[found[1]], self.path)
 
     def content(self, ids: Ids) -> dict[str, Any]:

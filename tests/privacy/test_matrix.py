@@ -18,13 +18,24 @@ from starlette.testclient import WebSocketDenialResponse
 from service.context.depends import Context, Reader
 from service.live.sessions import LiveSession
 from tests.privacy.actors import service
-from tests.privacy.matrix import BECOMES_AN_INPUT, LINK, OPERATORS, Operation, Undescribed, operations
+from tests.privacy.matrix import (
+    BECOMES_AN_INPUT,
+    LINK,
+    MEMBERS,
+    OPERATORS,
+    PART_IDS,
+    Operation,
+    Undescribed,
+    operations,
+)
 from tests.privacy.world import ANNA, BEN, SECRET, Actor, World
 from tests.service.driven_farm import DrivenFarm
 from tests.service.toy_method import Toy
+from workers.contract.owners import Role
 from workers.contract.record import ANY_OWNER, Asset
 from workers.farm_parts.assets import FarmAssets
 from workers.ids import new_id
+from workers.store.owners import Owners
 
 TUS = {"Tus-Resumable": "1.0.0", "Upload-Length": "8", "Upload-Offset": "0", "If-Match": "*"}
 
@@ -47,12 +58,18 @@ def world(client: TestClient, home: Path, tmp_path: Path) -> World:
     return World(client, client.app.state.service.farm, home, tmp_path)  # type: ignore[attr-defined]
 
 
+@pytest.fixture
+def shared_world(client: TestClient, home: Path, tmp_path: Path) -> World:
+    """Anna's objects belong to her group."""
+    return World(client, client.app.state.service.farm, home, tmp_path, shared=True)  # type: ignore[attr-defined]
+
+
 Variant = tuple[str, Mapping[str, str], dict[str, str]]
 """Name, ids, and the owner of each kind of object."""
 
 
 def _variants(operation: Operation, world: World) -> Iterator[Variant]:
-    annas = dict.fromkeys(("asset", "job", "task", "project", "upload", "peer"), ANNA)
+    annas = dict.fromkeys(("asset", "job", "task", "project", "upload", "peer", "group"), ANNA)
     if LINK in operation.params:
         yield "in the project", {**world.ids, "job": world.ids["film"]}, annas
         if operation.owned:
@@ -76,8 +93,17 @@ def _expected(operation: Operation, actor: Actor, variant: Variant) -> set[int] 
         return None
     if actor.scopes is None:
         return {401}
+    if actor.stranger:
+        return {404}
+    if actor.caller.session and operation.path.startswith("/v1/keys"):
+        return None  # users who have signed in manage their own keys
     if not actor.may(operation.scopes):
         return {403}
+    belongs = actor.owner == ANNA or actor.member
+    if operation.path == MEMBERS and belongs and not actor.chooses:
+        return {403}
+    if operation.owned == ["group"] and belongs:
+        return None
     if "admin" in actor.scopes and operation.owned != ["peer"] and operation.schema not in BECOMES_AN_INPUT:
         return None
     return None if {owners[kind] for kind in operation.owned} <= {actor.owner} else {404}
@@ -95,6 +121,8 @@ def _may_know(operation: Operation, actor: Actor, variant: Variant) -> bool:
     """Whether Anna's data may be in the answer."""
     if LINK in operation.params:
         return actor.link_lives and variant[0] == "in the project"
+    if actor.member and (operation.owned == ["group"] or operation.path == "/v1/me"):
+        return True
     named = variant[0] == "named by Ben's project"
     return not named and actor.scopes is not None and (actor.owner == ANNA or "admin" in actor.scopes)
 
@@ -113,7 +141,7 @@ def _cells(world: World, client: TestClient) -> Iterator[tuple[Operation, str, A
     assert all(operation.owned is not None for operation in found), "each is described"
     for operation in sorted(found, key=_order):
         for variant in _variants(operation, world):
-            for name in sorted(world.actors, key=lambda name: name in ("owner", "submit-only", "admin")):
+            for name in sorted(world.actors, key=lambda name: world.actors[name].chooses or name == "editor"):
                 yield operation, name, world.actors[name], variant
 
 
@@ -126,18 +154,21 @@ def _fault(world: World, operation: Operation, actor: Actor, variant: Variant) -
     expected = _expected(operation, actor, variant)
     if expected is None and operation.verb == "DELETE" and variant[0] == "Anna's":
         variant = (variant[0], world.fresh(), variant[2])
+    elif expected is None and operation.verb == "DELETE" and PART_IDS.keys() & set(operation.params):
+        variant = (variant[0], world.fresh_part(variant[1]), variant[2])
     ids = _token_of(actor, operation, variant)
     content: dict[str, Any] = operation.content(ids)
-    own = {"Authorization": f"Bearer {actor.caller.key}"} if actor.caller.key else {}
-    headers = {**TUS, **own, **content.pop("headers", {})}
-    answer = actor.caller.client.request(operation.verb, operation.url(ids), headers=headers, **content)
+    headers = {**TUS, **actor.caller.headers, **content.pop("headers", {})}
+    answer = actor.caller.client.request(
+        operation.verb, actor.caller.at + operation.url(ids), headers=headers, **content
+    )
     wrong = answer.status_code not in expected if expected else not _granted(operation, answer.status_code)
     if wrong:
         return f"{answer.status_code} instead of {expected or 'access'}: {answer.text[:200]}"
     if _may_know(operation, actor, variant):
         return ""
     told = f"{answer.headers}".encode() + answer.content
-    hidden = [SECRET, *([] if operation.owned or LINK in operation.params else _ids_to_hide(world))]
+    hidden = [SECRET, *([] if operation.owned or LINK in operation.params or actor.stranger else _ids_to_hide(world))]
     leaks = [text for text in hidden if text.encode() in told]
     return f"{answer.status_code} with {leaks}" if leaks else ""
 
@@ -167,6 +198,22 @@ def test_every_cell_of_the_privacy_matrix(world: World, client: TestClient, reco
     assert count > 1200, "operations have vanished from the matrix"
 
 
+def test_every_cell_of_the_privacy_matrix_of_a_group(shared_world: World, client: TestClient) -> None:
+    """The same objects as those of a group: its members by role, former members, strangers, and members who do not name
+    the group."""
+    count, found = _faults(shared_world, client)
+    assert not found, "\n".join(found)
+    assert count > 1000, "operations have vanished from the matrix"
+
+
+def test_the_matrix_finds_a_group_that_anybody_may_name(
+    shared_world: World, client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Owners, "role", lambda self, user, group: (Role.EDITOR, {}))
+    _, found = _faults(shared_world, client, "/v1/projects")
+    assert any("Anna's, stranger: 200 instead of {404}" in line for line in found), found
+
+
 def test_the_matrix_finds_assets_that_are_served_without_their_owner(
     world: World, client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,9 +237,11 @@ def test_the_matrix_finds_a_new_route_that_asks_nobody_for_the_owner(world: Worl
     client.app.openapi_schema = None  # type: ignore[attr-defined]
     _, found = _faults(world, client, "/note")
     assert [line.partition(": ")[0] for line in found] == [
+        "GET /v1/projects/{project_id}/note, Anna's, other owner's session",
         "GET /v1/projects/{project_id}/note, Anna's, other owner",
-        "GET /v1/projects/{project_id}/note, named by Ben's project, read-only",
         "GET /v1/projects/{project_id}/note, named by Ben's project, owner",
+        "GET /v1/projects/{project_id}/note, named by Ben's project, session",
+        "GET /v1/projects/{project_id}/note, named by Ben's project, read-only",
     ]
 
 
@@ -231,8 +280,7 @@ def test_live_sockets_are_for_owners_with_the_scope(world: World, client: TestCl
 
 
 def _connected(actor: Actor, path: str) -> int:
-    own = {"Authorization": f"Bearer {actor.caller.key}"} if actor.caller.key else {}
-    socket = actor.caller.client.websocket_connect(path, headers=own)
+    socket = actor.caller.client.websocket_connect(f"ws://127.0.0.1:8420{path}", headers=actor.caller.headers)
     try:
         socket.__enter__()
     except WebSocketDenialResponse as refused:

@@ -20,6 +20,7 @@ import pytest
 
 from service.connections import ConnectionGuard, Phase, connection_limit
 from service.log_limit import BURST, WINDOW_S, RepeatFilter
+from tests.processes import started
 
 DESCRIPTORS, HALF_SENT = 1024, 1200
 HEADER_S, IDLE_S = 3.0, 4.0
@@ -175,13 +176,9 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path
     folder = tmp_path_factory.mktemp("served")
     log = folder / "log.txt"
     command = [sys.executable, "-c", PROGRAM, str(folder / "home"), str(DESCRIPTORS)]
-    with log.open("wb") as sink, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=sink, text=True) as process:
+    with log.open("wb") as sink, started(command, stdout=subprocess.PIPE, stderr=sink, text=True) as process:
         assert process.stdout is not None
-        try:
-            yield process.stdout.readline().strip(), log, process.pid
-        finally:
-            process.terminate()
-            process.wait(30)
+        yield process.stdout.readline().strip(), log, process.pid
     resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 

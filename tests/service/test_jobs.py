@@ -31,6 +31,9 @@ def test_a_job_document_has_the_fields_of_the_dataclass_and_links(
             "report": False,
             "profile": "",
             "alpha": "auto",
+            "colour": "",
+            "passes": [],
+            "passes_format": "",
         },
         "priority": 0,
         "name": "",
@@ -38,7 +41,14 @@ def test_a_job_document_has_the_fields_of_the_dataclass_and_links(
         "webhook": "",
         "frames": None,
         "on_damage": "warn",
-        "source": {"picture": None, "sound": None, "fields": "auto", "premultiplied": False},
+        "source": {
+            "picture": None,
+            "sound": None,
+            "fields": "auto",
+            "premultiplied": False,
+            "colour": "",
+            "colour_view": "",
+        },
     }
     assert job["state"] == "queued"
     assert isinstance(job["created_at"], float)

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 from websockets.exceptions import InvalidStatus
 
+from service.live.connection import MAX_SOUND_PER_S
 from service.live.frames import Header
-from service.live.viewers import MAX_WAITING, ViewedFrame, Viewers, ViewFormat
-from tests.service.live_client import live
+from service.live.viewers import MAX_WAITING, MAX_WAITING_SOUND, ViewedFrame, ViewedSound, Viewers, ViewFormat
+from tests.service.live_client import HEADER, live
 from tests.service.test_live import FRAME, SIZE, echo, hello, looped, served
 from workers.live.model import LiveOrder, WireFormat
 from workers.live.stream import Stream
@@ -77,6 +78,65 @@ async def test_a_late_viewer_of_a_video_codec_starts_with_a_key_frame(url: str) 
             await client.answer()
             while not (await viewer.answer()).key:
                 pass
+
+
+def sound(number: int, channels: int = 2, payload: bytes = b"opus", flags: int = 2) -> bytes:
+    return HEADER.pack(1, flags, channels, 0, 0, number, 0, 1000 * number, 0) + payload
+
+
+@looped
+async def test_viewers_that_want_sound_get_it_unchanged_and_others_do_not(url: str) -> None:
+    async with live(url) as client, live(url, "/view?sound=true") as hearing, live(url, "/view") as deaf:
+        await hello(client)
+        await hearing.message("ready")
+        await deaf.message("ready")
+        for number in (1, 2):
+            await client.socket.send(sound(number))
+        await client.send(FRAME)
+        answers = [await hearing.answer() for _ in range(3)]
+        assert [(one.payload, one.timestamp) for one in answers if one.payload == b"opus"] == [
+            (b"opus", 1000), (b"opus", 2000)
+        ]  # fmt: skip
+        assert (await deaf.answer()).payload != b"opus"
+
+
+@looped
+@pytest.mark.parametrize(
+    "message",
+    [sound(1, channels=3), sound(1, payload=bytes(4001)), sound(1, flags=3)],
+    ids=["three channels", "too long", "a key frame, too"],
+)
+async def test_sound_of_a_wrong_form_ends_the_connection(url: str, message: bytes) -> None:
+    async with live(url) as client:
+        await hello(client)
+        await client.socket.send(message)
+        assert (await client.closed())[0] == 4400
+
+
+@looped
+async def test_too_much_sound_is_refused(url: str) -> None:
+    async with live(url) as client:
+        await hello(client)
+        for number in range(MAX_SOUND_PER_S + 1):
+            await client.socket.send(sound(number))
+        assert (await client.closed())[0] == 4429
+
+
+@looped
+async def test_a_slow_viewer_keeps_two_seconds_of_sound_and_its_frames() -> None:
+    viewers = Viewers()
+    viewers.announce(VIDEO)
+    with viewers.watch(sound=True) as viewer:
+        viewers.show(frame(0, key=True), Keyed())
+        for number in range(MAX_WAITING_SOUND + 5):
+            viewers.hear(sound(number))
+        viewers.end()
+        items = []
+        while (item := await viewer.next()) is not None:
+            items.append(item)
+    kept = [item.message for item in items if isinstance(item, ViewedSound)]
+    assert kept == [sound(number) for number in range(5, MAX_WAITING_SOUND + 5)]
+    assert sum(isinstance(item, ViewedFrame) for item in items) == 1
 
 
 @looped

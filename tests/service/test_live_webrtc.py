@@ -23,8 +23,10 @@ from tests.service.webrtc_client import SDP, Camera, counted, offered, playing, 
 
 __all__ = ["echo"]
 
+pytestmark = pytest.mark.real("webrtc")
+
 SIZE = (96, 64)
-ADD_40 = "?method=echo&params=%7B%22add%22%3A40%7D"
+ADD_40 = "?method=echo&prefer=sharp&params=%7B%22add%22%3A40%7D"
 
 
 @pytest.fixture

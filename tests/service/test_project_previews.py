@@ -381,6 +381,16 @@ def test_clusters_before_a_film_are_those_of_a_job(client: TestClient, at: str, 
     assert "patches" in refused[-1][0]["problem"]["remedy"]
 
 
+def test_the_object_that_is_clicked_is_a_mask(client: TestClient, at: str, clip: str) -> None:
+    document = _document(clip, layer("abstraction"))
+    ((header, data),) = _ask(client, f"{at}/object", frame=4, box=[0.5, 0.5, 0.5, 0.5], document=document)[1:-1]
+    mask = picture(data)
+    assert (header["type"], header["frame"]) == ("mask", 4)
+    assert mask.shape[:2] == (header["height"], header["width"]) and 0 < (mask > 0).mean() < 1
+    refused = client.post(f"{at}/object", json={"shot": "s1", "frame": 0, "box": [0, 0, 2, 1]})
+    assert refused.status_code == 422 and refused.json()["field"].startswith("box")
+
+
 def test_scribbles_are_spread_to_the_frames_after_them(client: TestClient, at: str, clip: str) -> None:
     scribble = np.full((64, 96, 4), (128, 128, 128, 0), np.uint8)
     scribble[:, 60:] = (0, 0, 0, 255)

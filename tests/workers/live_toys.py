@@ -18,7 +18,7 @@ from pydantic import Field
 
 from pipeline.errors import BadFrame, BadInput
 from pipeline.frames import Frame
-from pipeline.methods.base import Example, InputSpec, Method, Params, Step
+from pipeline.methods.base import Example, InputSpec, Method, Params, Step, When
 from workers.live.model import FrameRequest, LiveOrder, RenderedFrame
 from workers.live.worker import LiveWorkerLost, NoLiveWorker
 
@@ -91,7 +91,7 @@ class Echo(Method):
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec("video", "video", True, "Video", "A video."),
         InputSpec("reference", "image-or-video", False, "Reference", "Its green."),
-        InputSpec("numbers", "json", False, "Numbers", "Not for live."),
+        InputSpec("numbers", "json", False, "Numbers", "Not for live.", applies_when=(When(way="film"),)),
     )
     steps: ClassVar[tuple[Step, ...]] = ()
     artefacts: ClassVar[tuple[str, ...]] = ()

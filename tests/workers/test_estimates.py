@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from impasto.cli.estimating import estimate_render
 from pipeline.methods import method
-from pipeline.methods.base import PROCESS_BYTES
+from pipeline.methods.base import PROCESS_BYTES, Task
 from pipeline.video.media import SourceOptions
 from tests.workers.projects.documents import asset
 from workers.contract.record import AnyOwner, Asset, Job, RunState, StepView
 from workers.contract.request import JobRequest
-from workers.jobs.estimates import Estimate, MeasuredJob, estimate_from, measured
+from workers.jobs.estimates import Estimate, MeasuredJob, MeasuredPreview, estimate_from, measured
+from workers.jobs.wall_time import OneByOne
+from workers.previews import costs
+from workers.previews.costs import StepCost, TaskClock, longest_chain, whole_cost
 
 ASSETS = {found.id: found for found in (
     asset("a", "video", frames=100, width=640, height=360), asset("b", "video", frames=50, width=1280, height=720),
@@ -128,3 +133,79 @@ def test_the_estimate_is_of_the_picture_that_is_read() -> None:
     assert first.cpu_s is not None and second.cpu_s is not None and first.cpu_s > 3 * second.cpu_s
     piece = JobRequest("abstraction", {"video": "a"}, frames=(50, 90), source=SourceOptions(1))
     assert estimate_from(piece, info, []).frames == 10
+
+
+def _previewed(
+    request: JobRequest, shown: list[MeasuredPreview], history: list[MeasuredJob], slots: int = 1
+) -> Estimate:
+    return estimate_from(request, {"frames": 100, "width": 800, "height": 400}, history, shown, slots)
+
+
+def _shown(seconds: float, width: float = 1.0, idle: float = 0.0) -> MeasuredPreview:
+    """A preview of half the size with 8 CPU seconds."""
+    return MeasuredPreview({}, 100, 400 * 200, seconds, 8.0, 0, OneByOne(width, idle))
+
+
+def test_a_preview_of_the_same_film_tells_more_than_other_jobs() -> None:
+    other = MeasuredPreview({"tasks": 5}, 100, 400 * 200, 99.0, 99.0, 0, OneByOne(1.0, 0.0))
+    alone = _previewed(JobRequest("toy", {}), [other, _shown(10.0)], [])
+    assert (alone.samples, alone.cpu_s, alone.seconds) == (1, 32.0, 41.0), "four times the pixels; a second to start"
+    jobs = [MeasuredJob({}, 100, 800 * 400, 30.0, 60.0, 700)]
+    beside = _previewed(JobRequest("toy", {}), [_shown(10.0)], jobs)
+    assert (beside.cpu_s, beside.seconds, beside.memory_bytes) == (32.0, 41.0, 700), "jobs ran at other times"
+    assert _previewed(JobRequest("toy", {}, {"tasks": 9}), [_shown(10.0)], []).samples == 0, "it has other parameters"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "width", "idle", "slots", "expected"),
+    [
+        (8.0, 9.0, 1.0, 2, 16.0),  # one processor was idle: two tasks at once take half of the time
+        (8.0, 1.0, 1.0, 2, 32.0),  # each task waits for the one before it
+        (8.0, 9.0, 3.0, 4, 8.0),
+        (20.0, 9.0, 0.0, 2, 80 / (2 / 1.2)),  # 0.4 of a processor: four threads of others on two processors, later 2:4
+        (4.0, 9.0, 0.0, 2, 16.0),  # a task that uses all processors
+    ],
+)
+def test_wall_seconds_are_those_of_tasks_that_run_at_once_beside_other_work(
+    seconds: float, width: float, idle: float, slots: int, expected: float
+) -> None:
+    found = _previewed(JobRequest("toy", {}), [_shown(seconds, width, idle)], [], slots)
+    assert found.seconds == pytest.approx(1 + expected, abs=0.1)
+
+
+def test_the_longest_chain_of_tasks_that_wait_for_each_other() -> None:
+    tasks = [Task("a", weight=2), Task("b", after=("a", "scan/video"), weight=3), Task("c", weight=4)]
+    assert longest_chain({task.key: task for task in tasks}) == 5 and longest_chain({}) == 0
+
+
+def test_layers_cost_what_their_methods_cost_together(tiny_clip: Path, tmp_path: Path) -> None:
+    rows: Any = [{"method": "abstraction", "params": {}}, {"method": "patches", "params": {"temporal": "off"}}]
+    requests = [JobRequest("layers", {}, {"layers": rows})]
+    requests += [JobRequest(row["method"], {}, row["params"]) for row in rows]
+    together, *alone = (estimate_render(request, tiny_clip, tmp_path) for request in requests)
+    assert together["cpu_s"] == pytest.approx(sum(one["cpu_s"] for one in alone))
+    assert together["memory_bytes"] == max(one["memory_bytes"] for one in alone)
+
+
+def test_a_frame_of_which_less_is_analysed_costs_less() -> None:
+    chosen = method("abstraction")
+    below, above = (chosen.relative_cost(chosen.Params(), size) for size in ((960, 540), (1280, 720)))
+    assert above < below < chosen.relative_cost(chosen.Params(analysis="full"), (1280, 720))  # type: ignore[call-arg]
+
+
+def test_the_cost_of_a_film_is_that_of_its_tasks_by_weight() -> None:
+    steps = {"scan": StepCost(2.0, 1.0, 0.5), "paint": StepCost(10.0, 20.0, 10.0)}
+    found = whole_cost(steps, {"scan": 2.0, "paint": 40.0, "finish": 12.0})
+    assert found is not None and (found.seconds, found.cpu_s) == pytest.approx((81 + 21, 40.5 + 10.5))
+    assert whole_cost({}, {"scan": 2.0}) is None
+
+
+def test_a_task_that_makes_another_one_run_counts_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = iter([0.0, 1.0, 4.0, 10.0, 11.0, 12.0])
+    monkeypatch.setattr(costs.time, "perf_counter", lambda: next(times))
+    clock, outer, inner = TaskClock(), StepCost(), StepCost()
+    with clock.measured(outer, 5.0), clock.measured(inner, 2.0):
+        pass
+    assert (outer.weight, outer.seconds, inner.weight, inner.seconds) == (5.0, 7.0, 2.0, 3.0)
+    with pytest.raises(KeyError), clock.measured(inner, 2.0):
+        raise KeyError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 import threading
@@ -20,6 +21,7 @@ import pipeline.scenes
 from pipeline.errors import BadFrame, BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.abstraction import Abstraction, AbstractionParams, AbstractionSession
+from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams
 from pipeline.quality.sharpness import edge_widths
 from pipeline.video.stills import encode_png
@@ -83,6 +85,29 @@ def test_live_references_give_the_output_of_a_job(painter: LiveRenderer, blobs: 
     frames = scene(4)
     batch = Abstraction().stream(AbstractionParams(), SIZE, 0, {"reference": iter([picture])})
     assert all(np.array_equal(step(painter, work(frame)), batch.step(frame)) for frame in frames)
+
+
+def test_a_live_histogram_gives_the_output_of_a_job_and_can_be_exchanged(
+    painter: LiveRenderer, blobs: DiskBlobs
+) -> None:
+    rest = {"saturation_mean": 0.8, "saturation_std": 0.1, "value_mean": 0.6}
+    for name, at in (("red", 0), ("yellow", 6)):
+        hue = [float(index == at) for index in range(36)]
+        blobs.put(f"assets/{name}", json.dumps({"hue": hue, **rest}).encode())
+    blobs.put("assets/empty", json.dumps({"hue": [0] * 36, **rest}).encode())
+    params, frames = {"hue_neighbourhood": 180, "lines": "off"}, scene(4)
+    painter.open(order("abstraction", params=params, inputs={"histogram": "assets/red"}))
+    context = LocalContext(AbstractionParams(**params), frames, {"histogram": {"hue": [1, *[0] * 35], **rest}})
+    run_plan(Abstraction(), context)
+    red = [step(painter, work(frame)) for frame in frames]
+    np.testing.assert_array_equal(red, [context.emitted[index] for index in range(4)])
+    with pytest.raises(BadInput) as raised:
+        painter.change(order("abstraction", params=params, inputs={"histogram": "assets/empty"}))
+    assert raised.value.field == "inputs.histogram.hue"
+    painter.change(order("abstraction", params=params, inputs={"histogram": "assets/yellow"}))
+    for _ in range(4):
+        yellow = step(painter, work(frames[-1]))
+    assert yellow[..., 1].mean() > red[-1][..., 1].mean() + 5
 
 
 def test_a_size_change_keeps_the_state_of_the_method(painter: LiveRenderer) -> None:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,13 +17,15 @@ from pipeline.methods.abstraction import Abstraction
 from pipeline.methods.base import Resources
 from tests.conftest import ROOT
 from tests.workers.conftest import request_on
+from tests.workers.test_child_runner import order as any_order
 from tests.workers.toy import ToyRunner
 from workers.blobs.disk import DiskBlobs
 from workers.contract.order import ProgressReport, TaskOrder, TaskOutcome
 from workers.contract.request import OutputSpec
 from workers.farm import Farm
+from workers.jobs.state_machine import ASSEMBLE
 from workers.pools.base import Report
-from workers.pools.local_pool import LocalPool
+from workers.pools.local_pool import LocalPool, task_cpus
 from workers.pools.machine import Machine, max_processes, this_machine
 from workers.settings import FarmSettings
 
@@ -37,6 +40,15 @@ def machine(cpus: int, memory_gib: float) -> Machine:
     """A machine as `this_machine` describes it, with this much memory, less that of the child processes."""
     memory = int(0.75 * memory_gib * GIB) - 512 * MIB
     return Machine(cpus, memory - max_processes(cpus, memory) * 512 * MIB)
+
+
+def test_a_task_counts_with_the_processors_that_it_or_its_method_declares() -> None:
+    plain = any_order(1)
+    assert task_cpus(replace(plain, method="abstraction")) == Abstraction.task_cpus
+    assert task_cpus(replace(plain, method="patches")) == 1.0
+    own = Resources(cpus=3.5)
+    assert task_cpus(replace(plain, method="abstraction", resources=own)) == 3.5
+    assert task_cpus(replace(plain, step=ASSEMBLE)) == 1.0
 
 
 def admitted(chosen: Machine, memory_gib: float, method: str) -> int:
@@ -57,7 +69,7 @@ def test_the_documented_numbers_of_simultaneous_tasks(row: tuple[str, str, str])
     found = []
     for cpus, memory_gib in ((2, 8), (4, 16), (16, 64), (16, 4)):
         chosen = machine(cpus, memory_gib)
-        chosen.live_sessions = lambda: live
+        chosen.live_sessions, chosen.device_is_cpu = lambda: live, lambda: "on processors" in condition
         found.append(admitted(chosen, memory_gib, method))
     assert found == [int(number) for number in numbers.split("|")]
 

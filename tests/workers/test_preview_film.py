@@ -15,12 +15,15 @@ from pipeline.methods.abstraction import plan as abstraction_plan
 from pipeline.methods.local import LocalContext, run_plan
 from workers.blobs.disk import DiskBlobs
 from workers.contract.record import asset_key
+from workers.contract.request import JobRequest
+from workers.farm import open_farm
 from workers.previews.artefact_files import ArtefactFiles
 from workers.previews.byte_cache import ByteCache
 from workers.previews.film import Kept, PreviewFilm, _Run
-from workers.previews.model import LayerSources
+from workers.previews.model import LayerSources, PreviewQuery
 from workers.previews.streaming import streamed
 from workers.previews.warm import WarmFrames
+from workers.settings import FarmSettings
 
 VIDEO = asset_key("ast_video")
 
@@ -86,6 +89,45 @@ def test_lost_artefacts_are_made_again(blobs: DiskBlobs, ran: list[str], monkeyp
     assert ran == ["abstract/run-0000018"]
 
 
+def test_a_lost_artefact_is_made_again_for_a_task_that_does_not_name_its_maker(blobs: DiskBlobs) -> None:
+    halves = {"left": {"polygons": [{"frame": 0, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}}
+    design = {"version": 1, "regions": halves, "keys": [{"region": "left", "frame": 0, "set": {"hue": 0}}]}
+    found = []
+    for disk_bytes in (1 << 30, 1):
+        cache = ByteCache(1 << 26)
+        layer = LayerSources("l1", "multistyle", {}, 0, VIDEO, documents={"design": design})
+        kept = Kept(WarmFrames(blobs, cache), cache, ArtefactFiles(disk_bytes))
+        found.append(dict(PreviewFilm(layer, kept, 640, dict).frames([3], none))[3])
+    assert np.array_equal(*found)
+
+
+def test_regions_and_directions_are_those_of_the_film(blobs: DiskBlobs) -> None:
+    halves = {"left": {"polygons": [{"frame": 3, "points": [[0, 0], [0.5, 0], [0.5, 1], [0, 1]]}]}}
+    element = {"pattern": "center", "at": [0.3, 0.5], "reach": 0.4}
+    direction = {"region": "left", "frame": 3, "edge_weight": 0.3, "elements": [element]}
+    design = {"version": 1, "regions": halves, "directions": [direction]}
+    chosen = method("multistyle")
+    passes = frozenset({"orientation", "regions"})
+    context = LocalContext(chosen.Params(), list(_source(blobs)), {"design": design})
+    context.passes_wanted = passes
+    run_plan(chosen, context)
+    cache = ByteCache(1 << 26)
+    layer = LayerSources("l1", "multistyle", {}, 0, VIDEO, documents={"design": design})
+    made = PreviewFilm(layer, Kept(WarmFrames(blobs, cache), cache, ArtefactFiles(1 << 30)), 640, dict)
+    for number in (2, 15, 23):
+        regions, directions = (made.plane(kind, number, none) for kind in ("regions", "directions"))
+        assert regions is not None and directions is not None
+        assert regions.names == ("rest", "left")
+        np.testing.assert_array_equal(regions.plane, context.made_passes[number]["regions"])
+        unit = context.made_passes[number]["orientation"]
+        angle = np.arctan2(unit[..., 1], unit[..., 0])
+        apart = np.abs((angle - directions.plane[..., 0] + np.pi / 2) % np.pi - np.pi / 2)
+        assert apart.max() < 0.01, "half precision"
+    assert made.plane("regions", 99, none) is not None, "of the last frames"
+    assert film(blobs, "multistyle", 1 << 26).plane("regions", 0, none) is None
+    assert film(blobs, "patches", 1 << 26).plane("directions", 0, none) is None
+
+
 def _source(blobs: DiskBlobs) -> Iterator[Any]:
     frames = WarmFrames(blobs, ByteCache(1 << 26))
     yield from frames.frames(VIDEO, 0, 24, 640)
@@ -118,3 +160,19 @@ def test_an_error_of_the_work_reaches_the_client() -> None:
     assert next(items) == 1
     with pytest.raises(ValueError, match="no"):
         next(items)
+
+
+def test_the_first_preview_of_a_film_tells_what_the_film_costs(home: Path, tiny_clip: Path) -> None:
+    farm = open_farm(FarmSettings(home=home, pool="local", workers=1))
+    video = farm.assets.add(tiny_clip, "tiny.mp4").id
+    request = JobRequest("abstraction", {"video": video}, {"lines": "off"})
+    before = farm.jobs.estimate(request, "")
+    layer = LayerSources("l1", "abstraction", {"lines": "off"}, 0, asset_key(video), below=asset_key(video))
+    query = PreviewQuery("paint", "prj_1", "client", "stage", 1, (layer,), 64, {"frame": 3})
+    records = list(farm.previews.start(query))
+    assert {record.header["type"] for record in records} == {"begin", "frame", "end"}, "clients get no costs"
+    after = farm.jobs.estimate(request, "")
+    assert (before.samples, after.samples) == (0, 1) and after.cpu_s != before.cpu_s and after.seconds
+    other = JobRequest("abstraction", {"video": video}, {"lines": "dog"})
+    assert farm.jobs.estimate(other, "").samples == 0
+    farm.stop()

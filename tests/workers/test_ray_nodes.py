@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from tests.processes import started
 from tests.waiting import until
 from tests.workers.conftest import finished, request_on, result
 from tests.workers.toy import runner_after
@@ -141,16 +142,13 @@ def test_a_node_joins_works_and_leaves_without_loss(farm: Farm, cluster: Any, da
     more = ["--workers", "3", "--gpus", "0", "--database", database, "--home", str(tmp_path / "north")]
     for name in ("east", "west"):
         farm.workers.drain(DrainScope.NODE, name)
-    with subprocess.Popen([*command, *more], cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
-        try:
-            until(lambda: [slot.node for slot in _slots(farm)] == ["north"] * 3, 90)
-            before = finished(farm, farm.jobs.submit(request_on(farm, data, seed=10)).id, 60)
-            running = farm.jobs.submit(request_on(farm, data, seed=11, params={"tasks": 6, "sleep_s": 2})).id
-            until(lambda: farm.jobs.get(running).counts["running"] == 3, 30)
-            node.terminate()
-            assert node.wait(60) == 0
-        finally:
-            node.kill()
+    with started([*command, *more], cwd=ROOT, stdout=subprocess.PIPE, text=True) as node:
+        until(lambda: [slot.node for slot in _slots(farm)] == ["north"] * 3, 90)
+        before = finished(farm, farm.jobs.submit(request_on(farm, data, seed=10)).id, 60)
+        running = farm.jobs.submit(request_on(farm, data, seed=11, params={"tasks": 6, "sleep_s": 2})).id
+        until(lambda: farm.jobs.get(running).counts["running"] == 3, 30)
+        node.terminate()
+        assert node.wait(60) == 0
     for name in ("east", "west"):
         farm.workers.resume(DrainScope.NODE, name)
     assert before.state == finished(farm, running, 90).state == "succeeded"

@@ -6,7 +6,8 @@ import random
 
 import pytest
 
-from benchmarks.speedup import METHODS, Recorded, Timed, explain, film, larger, load, simulate
+from benchmarks.speedup import METHODS, Recorded, explain, film, larger, load, simulate
+from workers.jobs.replay import TimedTask as Timed
 
 
 def _job(*tasks: Timed, dispatch_s: float = 0.0) -> Recorded:

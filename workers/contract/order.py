@@ -76,7 +76,7 @@ class TaskOrder:
     @property
     def reading(self) -> SourceOptions:
         """How the video is read: as its colours alone, if the film gets its opacity."""
-        return replace(self.source, opacity="straight") if self.output.keeps_opacity else self.source
+        return replace(self.source, opacity="straight") if self.output.reads_colours else self.source
 
 
 @dataclass(frozen=True)

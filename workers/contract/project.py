@@ -50,6 +50,23 @@ class ProjectJob:
     at: float
 
 
+@dataclass(frozen=True)
+class Comment:
+    """A comment on a frame of a project."""
+
+    id: str
+    """`cmt_...`"""
+    shot: str
+    frame: int
+    """Of the shot's clip, from 0."""
+    author: str
+    """Name that its writer has given; empty: none."""
+    by_link: bool
+    """Whether somebody with a link has written it; else the owner."""
+    text: str
+    at: float
+
+
 class VersionMismatch(Conflict):
     """The stored version is not the one that was changed; `stored` is its number."""
 

@@ -89,7 +89,7 @@ class JobWarning:
     """A fact that the user of a job should know although the job continues."""
 
     code: str
-    """"damaged-input", "planned-again", or the code of a `pipeline.video.media.Note`."""
+    """"damaged-input", "planned-again", "depth", or the code of a `pipeline.video.media.Note`."""
     message: str
     """One sentence, for example "The source is damaged: frames 22-95 of 96 are missing."."""
     input: str
@@ -200,7 +200,7 @@ class ApiKey:
     id: str
     """`key_...`"""
     owner: str
-    """Owner of everything created with it, who may have several keys. Its id is that of the owner's first key."""
+    """The user to whom everything belongs that is created with it, and who may have several keys."""
     name: str
     scopes: frozenset[str]
     """Members of SCOPES."""
@@ -209,6 +209,12 @@ class ApiKey:
     dispatcher ("running_tasks")."""
     created_at: float
     revoked_at: float | None = None
+    expires_at: float | None = None
+    """When it ends by itself; None: never."""
+    used_at: float | None = None
+    """About when it was last used, to within an hour; None: never."""
+    session: bool = False
+    """Whether it is what a browser got when its user signed in."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from pipeline.formats import output_format
+from pipeline.formats.base import Profile
 from pipeline.video.media import SourceOptions
 
 Json = dict[str, Any]
@@ -50,11 +51,31 @@ class OutputSpec:
     """Encoding of the format, for example "4444": see `pipeline.formats`; "": its usual one."""
     alpha: Alpha = "auto"
     """Opacity of the film."""
+    colour: str = ""
+    """Colour space of the film, a name of the OpenColorIO configuration; "": that of the profile."""
+    passes: tuple[str, ...] = ()
+    """Passes of the method, see `Method.makes_passes`: the job then has the artefact `pipeline.passes.made.PASSES`."""
+    passes_format: str = ""
+    """Format of the passes, one of `PASS_FORMATS`; "": the first one, with a layer for each pass."""
+
+    @property
+    def encoding(self) -> Profile:
+        return output_format(self.format).profile(self.profile)
 
     @property
     def keeps_opacity(self) -> bool:
         """Whether the film has the opacity of its source, if that has any."""
-        return self.alpha in ("auto", "source") and output_format(self.format).profile(self.profile).has_alpha
+        return self.alpha in ("auto", "source") and self.encoding.has_alpha
+
+    def asks_no_more_than(self, other: OutputSpec) -> bool:
+        """Whether a job with the other output has all artefacts and passes that this one asks for, in its format."""
+        extras = set(self.artefacts) <= set(other.artefacts) and set(self.passes) <= set(other.passes)
+        return extras and (not self.passes or self.passes_format == other.passes_format)
+
+    @property
+    def reads_colours(self) -> bool:
+        """Whether colours of the source are read without a background."""
+        return self.keeps_opacity or self.alpha == "painted"
 
 
 WARN, FAIL = "warn", "fail"

@@ -8,14 +8,16 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import IO
 
 from pipeline.errors import UnreadableMedia
-from pipeline.formats import output_format
+from pipeline.formats import IN_FILM, output_format
 from pipeline.frames import Frame
 from pipeline.methods import parse_params
 from pipeline.methods.base import Method, TaskResult
+from pipeline.passes.made import PASSES
 from pipeline.quality.report import QualityReport
 from pipeline.video.contact_sheet import contact_sheet, poster
 from pipeline.video.guard.files import guarded_join
@@ -27,6 +29,7 @@ from workers.contract.order import CPU, PEAK_MEMORY, TaskOrder
 from workers.contract.request import Json
 from workers.execution.context import PART
 from workers.execution.decoders import Decoders
+from workers.execution.pass_files import add_to_film, unite
 from workers.execution.result_quality import ResultQuality
 
 Files = dict[str, tuple[str, str]]
@@ -62,6 +65,8 @@ class Assembly:
     def run(self, progress: Callable[[float], None]) -> TaskResult:
         """Join, describe, pack. Raises UnreadableMedia if no task emitted a frame."""
         joined = self._join(lambda done: progress(0.8 * done))
+        if self._order.output.passes_format == IN_FILM:
+            joined = self._with_passes(joined)
         quality, tiles = self._quality(joined) if self._order.output.report else (None, {})
         result = self._describe(joined, tiles)
         if quality is not None:
@@ -70,6 +75,8 @@ class Assembly:
         self._put("result", f"result{self._suffix}", joined, self._format.media_type)
         for artefact in self._order.output.artefacts:
             self._pack(artefact)
+        if self._order.output.passes and self._order.output.passes_format != IN_FILM:
+            self._pack(PASSES)
         facts = self._report(result) | ({"quality": quality.as_json()} if quality is not None else {})
         report = json.dumps(facts, indent=2, sort_keys=True).encode()
         self._put("report", "report.json", report, "application/json")
@@ -150,6 +157,29 @@ class Assembly:
 
     def _pack(self, artefact: str) -> None:
         """Join the parts of an artefact that tasks have saved as files, in the order of their names."""
+        if not (parts := self._parts(artefact)):
+            return
+        path = self._scratch / f"{artefact}.zip"
+        if artefact == PASSES:
+            unite([partial(self._blobs.local, key) for _, key in parts], path)
+        else:
+            with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
+                for name, key in parts:
+                    with self._blobs.local(key) as part:
+                        _add_part(target, name, part)
+        self._put(artefact, f"{artefact}.zip", path, "application/zip")
+
+    def _with_passes(self, film: Path) -> Path:
+        """The film with the passes in its images."""
+        if not (parts := self._parts(PASSES)):
+            return film
+        passes, out = self._scratch / PASSES, self._scratch / f"with-{PASSES}{self._suffix}"
+        unite([partial(self._blobs.local, key) for _, key in parts], passes)
+        add_to_film(film, passes, out)
+        return out
+
+    def _parts(self, artefact: str) -> list[tuple[str, str]]:
+        """(name, blob key) of the parts of an artefact, sorted; it is missing if there are none."""
         parts = sorted(
             (name.partition(f"/{PART}")[2], key)
             for name, key in self._order.artefacts.items()
@@ -157,13 +187,7 @@ class Assembly:
         )
         if not parts:
             self.missing.append(artefact)
-            return
-        path = self._scratch / f"{artefact}.zip"
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
-            for name, key in parts:
-                with self._blobs.local(key) as part:
-                    _add_part(target, name, part)
-        self._put(artefact, f"{artefact}.zip", path, "application/zip")
+        return parts
 
     def _put(self, name: str, file: str, data: bytes | Path, media_type: str) -> None:
         key = f"{self._prefix}/{file}"

@@ -17,7 +17,8 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter, Cancelled
 from pipeline.formats import IMAGES
 from pipeline.frames import Frame, Plane
-from pipeline.methods.base import AnyParams, Arrays
+from pipeline.methods.base import AnyParams, Arrays, MadePass
+from pipeline.passes.made import PASSES
 from pipeline.perception.cuts import thumbnail
 from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.reader import GuardedReader
@@ -39,6 +40,7 @@ from workers.execution.emission import Emission, EmissionSource, EmitError
 from workers.execution.frame_cache import FrameCache
 from workers.execution.input_damage import InputDamage, within
 from workers.execution.pair_recorder import keep_pairs
+from workers.execution.pass_files import PassWriter
 from workers.execution.preview_publisher import PreviewPublisher
 from workers.execution.reuse import ReadRecord, RecordedImages, arrays_digest
 from workers.execution.stage_timer import StageTimer
@@ -107,6 +109,9 @@ class AttemptContext:
         """Whether the pictures of an input have opacity, by the inputs that were opened."""
         self.opacity_of = "video"
         """The input whose opacity the film gets."""
+        self.made_passes: tuple[MadePass, ...] = ()
+        """Passes that the method can make."""
+        self._passes: PassWriter | None = None
         self._opened: dict[str, Mapping[int, AnyArray]] = {}
         self.reads = ReadRecord(order, self._images, {})
         self.handover: ArtefactHandover | None = None
@@ -129,6 +134,22 @@ class AttemptContext:
         cached = self._cache_key(name)
         return self._read(name, start, stop, read)
 
+    @property
+    def deep(self) -> bool:
+        return self._order.output.encoding.is_deep
+
+    def deep_frames(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[AnyArray]:
+        if not self.deep:
+            return self.frames(name, start, stop)
+        return self._read(name, start, stop, GuardedReader.read, replace(self._options(name), deep=True))
+
+    @property
+    def paints_opacity(self) -> bool:
+        return self._order.output.alpha == "painted"
+
+    def mattes(self, start: int, stop: int) -> Iterator[AnyArray] | None:
+        return self._matte(start, stop)
+
     def thumbnails(self, name: str = "video", start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
         pairs = self._is_first_pass(name, start, stop) and self.report_pairs
         if pairs or self.frame_cache is not None:  # the frames themselves are kept
@@ -137,13 +158,17 @@ class AttemptContext:
 
     def _read(
         self, name: str, start: int | None, stop: int | None,
-        read: Callable[[GuardedReader, int, int | None], Iterator[Picture]],
+        read: Callable[[GuardedReader, int, int | None], Iterator[Picture]], options: SourceOptions | None = None,
     ) -> Iterator[Picture]:  # fmt: skip
-        """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage."""
+        """The pictures that `read` returns for frames [start, stop) of an input; records the input's damage.
+
+        Args:
+            options: None: those of the job; others: the frame cache is not used.
+        """
         first, last = self._span(name, start, stop)
-        key, cache = self._input(name), self.frame_cache
+        key, cache = self._input(name), self.frame_cache if options is None else None
         to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
-        with self._decoders.reader(key, to_decode, self._options(name)) as reader:
+        with self._decoders.reader(key, to_decode, options or self._options(name)) as reader:
             self._has_alpha[name] = reader.has_alpha
             noted, unreadable, at = len(reader.errors), len(reader.unreadable), first
             expected = within(reader.index, self._span(name, None, None))
@@ -165,7 +190,7 @@ class AttemptContext:
     def _options(self, name: str) -> SourceOptions:
         """Reading options of the input: those of the job for the video, otherwise the defaults."""
         options = self._order.reading if name == "video" else SourceOptions()
-        if name == self.opacity_of and self._order.output.keeps_opacity:
+        if name == self.opacity_of and self._order.output.reads_colours:
             options = replace(options, opacity="straight")
         return options
 
@@ -231,6 +256,14 @@ class AttemptContext:
         self._exit_stack.callback(found.close)
         return found
 
+    def passes(self) -> Mapping[str, bytes]:
+        return self.entries("video")
+
+    @property
+    def pass_facts(self) -> Mapping[str, JsonValue]:
+        found: Mapping[str, JsonValue] = self._order.input_info["video"].get("passes", {})
+        return found
+
     def _input(self, name: str, whole: bool = True) -> str:
         """Blob key of an input. `whole`: the task may read all of it."""
         if whole:
@@ -285,6 +318,27 @@ class AttemptContext:
         self.reads.record(f"wants {artefact}")
         return artefact in self._order.output.artefacts
 
+    def wants_pass(self, name: str) -> bool:
+        self.reads.record(f"pass {name}")
+        return name in self._order.output.passes
+
+    def emit_passes(self, index: int, made: Arrays) -> None:
+        self._check_cancelled()
+        if self.video.delivers(index):
+            with self.stages.blocked():
+                self._passes = self._passes or PassWriter(
+                    self.made_passes, self._order.output, self._scratch, self.size
+                )
+                self._passes.add(self._video_index().number(index), made)
+
+    def _finish_passes(self) -> None:
+        path = None if self._passes is None else self._passes.finish()
+        if path is not None:
+            key = self._key(f"files/{PASSES}-{self._order.key}")
+            with self.stages.waiting("store"):
+                self._blobs.put(key, path)
+            self._keep(f"{PART}{PASSES}-{self._order.step}-{self._order.key}", key)
+
     def _keep(self, name: str, key: str) -> None:
         full = f"{self._order.step}/{name}"
         if full in self.artefacts or full in self._order.artefacts:
@@ -297,7 +351,7 @@ class AttemptContext:
 
     # -- frames out
 
-    def emit(self, index: int, frame: Frame) -> None:
+    def emit(self, index: int, frame: AnyArray) -> None:
         self._check_cancelled()
         if not self.video.delivers(index):
             return
@@ -306,7 +360,7 @@ class AttemptContext:
             self._emission.take(index, frame)
         self.show(frame)
 
-    def show(self, frame: Frame) -> None:
+    def show(self, frame: AnyArray) -> None:
         self._check_cancelled()
         if self.shown and self._publisher.due():
             with self.stages.waiting("store"):
@@ -319,8 +373,9 @@ class AttemptContext:
         index, output = self._video_index(), self._order.output
         matte = self._matte(*run) if output.keeps_opacity else None
         spec = SegmentSpec(
-            output.format, self.size, index.time_base, index.fps, output.quality, output.profile, matte is not None
-        )
+            output.format, self.size, index.time_base, index.fps, output.quality, output.profile,
+            matte is not None or self.paints_opacity, output.colour, self._order.source.colour_view,
+        )  # fmt: skip
         return Emission(self._scratch / "segment", spec, index, run, EmissionSource(self.clock, matte))
 
     def _delivered_run(self) -> tuple[int, int] | None:
@@ -331,7 +386,7 @@ class AttemptContext:
         start, stop = max(self._order.emits[0], piece[0]), min(self._order.emits[1], piece[1])
         return (start, stop) if start < stop else None
 
-    def _matte(self, start: int, stop: int) -> Iterator[Frame] | None:
+    def _matte(self, start: int, stop: int) -> Iterator[AnyArray] | None:
         """The opacity of the frames [start, stop) of the film, gray; None if its source has none."""
         key, options = self._input(self.opacity_of), self._options(self.opacity_of)
         if self.opacity_of not in self._has_alpha:
@@ -340,7 +395,7 @@ class AttemptContext:
         if not self._has_alpha[self.opacity_of]:
             return None
         first, last = self._span(self.opacity_of, start, stop)
-        matte = replace(options, opacity="matte")
+        matte = replace(options, opacity="matte", deep=self.deep)
         return self._exit_stack.enter_context(self._decoders.reader(key, first, matte)).read(first, last)
 
     def _video_index(self) -> Index:
@@ -354,6 +409,7 @@ class AttemptContext:
     def finish(self) -> str | None:
         """Commit artefacts, the segment and the preview; the segment's blob key, or None. Raises EmitError,
         StorageError."""
+        self._finish_passes()
         with self.stages.waiting("store"):
             self._writer.finish()
         if self._delivered_run() is None:

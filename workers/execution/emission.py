@@ -12,12 +12,11 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import ImpastoError
-from pipeline.frames import Frame, check_frame, same_size
 from pipeline.methods.tasks import Clock, no_clock
 from pipeline.video.contact_sheet import fit
-from pipeline.video.depth import with_opacity
+from pipeline.video.depth import as_uint16, check_picture, with_opacity
 from pipeline.video.index import Index
-from pipeline.video.stills import encode_jpeg
+from pipeline.video.stills import as_shown, encode_jpeg
 from pipeline.video.writer import SegmentSpec, SegmentWriter, segment_writer
 
 _PREVIEW_PX = 960
@@ -38,12 +37,13 @@ class EmissionSource:
     """What an emission uses besides frames: a clock, and the opacity of each frame, gray; None: all are opaque."""
 
     clock: Clock = no_clock
-    matte: Iterator[Frame] | None = None
+    matte: Iterator[AnyArray] | None = None
 
 
 class Emission:
     """Takes the frames [start, stop) of one task, each once and in order, and writes the segment at `path`.
 
+    Frames are uint8, uint16 or float32 (h, w, 3); (h, w, 4) if the specification has opacity and the source gives none.
     Large frames are encoded on a thread of their own, while the method works on the next ones.
 
     Args:
@@ -63,7 +63,9 @@ class Emission:
         self._index = index
         self._start, self._stop = span
         self._clock, self._matte = source.clock, source.matte
-        self._shown: Frame | None = None
+        self._shown: AnyArray | None = None
+        self._channels = 4 if spec.alpha and source.matte is None else 3
+        self._keeps_float = spec.profile.is_float or bool(spec.colour)
         self._writer: SegmentWriter | None = None
         large = spec.size[0] * spec.size[1] >= _THREAD_PX
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="encoder") if large else None
@@ -71,7 +73,7 @@ class Emission:
         self.next = self._start
         """Index of the next frame; at the end, one past the last frame."""
 
-    def take(self, index: int, frame: Frame) -> None:
+    def take(self, index: int, frame: AnyArray) -> None:
         """Encode frame `index`; keeps a copy of the frame.
 
         Raises: EmitError (out of order or range), BadFrame (not a frame of this video). Errors of the encoder may be
@@ -81,7 +83,7 @@ class Emission:
             raise EmitError(
                 f"Frame {self.next} of [{self._start}, {self._stop}) must be emitted next.", field="emit", value=index
             )
-        kept = same_size(check_frame(frame), self._spec.size).copy()
+        kept = self._checked(frame)
         if self._thread is None:
             self._encode(index, kept)
         else:
@@ -91,13 +93,18 @@ class Emission:
             self._shown = kept
         self.next = index + 1
 
-    def _encode(self, index: int, frame: Frame) -> None:
+    def _checked(self, frame: AnyArray) -> AnyArray:
+        """A copy of the frame, as uint16 if the encoder has no use for floating point, to save half of the memory."""
+        found = check_picture(frame, self._spec.size, self._channels)
+        return as_uint16(found) if found.dtype == np.float32 and not self._keeps_float else found.copy()
+
+    def _encode(self, index: int, frame: AnyArray) -> None:
         with self._clock("encode"):
             self._writer = self._writer or segment_writer(self._path, self._spec)
             times = self._index.time(index), self._index.time(index + 1)
             self._writer.write(self._index.number(index), self._with_opacity(frame), *times)
 
-    def _with_opacity(self, frame: Frame) -> AnyArray:
+    def _with_opacity(self, frame: AnyArray) -> AnyArray:
         """The frame as painted, with the opacity of the source; opaque where the source has ended."""
         if self._matte is None:
             return frame
@@ -139,4 +146,4 @@ class Emission:
 
     def preview(self) -> bytes | None:
         """The last frame (the first, if the task ended before), scaled to fit 960 px; JPEG."""
-        return encode_jpeg(fit(self._shown, _PREVIEW_PX)) if self._shown is not None else None
+        return encode_jpeg(fit(as_shown(self._shown), _PREVIEW_PX)) if self._shown is not None else None

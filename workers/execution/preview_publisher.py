@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 
-from pipeline.frames import Frame
+from pipeline.arrays import AnyArray
 from pipeline.video.contact_sheet import fit
-from pipeline.video.stills import encode_jpeg
+from pipeline.video.stills import as_shown, encode_jpeg
 from workers.blobs.base import Blobs
 
 EVERY_S = 2.0
@@ -29,9 +29,9 @@ class PreviewPublisher:
         """Whether enough time has passed since the last preview."""
         return time.monotonic() >= self._next
 
-    def put(self, frame: Frame) -> str:
-        """Store a picture of `frame` and return its blob key. Old pictures are removed."""
-        self._blobs.put(self._key(self._count), encode_jpeg(fit(frame, SIDE_PX)))
+    def put(self, frame: AnyArray) -> str:
+        """Store a picture of `frame`, of any type, and return its blob key. Old pictures are removed."""
+        self._blobs.put(self._key(self._count), encode_jpeg(fit(as_shown(frame), SIDE_PX)))
         self._count += 1
         if self._count > KEPT:
             self._blobs.delete(self._key(self._count - 1 - KEPT))

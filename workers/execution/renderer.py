@@ -162,7 +162,9 @@ class Renderer:
             params = None if order.step == ASSEMBLE else parse_params(chosen, order.params)
             context = AttemptContext(order, params, self._blobs, self._decoders, folder, report, cancelled)
             context.report_pairs = report_pairs(order, chosen)
+            context.reads.params_read = chosen.task_params.get(f"{order.step}/{order.key.partition('-')[0]}")
             context.shown, context.opacity_of = self._overview, chosen.opacity_of
+            context.made_passes = () if params is None else chosen.passes_of(params)
             if self._shared is not None:
                 context.handover = self._shared.handover
                 context.reads_again = chosen.reads_again

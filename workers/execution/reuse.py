@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -46,14 +46,19 @@ def _digest(value: object) -> str:
     return hashlib.blake2b(text.encode(), digest_size=_DIGEST_BYTES).hexdigest()
 
 
-def signature(order: TaskOrder) -> str:
+def signature(order: TaskOrder, params_read: Sequence[str] | None = None) -> str:
     """Digest of the data that a task has without reading: versions of the steps up to its own, place in the plan,
-    parameters, facts of the video, and encoding of emitted frames."""
+    parameters, facts of the video, and encoding of emitted frames.
+
+    Args:
+        params_read: names of the parameters that it reads; None: all.
+    """
     output = order.output
+    params = order.params if params_read is None else {name: order.params[name] for name in params_read}
     return _digest(
-        [order.versions, order.method, order.step, order.key, order.args, order.after, order.emits, order.params,
-         order.seed, order.input_info.get("video"), output.format, output.quality,
-         output.profile, output.alpha, order.frames, order.on_damage,
+        [order.versions, order.method, order.step, order.key, order.args, order.after, order.emits, params, order.seed,
+         order.input_info.get("video"), output.format, output.quality,
+         output.profile, output.alpha, output.colour, order.frames, order.on_damage,
          asdict(order.source)]
     )  # fmt: skip
 
@@ -70,11 +75,13 @@ class ReadRecord:
         order: of the task.
         images: opens an input.
         digests: read (see `current`) -> digest.
+        params_read: names of the parameters that the task reads; None: all.
     """
 
     order: TaskOrder
     images: Images
     digests: dict[str, str]
+    params_read: Sequence[str] | None = None
 
     def record(self, read: str, digest: str | None = None) -> None:
         """Record a read. `digest`: None: computed here."""
@@ -83,8 +90,8 @@ class ReadRecord:
 
     def current(self, read: str) -> str:
         """Digest of a read in this job: "report" (whether the result is measured), "has NAME", "input NAME" (the whole
-        file), "wants ARTEFACT", "artefact STEP/NAME", "numbers NAME" (frame numbers of an image sequence), "image NAME
-        FRAME"."""
+        file), "wants ARTEFACT", "pass NAME" (whether it is requested, and its format), "artefact STEP/NAME", "numbers
+        NAME" (frame numbers of an image sequence), "image NAME FRAME"."""
         kind, _, name = read.partition(" ")
         if kind == "report":
             return str(self.order.output.report)
@@ -94,6 +101,8 @@ class ReadRecord:
             return self.order.inputs.get(name, ABSENT)
         if kind == "wants":
             return str(name in self.order.output.artefacts)
+        if kind == "pass":
+            return f"{name in self.order.output.passes} {self.order.output.passes_format}"
         if kind == "artefact":
             return self.order.artefacts.get(name, ABSENT).rpartition("/")[2]
         if kind == "numbers":
@@ -105,7 +114,7 @@ class ReadRecord:
         """The trace to be stored with an outcome; None if it cannot be reused: it has files of its own or warnings."""
         if outcome.warnings or outcome.fault or outcome.cancelled or outcome.files.keys() - {PREVIEW}:
             return None
-        return {"signature": signature(self.order), "reads": self.digests}
+        return {"signature": signature(self.order, self.params_read), "reads": self.digests}
 
 
 def image_digest(images: Mapping[int, AnyArray], frame: int) -> str:
@@ -145,7 +154,7 @@ class RecordedImages(Mapping[int, AnyArray]):
 def reused(reads: ReadRecord, earlier: EarlierTask, blobs: Blobs) -> TaskOutcome | None:
     """The outcome of the same task of an earlier job if this task would give the same; None if it must run."""
     trace, order = earlier.trace, reads.order
-    if trace["signature"] != signature(order):
+    if trace["signature"] != signature(order, reads.params_read):
         return None
     try:
         if any(reads.current(read) != digest for read, digest in sorted(trace["reads"].items())):

@@ -22,7 +22,8 @@ from workers.errors import NotFound
 from workers.execution.lru_cache import LruCache
 from workers.jobs import estimates
 from workers.jobs import state_machine as machine
-from workers.jobs.estimates import SAMPLES, Estimate, MeasuredJob, estimate_from, measured, summed
+from workers.jobs.estimates import SAMPLES, Estimate, MeasuredJob, MeasuredPreview, measured
+from workers.previews.model import video_key
 from workers.previews.service import PreviewService
 from workers.previews.single import PreviewAsk, PreviewJob
 from workers.process.log_context import log_extra
@@ -49,6 +50,7 @@ class FarmJobs:
         wake: called after every change that may let a task start.
         images: cache of encoded previews.
         previews: makes the previews that are not cached.
+        slots: number of tasks of one processor that run at once.
     """
 
     def __init__(
@@ -59,11 +61,12 @@ class FarmJobs:
         wake: Callable[[], None],
         images: LruCache[bytes],
         previews: PreviewService,
+        slots: int,
     ) -> None:
         self._store, self._blobs = store, blobs
         self._collector, self._wake = collector, wake
         self._images = images
-        self._previews = previews
+        self._previews, self._slots = previews, slots
         self._samples: LruCache[list[MeasuredJob]] = LruCache(_SAMPLED_METHODS)
 
     def submit(
@@ -140,10 +143,14 @@ class FarmJobs:
         return self._store.statistics.jobs_by_state()
 
     def estimate(self, request: JobRequest, owner: str | AnyOwner) -> Estimate:
-        """The cost of a job with assets of `owner`, from the newest finished jobs of its methods: read at most every
-        `SAMPLES_S` seconds."""
-        parts = estimates.parts(request)
-        return summed([estimate_from(part, self._info(part, owner), self._measured(part.method)) for part in parts])
+        """The cost of a job with assets of `owner`, from previews of its film, and from the newest finished jobs of its
+        methods: read at most every `SAMPLES_S` seconds."""
+        info = self._info(request, owner)
+        return estimates.estimate(request, info, self._measured, self._previewed, self._slots)
+
+    def _previewed(self, request: JobRequest) -> list[MeasuredPreview]:
+        video = asset_key(request.inputs.get("video", ""))
+        return self._previews.costs.of(request.method, video_key(video, request.source))
 
     def _info(self, request: JobRequest, owner: str | AnyOwner) -> Json | None:
         try:

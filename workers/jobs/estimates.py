@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import log
+from dataclasses import dataclass, replace
+from math import log, sqrt
 
 from pipeline.errors import BadParameter
 from pipeline.formats import output_format
@@ -16,6 +16,7 @@ from workers.contract.request import JobRequest, Json
 from workers.errors import NotFound
 from workers.jobs.cost_fit import TaskAmount, fitted
 from workers.jobs.frame_window import video_info, window_info
+from workers.jobs.wall_time import OneByOne, processors_used
 
 SAMPLES = 20
 """Maximum number of finished jobs that are considered, the newest first."""
@@ -38,8 +39,8 @@ class Estimate:
     Attributes:
         frames: number of frames that it paints; None: unknown.
         seconds: wall time; None: unknown.
-        samples: number of finished jobs on which the figures are based; 0: the method's own figures, measured on one
-            core.
+        samples: number of finished jobs, or of previews of the same film, on which the figures are based; 0: the
+            method's own figures, measured on one core.
         cpu_s: CPU time of all tasks, seconds.
         memory_bytes: largest memory of a task's process.
         disk_bytes: largest size of its files while it runs.
@@ -67,16 +68,34 @@ class MeasuredJob:
     peak_bytes: int
 
 
-def parts(request: JobRequest) -> list[JobRequest]:
+@dataclass(frozen=True)
+class MeasuredPreview(MeasuredJob):
+    """Cost of the tasks of a whole film at the size of a preview, from those that have run, one after another."""
+
+    one_by_one: OneByOne
+
+
+def estimate(
+    request: JobRequest, info: Json | None, history: Callable[[str], Sequence[MeasuredJob]],
+    previewed: Callable[[JobRequest], Sequence[MeasuredPreview]] = lambda request: (), slots: int = 1,
+) -> Estimate:  # fmt: skip
+    """The estimate of a job; of several layers, the sum of those of its layers. Arguments: see `estimate_from`.
+
+    Args:
+        history: returns measured jobs of a method.
+        previewed: returns costs of previews of the film of a request, by its method.
+    """
+    return _summed([estimate_from(one, info, history(one.method), previewed(one), slots) for one in _parts(request)])
+
+
+def _parts(request: JobRequest) -> list[JobRequest]:
     """The requests whose times add up to the time of this one: one for each layer, if it has several."""
     if request.method != LAYERS:
         return [request]
-    rows = request.params["layers"]
-    return [JobRequest(row["method"], request.inputs, row["params"], frames=request.frames, source=request.source)
-            for row in rows]  # fmt: skip
+    return [replace(request, method=row["method"], params=row["params"]) for row in request.params["layers"]]
 
 
-def summed(estimates: Sequence[Estimate]) -> Estimate:
+def _summed(estimates: Sequence[Estimate]) -> Estimate:
     """The estimate of a job from the estimates of its parts; unknown if one of them is unknown."""
     first = estimates[0]
     return Estimate(
@@ -92,8 +111,12 @@ def _total(values: Sequence[float | None]) -> float | None:
     return sum(known) if len(known) == len(values) else None
 
 
-def estimate_from(request: JobRequest, info: Json | None, history: Sequence[MeasuredJob]) -> Estimate:
-    """Times by the model of `cost_fit`, fitted to the most similar jobs.
+def estimate_from(
+    request: JobRequest, info: Json | None, history: Sequence[MeasuredJob],
+    previewed: Sequence[MeasuredPreview] = (), slots: int = 1,
+) -> Estimate:  # fmt: skip
+    """Times from a preview of the film with the same parameters, else by the model of `cost_fit`, fitted to the most
+    similar jobs.
 
     Jobs with the same parameters are preferred, then those of similar length and frame size. Without any, the figures
     are the method's own (`Method.cpu_s_per_megapixel`, `Method.resources`).
@@ -101,6 +124,8 @@ def estimate_from(request: JobRequest, info: Json | None, history: Sequence[Meas
     Args:
         info: facts of the job's video; None: unknown.
         history: measured jobs of the same method, the newest first.
+        previewed: costs of the same film at the size of a preview, with any parameters.
+        slots: number of tasks of one processor that run at once.
     """
     if info is None:
         return Estimate(None, None, 0)
@@ -117,18 +142,37 @@ def estimate_from(request: JobRequest, info: Json | None, history: Sequence[Meas
         )
     )
     nearest = _nearest(request, frames, pixels, history)
+    memory = max((each.peak_bytes for each in nearest), default=0) or _declared_memory(request, info)
+    if (shown := _shown(request, previewed)) is not None:
+        seconds, cpu_s = _of_preview(shown, request, info, slots)
+        return Estimate(frames, round(seconds, 1), 1, round(cpu_s, 2), memory, disk)
     if not nearest:
         cpu_s = round(STARTED_S + method(request.method).cpu_s_per_megapixel * work / 1e6, 2)
-        return Estimate(frames, cpu_s, 0, cpu_s, _declared_memory(request, info), disk)
+        return Estimate(frames, cpu_s, 0, cpu_s, memory, disk)
     asked = TaskAmount(frames, pixels)
     growth = method(request.method).cpu_growth
     seconds = fitted([(TaskAmount(each.frames, each.pixels), each.seconds) for each in nearest], growth).of(asked)
     cpu = [(TaskAmount(each.frames, each.pixels), each.cpu_s) for each in nearest if each.cpu_s]
-    peak = max(each.peak_bytes for each in nearest)
-    return Estimate(
-        frames, round(seconds, 1), len(nearest), round(fitted(cpu, growth).of(asked), 2) if cpu else None,
-        peak or _declared_memory(request, info), disk,
-    )  # fmt: skip
+    known_cpu_s = round(fitted(cpu, growth).of(asked), 2) if cpu else None
+    return Estimate(frames, round(seconds, 1), len(nearest), known_cpu_s, memory, disk)
+
+
+def _shown(request: JobRequest, previewed: Sequence[MeasuredPreview]) -> MeasuredPreview | None:
+    """The preview with the parameters of the request."""
+    chosen = method(request.method)
+    wanted = parse_params(chosen, request.params)
+    return next((one for one in previewed if parse_params(chosen, one.params) == wanted), None)
+
+
+def _of_preview(shown: MeasuredPreview, request: JobRequest, info: Json, slots: int) -> tuple[float, float]:
+    """(wall, CPU) seconds of a job from its preview."""
+    chosen, size = method(request.method), (int(info["width"]), int(info["height"]))
+    params, scale = parse_params(chosen, request.params), sqrt(shown.pixels / (size[0] * size[1]))
+    small = round(size[0] * scale), round(size[1] * scale)
+    factor = int(info["frames"]) / shown.frames
+    factor *= chosen.relative_cost(params, size) / chosen.relative_cost(params, small)
+    used = processors_used(shown.cpu_s / shown.seconds, shown.one_by_one, slots, chosen.task_cpus)
+    return STARTED_S + shown.cpu_s * factor / used, shown.cpu_s * factor
 
 
 def _nearest(request: JobRequest, frames: int, pixels: int, history: Sequence[MeasuredJob]) -> list[MeasuredJob]:
@@ -171,7 +215,9 @@ def _declared_memory(request: JobRequest, info: Json) -> int:
     """Largest memory that the method declares for a task of the job."""
     chosen = method(request.method)
     params = parse_params(chosen, request.params)
-    context = PlanContext(params, request.seed, video_info(info), frozenset(request.inputs))
+    context = PlanContext(
+        params, request.seed, video_info(info), frozenset(request.inputs), deep=request.output.encoding.is_deep
+    )
     declared = [chosen.resources(step.name, context) for step in chosen.steps_of(params)]
     return max((found.memory_bytes for found in declared if found is not None), default=0) or PROCESS_BYTES
 

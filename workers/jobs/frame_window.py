@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from pydantic import JsonValue
 
+from pipeline.colour.ocio import check_space, check_view
 from pipeline.errors import BadParameter
 from pipeline.methods.base import VideoInfo
 from pipeline.video.media import Fields, SourceOptions
@@ -55,6 +56,8 @@ def check_source(source: SourceOptions, info: Json | None) -> None:
     if source.fields not in get_args(Fields):
         remedy = f"Use one of: {', '.join(get_args(Fields))}."
         raise BadParameter("Order of fields not found.", field="source.fields", value=source.fields, remedy=remedy)
+    check_space(source.colour, "source.colour")
+    check_view(source.colour_view, "source.colour_view")
     if source.picture is not None and info is not None:
         stream_info(info, source.picture)
     count = None if info is None else info.get("sounds")

@@ -13,12 +13,18 @@ from workers.contract.request import Json
 
 DAMAGED_INPUT = "damaged-input"
 """Code: frames of an input are missing or unreadable."""
+DEPTH = "depth"
+"""Code: the film's profile holds more bits than the method paints."""
+JOINING = "joining"
+"""Code: how the films of shots that differ are joined."""
 METHOD = "method"
 """Code: the method tells something about the inputs and the result."""
 NO_ARTEFACT = "no-artefact"
 """Code: the job made nothing of a requested artefact; its film is complete."""
 NO_EFFECT = "no-effect"
 """Code: a parameter or an input was given that has no effect."""
+PASSES = "passes"
+"""Code: which render passes of the video the method uses."""
 PLANNED_AGAIN = "planned-again"
 """Code: another version of Impasto began the job, and what it has left cannot be continued."""
 DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' to use what can be read."
@@ -27,6 +33,17 @@ DAMAGE_REMEDY = "Use an undamaged copy of the file, or set on_damage to 'warn' t
 def damage_warning(name: str, damage: Damage) -> JobWarning:
     """The warning about damage of the input `name`."""
     return JobWarning(DAMAGED_INPUT, describe_damage(name, damage), name, damage.as_json())
+
+
+def depth_warning(method: str, profile: str) -> JobWarning:
+    """The warning about a profile that holds finer steps than the method makes."""
+    message = f"The method {method!r} paints 8 bit a channel: {profile} holds these values, without finer steps."
+    return JobWarning(DEPTH, message, "", {})
+
+
+def joining_warning(message: str) -> JobWarning:
+    """What is decided for the shots of a film that differ in size or frame rate."""
+    return JobWarning(JOINING, message, "", {})
 
 
 def method_warning(message: str) -> JobWarning:

@@ -9,9 +9,10 @@ The result of `analyze` is passed to `paint` within the process, so that no fram
 
 from __future__ import annotations
 
+import json
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from queue import Queue
@@ -22,7 +23,7 @@ import numpy as np
 from pipeline.errors import BadInput, BadParameter, ImpastoError
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import LiveFilter, Method, Session
+from pipeline.methods.base import LiveFilter, Method, References, Session
 from workers.blobs.base import Blobs
 from workers.errors import NotFound
 from workers.execution.decoders import Decoders
@@ -62,6 +63,7 @@ class LiveRenderer:
         prepare_process()
         self._threads = threads
         self._find = find
+        self._blobs = blobs
         self._decoders = Decoders(blobs)
         self._helper = ThreadPoolExecutor(1, thread_name_prefix="impasto-aside")
         self._beside = ThreadPoolExecutor(1, thread_name_prefix="impasto-filter")
@@ -108,7 +110,7 @@ class LiveRenderer:
     def _begin(self, order: LiveOrder) -> Session:
         chosen = self._find(order.method)
         params = parse_params(chosen, order.params)
-        session = chosen.stream(params, order.size, order.seed, self._references(order.inputs))
+        session = chosen.stream(params, order.size, order.seed, self._references(order))
         if session is None:
             raise BadParameter("This method cannot run live.", field="method", value=order.method)
         session.use_helper(self._helper)
@@ -146,7 +148,7 @@ class LiveRenderer:
         before = self._order
         assert before is not None and self._session is not None
         params = parse_params(self._find(before.method), order.params)
-        references = None if order.inputs == before.inputs else self._references(order.inputs)
+        references = None if order.inputs == before.inputs else self._references(order)
         self._wait_until_painted()
         behind = self._filter_of(order.filter, before.filter)
         self._session = self._session.reconfigure(params, self._size, references, self._output_size)
@@ -218,8 +220,18 @@ class LiveRenderer:
         with self._news:
             self._news.wait_for(lambda: self._ahead == 0)
 
-    def _references(self, inputs: Mapping[str, str]) -> dict[str, Iterator[Frame]]:
-        return {name: self._frames(name, key) for name, key in inputs.items()}
+    def _references(self, order: LiveOrder) -> References:
+        documents = {spec.name for spec in self._find(order.method).inputs if spec.kind == "json"}
+        return {
+            name: self._document(name, key) if name in documents else self._frames(name, key)
+            for name, key in order.inputs.items()
+        }
+
+    def _document(self, name: str, key: str) -> object:
+        try:
+            return json.loads(self._blobs.get(key))
+        except KeyError:
+            raise NotFound("The asset has been deleted.", field=f"inputs.{name}") from None
 
     def _frames(self, name: str, key: str) -> Iterator[Frame]:
         field = f"inputs.{name}"

@@ -24,6 +24,7 @@ RETRY_AFTER_S = 5.0
 _FITS: Mapping[InputKind, tuple[str, ...]] = {
     "image": ("image", "video"),
     "image-or-video": ("image", "video", "archive"),
+    "json": ("json",),
 }
 """Kinds of input that a live method can be given, and the kinds of asset that fit."""
 
@@ -172,7 +173,10 @@ class LiveSessions:
     @staticmethod
     def inputs(name: str, assets: Mapping[str, Asset]) -> dict[str, str]:
         """Blob keys by input name. Raises BadParameter for an input that a live session cannot have."""
-        specs = {spec.name: spec for spec in method(name).inputs if spec.name != "video" and spec.kind in _FITS}
+        specs = {
+            spec.name: spec for spec in method(name).inputs
+            if spec.name != "video" and spec.kind in _FITS and not any(when.way for when in spec.applies_when)
+        }  # fmt: skip
         for given, asset in assets.items():
             if given not in specs:
                 known = ", ".join(specs) or "none"

@@ -293,5 +293,7 @@ class LocalPool:
 
 
 def task_cpus(order: TaskOrder) -> float:
-    """Number of processors that the task keeps busy, as its method declares; 1 for the platform's own steps."""
+    """Number of processors that the task keeps busy, as it or its method declares; 1 for the platform's own steps."""
+    if order.resources is not None and order.resources.cpus is not None:
+        return order.resources.cpus
     return 1.0 if order.step == ASSEMBLE else method(order.method).task_cpus

@@ -16,11 +16,15 @@ from dataclasses import dataclass
 
 import psutil
 
+from pipeline.errors import DeviceError
 from pipeline.kernels.processors import container_limit, usable_processors
 from pipeline.methods.base import PROCESS_BYTES, Resources
 
 LIVE_CPUS = 2.0
 """Processors that a live session keeps busy: it analyses a frame while it paints the previous one."""
+DEVICE_CPUS = 4.0
+"""Processors that a task keeps busy whose compute device is a CPU. Its kernels use all processors, all else one or two:
+beside others of its kind, processors are not idle between kernels."""
 THREADS_HERE = 2
 """Attempts of `impasto render` that run at once in threads of its process, before others get processes of their own:
 two threads wait little for the interpreter lock, share decoders, and pass artefacts on in memory."""
@@ -50,6 +54,8 @@ class Machine:
         self.cpus, self.memory_bytes = cpus, memory_bytes
         self.live_sessions: Callable[[], int] = lambda: 0
         """Returns the number of live sessions."""
+        self.device_is_cpu: Callable[[], bool] = _device_is_cpu
+        """Whether the compute device of tasks is a CPU."""
         self._running: dict[str, Share] = {}
         self._waiting: dict[str, Share] = {}
         self._changed = threading.Condition()
@@ -90,7 +96,7 @@ class Machine:
             default_bytes: memory of a process with a task that declares none.
         """
         if resources is not None and resources.gpus != 0:
-            cpus = self.cpus  # all tasks share the compute device; a CPU device is the whole machine
+            cpus = min(self.cpus, DEVICE_CPUS) if self.device_is_cpu() else self.cpus  # a GPU's memory is for one task
         declared = resources.memory_bytes if resources is not None and resources.memory_bytes else default_bytes
         return Share(cpus, max(LEAST_BYTES, declared - PROCESS_BYTES))
 
@@ -114,6 +120,15 @@ def this_machine() -> Machine:
     """The processors and memory that this process may use: those of its container, if it runs in one."""
     memory = min(psutil.virtual_memory().total, _container_bytes())
     return Machine(usable_processors(), max(0, int((1 - UNUSED) * memory) - PROCESS_BYTES))
+
+
+def _device_is_cpu() -> bool:
+    from pipeline.compute.choice import choose  # when a task needs it
+
+    try:
+        return choose().kind == "cpu"
+    except DeviceError:
+        return False
 
 
 def _container_bytes() -> int:

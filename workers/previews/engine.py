@@ -11,7 +11,17 @@ from workers.execution.warm_up import warm_up_process
 from workers.previews.artefact_files import ArtefactFiles
 from workers.previews.byte_cache import ByteCache
 from workers.previews.context import PreviewContext
-from workers.previews.kinds import clusters, cuts, directions, flicker, paint, propagate, regions, suggest
+from workers.previews.kinds import (
+    clusters,
+    cuts,
+    directions,
+    flicker,
+    object_mask,
+    paint,
+    propagate,
+    regions,
+    suggest,
+)
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 from workers.previews.single import frame_png
@@ -26,6 +36,7 @@ def kinds() -> dict[str, Kind]:
         "paint": paint.paint, "source": paint.source, "styles": paint.styles, "propagate": propagate.propagate,
         "regions": regions.regions, "directions": directions.directions, "keys": suggest.suggest,
         "flicker": flicker.flicker, "clusters": clusters.clusters, "spread": clusters.spread, "cuts": cuts.cuts,
+        "object": object_mask.marked_object,
     }  # fmt: skip
 
 

@@ -18,11 +18,22 @@ from pipeline.arrays import Arrays, State
 from pipeline.errors import UnreadableMedia
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
-from pipeline.methods.base import AnyParams, Method, PlanContext, Step, Task, TaskResult
+from pipeline.methods.base import (
+    AnyParams,
+    Method,
+    PlanContext,
+    Step,
+    Task,
+    TaskResult,
+)
 from pipeline.methods.local import FrameSource, Input, in_plan_order
 from pipeline.methods.plan_check import dependencies
+from pipeline.methods.previews import FilmPlane, FilmPlaneKind
+from workers.jobs.estimates import MeasuredPreview
+from workers.jobs.wall_time import OneByOne
 from workers.previews.artefact_files import ArtefactFiles
 from workers.previews.byte_cache import ByteCache
+from workers.previews.costs import StepCost, TaskClock, longest_chain, whole_cost
 from workers.previews.inputs import layer_inputs
 from workers.previews.memory import Check, PreviewTaskContext
 from workers.previews.model import LayerSources
@@ -51,11 +62,13 @@ class _Plan:
     Attributes:
         tasks, results: by step and key; of steps that are planned, and of tasks that ran.
         saved: names of the artefacts of each task that ran.
+        costs: what the tasks that ran have cost, by step.
     """
 
     tasks: dict[str, dict[str, Task]] = field(default_factory=dict)
     results: dict[str, dict[str, TaskResult]] = field(default_factory=dict)
     saved: dict[Name, list[str]] = field(default_factory=dict)
+    costs: dict[str, StepCost] = field(default_factory=dict)
     turn: threading.Lock = field(default_factory=threading.Lock)
 
 
@@ -82,6 +95,27 @@ class PreviewFilm:
         found: Frame | None = self._kept.cache.peek((*self._name, number))
         return None if found is None else found.copy()
 
+    def cost(self) -> MeasuredPreview | None:
+        """The cost of the whole film at this size, from the tasks that have run; None if none has, or if the plan is
+        kept no more."""
+        plan: _Plan | None = self._kept.cache.peek(self._name)
+        if plan is None:
+            return None
+        info, chosen = self._kept.sources.info(self._layer.video), method(self._layer.method)
+        weights, chains = dict[str, float](), dict[str, float]()
+        for step in chosen.steps_of(parse_params(chosen, self._layer.params)):
+            if (tasks := plan.tasks.get(step.name)) is None:
+                weights[step.name] = chains[step.name] = step.weight * info.frames
+            else:
+                weights[step.name] = sum(task.weight for task in tasks.values())
+                chains[step.name] = longest_chain(tasks)
+        whole, chain = whole_cost(plan.costs, weights), whole_cost(plan.costs, chains)
+        if whole is None or chain is None or not info.frames or not whole.cpu_s:
+            return None
+        one_by_one = OneByOne(whole.seconds / chain.seconds, max(0.0, whole.idle_s / whole.seconds))
+        pixels = round(self.pixels / info.frames)
+        return MeasuredPreview(dict(self._layer.params), info.frames, pixels, whole.seconds, whole.cpu_s, 0, one_by_one)
+
     def frames(
         self, numbers: Sequence[int], check: Check, progress: Progress = lambda note, done: None,
         painted: Callable[[int, Frame], None] = lambda number, picture: None,
@@ -96,6 +130,13 @@ class PreviewFilm:
         with self._run(check, progress, painted) as run:
             for number in numbers:
                 yield number, run.frame(number)
+
+    def plane(
+        self, kind: FilmPlaneKind, number: int, check: Check, progress: Progress = lambda note, done: None
+    ) -> FilmPlane | None:
+        """Regions or stroke directions that the film uses in a frame (`Method.film_plane`). Raises as `frames`."""
+        with self._run(check, progress, lambda number, picture: None) as run:
+            return method(self._layer.method).film_plane(kind, number, run)
 
     def _inputs(self, exit_stack: ExitStack) -> Mapping[str, Input]:
         inputs = layer_inputs(self._layer, self._kept.sources, self.side_px, exit_stack)
@@ -201,6 +242,8 @@ class _Run:
         self._method: Method = method(layer.method)
         self._steps: dict[str, Step[AnyParams]] = {step.name: step for step in self._method.steps_of(context.params)}
         self._plan, self._store, self._context, self._told = plan, store, context, told
+        self.context = context
+        self._clock = TaskClock()
         self._needed: list[set[Name]] = []
         """Tasks whose artefacts the tasks that run now, each within the one before, still need."""
         context.make = self._make
@@ -220,6 +263,19 @@ class _Run:
             raise UnreadableMedia("This frame of the video cannot be decoded.", field="frame", value=number,
                                   remedy="Choose an earlier frame, or upload the video again.")  # fmt: skip
         return known
+
+    def tasks(self, step: str) -> Mapping[str, Task]:
+        return self._tasks(step)
+
+    def results(self, step: str) -> Mapping[str, TaskResult]:
+        return self._results(step)
+
+    def load(self, step: str, key: str, name: str) -> State:
+        self._require([(step, key)], [(step, key)])
+        found = self._store.artefact((step, name))
+        if found is None:
+            raise KeyError(f"{step}/{name}")
+        return found
 
     def _maker(self, number: int) -> tuple[int, int, Name]:
         """First frame, frame after the last, and name of the task that emits a frame, or the film's last frames."""
@@ -247,9 +303,14 @@ class _Run:
         return {key: done[key] for key in self._tasks(step)}
 
     def _make(self, step: str, name: str) -> None:
-        """Run the task that makes an artefact; all tasks of the step while that task is unknown."""
-        maker = [task for task, saved in self._plan.saved.items() if task[0] == step and name in saved]
-        self._require(maker or [(step, key) for key in self._tasks(step)], maker)
+        """Run the task that makes an artefact, after all tasks of the step if that task is unknown."""
+        if not (maker := self._makers(step, name)):
+            self._require([(step, key) for key in self._tasks(step)])
+            maker = self._makers(step, name)  # what it made may be lost again
+        self._require(maker, maker)
+
+    def _makers(self, step: str, name: str) -> list[Name]:
+        return [task for task, saved in self._plan.saved.items() if task[0] == step and name in saved]
 
     def _require(self, wanted: Sequence[Name], hold: Sequence[Name] = ()) -> None:
         """Run these tasks and those that they come after, except those whose artefacts are still kept.
@@ -294,7 +355,8 @@ class _Run:
         context.told = lambda done: self._told(title, (place + done) / len(alike))
         context.told(0.0)
         try:
-            result = self._steps[step].run(self._in_plan_order(name), context)
+            with self._clock.measured(self._plan.costs.setdefault(step, StepCost()), context.task.weight):
+                result = self._steps[step].run(self._in_plan_order(name), context)
             self._plan.results.setdefault(step, {})[key] = result
             self._plan.saved[name] = context.saved
         finally:

@@ -95,6 +95,8 @@ def layer_inputs(layer: LayerSources, frames: WarmFrames, side_px: int, exit_sta
         if sources:
             found[name] = ScaledImages(_Drawings(frames, sources, f"inputs.{name}"), scale, size)
     found |= layer.documents
+    found["video.passes"] = frames.entries(layer.video, exit_stack)
+    found["video.pass_facts"] = frames.pass_facts(layer.video)
     if scale == 1:  # passes of a shot have the size of its frames
         found["video.entries"] = frames.entries(layer.video, exit_stack)
     return found

@@ -61,13 +61,12 @@ class LayerPainter:
         inputs |= {name: {0: resized(one[number], size)} for name, one in drawn.items() if one}
         return next(painted(self._method, params, self._layer.seed, lead[-1:], inputs, self._check))[1]
 
-    def directions(self, number: int, side_px: int) -> tuple[NDArray[np.float32] | None, tuple[int, int]]:
-        """Stroke directions of a frame (see `Method.directions`), and its size (width, height)."""
+    def directions(self, number: int, side_px: int) -> NDArray[np.float32] | None:
+        """Stroke directions of a frame, see `Method.directions`."""
         total = self._frames.info(self._layer.video).frames
         number = min(number, total - 1)
         frame = self._frames.frame(self._layer.video, number, side_px)
-        found = self._method.directions(self._request([frame], number, total))
-        return found, (frame.shape[1], frame.shape[0])
+        return self._method.directions(self._request([frame], number, total))
 
     def _by_method(self, lead: Sequence[Frame], number: int, total: int) -> Frame | None:
         return self._method.preview(self._request(lead, number, total))
@@ -80,10 +79,10 @@ class LayerPainter:
         )
 
     def _streamed(self, lead: Sequence[Frame], side_px: int) -> Frame | None:
-        references = {name: self._reference(key, side_px) for name, key in sorted(self._layer.files.items())
-                      if self._kinds[name] not in ("json", "images")}  # fmt: skip
+        pictures = {name: self._reference(key, side_px) for name, key in sorted(self._layer.files.items())
+                    if self._kinds[name] not in ("json", "images")}  # fmt: skip
         size = (lead[0].shape[1], lead[0].shape[0])
-        session = self._method.stream(self._params, size, self._layer.seed, references)
+        session = self._method.stream(self._params, size, self._layer.seed, {**pictures, **self._documents()})
         if session is None:
             return None
         picture: Frame | None = None

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from pipeline.errors import Cancelled
 from workers.contract.request import Json
+from workers.previews.costs import COST, PreviewCosts
 from workers.previews.memory import Check
 from workers.previews.model import SINGLE, Overtaken, PreviewQuery, Record
 from workers.previews.single import PreviewJob
@@ -94,6 +95,7 @@ class PreviewService:
 
     def __init__(self, runner: PreviewRunner, slots: int) -> None:
         self._runner = runner
+        self.costs = PreviewCosts()
         self._slots = FairSlots(slots)
         self._lock = threading.Lock()
         self._latest: dict[tuple[str, str, str], _Ticket] = {}
@@ -141,7 +143,11 @@ class PreviewService:
                 yield Record({"type": "overtaken", "by": ticket.by})
                 return
             ticket.check()
-            yield from self._runner.run(ticket.query, ticket.check)
+            for record in self._runner.run(ticket.query, ticket.check):
+                if record.header["type"] == COST:
+                    self.costs.keep(record.header)
+                else:
+                    yield record
         finally:
             self.leave_slot(ticket)
 

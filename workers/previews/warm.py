@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 
 from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
-from pipeline.errors import BadParameter
+from pipeline.errors import BadInput, BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import VideoInfo
+from pipeline.passes.sequence import pass_sequence
 from pipeline.video.contact_sheet import fit
 from pipeline.video.guard.files import GuardedImages
-from pipeline.video.guard.pictures import guarded_raw
+from pipeline.video.guard.pictures import guarded_planes, guarded_raw
 from pipeline.video.guard.reader import GuardedReader
 from pipeline.video.headers import sniff
 from pipeline.video.shot_files import ShotFiles
@@ -101,6 +102,18 @@ class WarmFrames:
                 return {}
         found = ShotFiles(path)
         exit_stack.callback(found.close)
+        return found
+
+    def pass_facts(self, key: str) -> dict[str, JsonValue]:
+        """What is known about the render passes of a video, found once; empty: it has none. `key`: a `video_key`."""
+
+        def find() -> dict[str, JsonValue]:
+            with ExitStack() as exit_stack, suppress(BadInput):
+                if (passes := pass_sequence(self.entries(key, exit_stack), guarded_planes, guarded_raw)) is not None:
+                    return passes.facts().as_json()
+            return {}
+
+        found: dict[str, JsonValue] = self._cache.get(("passes", key), find, lambda _: 4000)
         return found
 
     def document(self, key: str, field: str) -> JsonValue:

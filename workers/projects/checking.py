@@ -6,13 +6,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from pipeline.errors import BadParameter
+from pipeline.formats import PASS_FORMATS
 from pipeline.methods import methods, param_faults
 from pipeline.methods.base import InputSpec, Method, missing_inputs
 from workers.contract.record import Asset
 from workers.jobs.frame_window import check_source, window_info
 from workers.projects.document import Document, Layer, Shot
 from workers.projects.faults import BadProject, DocumentFault, Path, fault, fault_at
-from workers.projects.submissions import LayerImages, Selection, document_of, images_of, is_plain, parts_used, picks
+from workers.projects.submissions import (
+    LayerImages,
+    Selection,
+    document_of,
+    images_of,
+    is_plain,
+    parts_used,
+    picks,
+    shown_layers,
+)
 from workers.scheduling.check_request import FITS
 
 
@@ -85,16 +95,34 @@ class _Check:
             yield fault((*path, "range"), "The range has no frame.", value=span, remedy="End after its first frame.")
         if span is not None and count is not None and span[1] > count:
             yield fault((*path, "range"), f"The video has {count} frames.", value=span, remedy=f"End at {count}.")
-        visible = [layer for layer in shot.layers if layer.visible]
-        if not visible:
+        shown = shown_layers(shot, self._output) if self._jobs else [layer for layer in shot.layers if layer.visible]
+        alone = self._output.layer is not None
+        if not shown and alone:
+            yield fault(("output", "layer"), "The shot has no such layer.", value=self._output.layer,
+                        remedy=f"It has: {', '.join(layer.id for layer in shot.layers) or 'none'}.")  # fmt: skip
+        elif not shown:
             yield fault((*path, "layers"), "The shot has no visible layer.", remedy="Add a layer, or show one.")
-        if self._jobs and self._output.artefacts and not is_plain(visible):
+        if self._jobs and self._output.artefacts and (alone or not is_plain(shown)):
             remedy = "Ask for none, or show one layer at full opacity."
             message = "A film of several layers has no artefacts."
             yield fault(("output", "artefacts"), message, value=self._output.artefacts, remedy=remedy)
+        if self._jobs:
+            yield from self._passes(shown)
         for layer, at in zip(shot.layers, self._pick.layer_paths, strict=True):
-            if layer.visible:
+            if layer in shown:
                 yield from self._layer(layer, at, video, count)
+
+    def _passes(self, shown: list[Layer]) -> Iterator[DocumentFault]:
+        known = [
+            one.name for layer in shown if layer.method in methods() for one in methods()[layer.method].makes_passes
+        ]
+        for name in self._output.passes:
+            if name not in known:
+                remedy = f"They make: {', '.join(sorted(set(known))) or 'none'}."
+                yield fault(("output", "passes"), "No layer of the film makes this pass.", value=name, remedy=remedy)
+        if self._output.passes_format not in ("", *PASS_FORMATS):
+            yield fault(("output", "passes_format"), "Unknown format of passes.", value=self._output.passes_format,
+                        remedy=f"Use one of: {', '.join(PASS_FORMATS)}.")  # fmt: skip
 
     def _layer(self, layer: Layer, path: Path, video: Asset | None, count: int | None) -> Iterator[DocumentFault]:
         chosen = methods().get(layer.method)

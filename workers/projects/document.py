@@ -97,9 +97,19 @@ class Reading(Member):
         default=False,
         description="Whether colours are multiplied by their opacity, in formats that do not prescribe it.",
     )
+    colour: str = Field(
+        default="", max_length=200, description="Colour space of the pictures, a name of the OpenColorIO "
+        "configuration, for example `ACEScg`; empty: as the file says.",
+    )  # fmt: skip
+    colour_view: str = Field(
+        default="", max_length=200, description="View of that configuration through which HDR and scene-linear "
+        "pictures are painted, for example `ACES 2.0 - SDR 100 nits (Rec.709)`; empty: no tone map.",
+    )  # fmt: skip
 
     def options(self) -> SourceOptions:
-        return SourceOptions(self.picture, self.sound, self.fields, self.premultiplied)
+        return SourceOptions(
+            self.picture, self.sound, self.fields, self.premultiplied, colour=self.colour, colour_view=self.colour_view
+        )
 
 
 class Shot(Member):
@@ -134,7 +144,17 @@ class Output(Member):
     quality: int = Field(default=20, ge=0, le=51, description="Constant rate factor, 0 (lossless) to 51.")
     profile: str = Field(default="", max_length=32, description="Encoding of the format; empty: its usual one.")
     alpha: Alpha = Field(default="auto", description="Opacity of the film, as in a job.")
+    colour: str = Field(default="", max_length=200, description="Colour space of the film, as in a job.")
+    layer: Id | None = Field(
+        default=None, description="The layer that the film shows alone, with its opacity; null: all visible layers."
+    )
     artefacts: tuple[InputName, ...] = Field(default=(), max_length=32)
+    passes: tuple[InputName, ...] = Field(
+        default=(),
+        max_length=64,
+        description="Passes beside the film, as in a job: of every shown layer whose method makes them.",
+    )
+    passes_format: str = Field(default="", max_length=32, description="Format of the passes, as in a job.")
     report: bool = Field(default=False, description="Measure the film against the video, see `report.json`.")
     on_damage: Literal["warn", "fail"] = Field(
         default="warn",

@@ -12,7 +12,7 @@ from typing import Any
 from pipeline.errors import BadInput
 from pipeline.video.numbering import numbers_of_runs
 from workers.contract.project import Project, ProjectJob, ProjectVersion
-from workers.contract.record import Asset, Job, Page, Submitted
+from workers.contract.record import Asset, Job, Page, RunState, Submitted
 from workers.contract.request import JobRequest, Json
 from workers.errors import Conflict, NotFound
 from workers.farm_parts.assets import FarmAssets
@@ -31,8 +31,17 @@ from workers.projects.upgrades import upgraded
 from workers.store.projects import Draft, StoredProjects
 from workers.store.reuse import Reuse
 from workers.strict_json import check_value
+from workers.version import version
 
 Sources = tuple[LayerSources, ...]
+CONTENT_LABEL = "content"
+"""Label of a project's job: see `content_of`."""
+_MOST_OF_CONTENT = 20
+
+
+def content_of(one: Submission) -> str:
+    """What a film shows: the content of its submission, and the program that painted it."""
+    return f"{one.content}-{version()}"
 
 
 @dataclass(frozen=True)
@@ -149,11 +158,13 @@ class Projects:
         version: int | None = None,
         idempotency_key: str = "",
         max_active: int | None = None,
+        changed: bool = False,
     ) -> list[SubmittedShot]:
         """Submit the selected shots, owned by the project's owner.
 
         Args:
             version: None: the newest.
+            changed: whether a shot with a film, finished or in work, of exactly this content is not submitted again.
             idempotency_key: the same key and selection return the same jobs.
             max_active: unfinished jobs that the owner may have; None: any number.
 
@@ -166,15 +177,41 @@ class Projects:
         refuse_if_any(self.problems(document, project.owner, selection))
         made = []
         for one in submissions(document, selection):
+            known = self.film_of(project_id, project.owner, one) if changed else None
+            if known is not None and one.output.asks_no_more_than(known.request.output):
+                made.append(SubmittedShot(Submitted(**vars(known), new=False), one.shot, one.variant, kept.version))
+                continue
             key = idempotency_key and f"{idempotency_key}/{one.shot}/{one.variant or ''}"
-            labels = {"project": project_id, "shot": one.shot} | ({"variant": one.variant} if one.variant else {})
+            labels = {"project": project_id, "shot": one.shot, CONTENT_LABEL: content_of(one)}
+            labels |= {"variant": one.variant} if one.variant else {}
             request = self.request(one, project.owner, labels)
             base = self._base(project_id, one)
             job = self._jobs.submit(request, project.owner, key, max_active=max_active, base_id=base)
             made.append(SubmittedShot(job, one.shot, one.variant, kept.version))
         noted = [ProjectJob(each.job.id, each.shot, each.variant, each.version, each.job.created_at) for each in made]
-        self._store.add_jobs(project_id, noted)
+        self._store.add_jobs(project_id, {one.job_id: one for one in noted}.values())  # equal shots have one film
         return made
+
+    def films(self, project_id: str, version: int | None = None) -> tuple[int, Document, list[tuple[str, Job | None]]]:
+        """The film of a version (None: the newest): its number, the document, and for each shot in order its id and the
+        job that paints what it shows, finished or in work; None: there is none.
+
+        Raises:
+            BadProject: the document has problems.
+        """
+        project = self.get(project_id)
+        kept, value = self.document(project_id, version)
+        document = parse_document(value)
+        refuse_if_any(self.problems(document, project.owner))
+        made = [(one.shot, self.film_of(project_id, project.owner, one)) for one in submissions(document)]
+        return kept.version, document, made
+
+    def film_of(self, project_id: str, owner: str, one: Submission) -> Job | None:
+        """The newest job of the project with exactly this content that has not failed; a finished one comes first."""
+        made = self._jobs.page(owner=owner, label=(CONTENT_LABEL, content_of(one)), limit=_MOST_OF_CONTENT).items
+        own = [job for job in made if job.request.labels.get("project") == project_id]
+        alive = [job for job in own if job.state not in (RunState.FAILED, RunState.CANCELLED)]
+        return min(alive, key=lambda job: job.state is not RunState.SUCCEEDED, default=None)
 
     def _base(self, project_id: str, one: Submission) -> str | None:
         """Id of the newest finished job of the same shot, whose results are reused if nothing has changed; empty: none

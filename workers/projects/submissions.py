@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,7 +16,7 @@ from pipeline.methods.base import InputSpec, Method
 from pipeline.methods.layers import LAYERS
 from pipeline.methods.layers.names import MATTE, VIDEO, input_name
 from pipeline.video.media import SourceOptions
-from workers.contract.request import WARN, JobRequest, Json, OutputSpec
+from workers.contract.request import WARN, Alpha, JobRequest, Json, OutputSpec
 from workers.projects.document import Document, Layer, Output, Shot, Variant
 from workers.projects.faults import BadProject, Path
 from workers.projects.materials import ImagesByFrame, JsonValue, Material, Uploaded
@@ -57,6 +59,16 @@ class Submission:
     priority: int = 0
     on_damage: str = WARN
     source: SourceOptions = field(default_factory=SourceOptions)
+
+    @property
+    def content(self) -> str:
+        """Digest of what determines the film: equal submissions give equal films. Artefacts and reports do not
+        count."""
+        output = self.output.format, self.output.quality, self.output.profile, self.output.alpha
+        made = {name: (type(one).__name__, vars(one)) for name, one in sorted(self.inputs.items())}
+        content = [self.method, self.params, self.seed, made, output, self.frames, self.on_damage, vars(self.source)]
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def request(self, ids: Mapping[str, str], labels: Mapping[str, str]) -> JobRequest:
         """The job request. `ids`: asset id of every input."""
@@ -108,9 +120,12 @@ def submissions(document: Document, selection: Selection = Selection()) -> list[
 def _submission(document: Document, pick: LayerImages, selection: Selection) -> Submission:
     shot = pick.shot
     frames = selection.frames or shot.range
-    layers = [layer for layer in shot.layers if layer.visible]
     output = selection.output or document.output
-    work = _one_layer(document, shot, layers[0]) if is_plain(layers) else _layers(document, shot, layers)
+    layers = shown_layers(shot, output)
+    alone = output.layer is not None
+    plain = is_plain(layers) and not alone
+    work = _one_layer(document, shot, layers[0]) if plain else _layers(document, shot, layers, alone)
+    alpha: Alpha = "painted" if alone else output.alpha
     return Submission(
         shot=shot.id,
         variant=pick.variant,
@@ -118,7 +133,17 @@ def _submission(document: Document, pick: LayerImages, selection: Selection) -> 
         params=work.params,
         seed=work.seed,
         inputs=work.inputs,
-        output=OutputSpec(output.format, output.quality, output.artefacts, output.report, output.profile, output.alpha),
+        output=OutputSpec(
+            output.format,
+            output.quality,
+            output.artefacts,
+            output.report,
+            output.profile,
+            alpha,
+            output.colour,
+            output.passes if plain else _layer_passes(layers, output.passes),
+            output.passes_format,
+        ),
         name=_film_name(document, pick),
         frames=frames,
         priority=selection.priority,
@@ -133,6 +158,11 @@ def _film_name(document: Document, pick: LayerImages) -> str:
     shot = pick.shot.name or (pick.shot.id if len(document.shots) > 1 else "")
     variant = next((one.name or one.id for one in document.variants if one.id == pick.variant), "")
     return ": ".join(part for part in (document.name, shot, variant) if part)[:200]
+
+
+def shown_layers(shot: Shot, output: Output) -> list[Layer]:
+    """The layers of a film: the visible ones, or the one that it shows alone."""
+    return [layer for layer in shot.layers if (layer.visible if output.layer is None else layer.id == output.layer)]
 
 
 def is_plain(layers: Sequence[Layer]) -> bool:
@@ -154,8 +184,8 @@ def _one_layer(document: Document, shot: Shot, layer: Layer) -> _Work:
     return _Work(layer.method, dict(layer.params), layer.seed, layer_inputs(document, shot, layer))
 
 
-def _layers(document: Document, shot: Shot, layers: Sequence[Layer]) -> _Work:
-    """A job of the method `layers`."""
+def _layers(document: Document, shot: Shot, layers: Sequence[Layer], alone: bool) -> _Work:
+    """A job of the method `layers`; `alone`: of one layer with its opacity."""
     inputs: dict[str, Material] = {VIDEO: Uploaded(document.assets[shot.video].id)}
     for number, layer in enumerate(layers):
         own = layer_inputs(document, shot, layer)
@@ -169,7 +199,17 @@ def _layers(document: Document, shot: Shot, layers: Sequence[Layer]) -> _Work:
          "blend": layer.blend, "matted": layer.matte is not None}
         for layer in layers
     ]  # fmt: skip
-    return _Work(LAYERS, {"layers": rows}, 0, inputs)
+    return _Work(LAYERS, {"layers": rows} | ({"alone": True} if alone else {}), 0, inputs)
+
+
+def _layer_passes(layers: Sequence[Layer], wanted: Sequence[str]) -> tuple[str, ...]:
+    """Names in a job of the method `layers`: of the layers that make the passes."""
+    return tuple(
+        input_name(number, made.name)
+        for number, layer in enumerate(layers)
+        for made in methods()[layer.method].makes_passes
+        if made.name in wanted
+    )
 
 
 def layer_inputs(document: Document, shot: Shot, layer: Layer) -> dict[str, Material]:

@@ -12,6 +12,8 @@ from pipeline.errors import BadInput, BadParameter, DamagedMedia, did_you_mean, 
 from pipeline.methods import method, parse_params
 from pipeline.methods.base import InputFacts, InputKind, InputSpec, Method, Params, missing_inputs
 from pipeline.methods.input_check import input_faults
+from pipeline.passes.facts import sentences
+from pipeline.video.media import Note
 from pipeline.video.numbered import no_such_frame
 from pipeline.video.numbering import described, numbers_of_runs
 from workers.contract.record import Asset
@@ -28,7 +30,7 @@ from workers.contract.request import (
     JobRequest,
 )
 from workers.jobs.frame_window import check_source, window_info
-from workers.jobs.job_warnings import DAMAGE_REMEDY, no_effect_warning
+from workers.jobs.job_warnings import DAMAGE_REMEDY, PASSES, depth_warning, no_effect_warning, note_warning
 from workers.scheduling.outputs import output_faults
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
@@ -63,7 +65,7 @@ def check_request(
     parsed = chosen.Params() if faults else params
     faults += check_inputs(chosen, assets, parsed)
     faults += input_faults(chosen, parsed, _facts(chosen, parsed, request, assets, read, faults))
-    faults += output_faults(chosen, request.output, assets.get("video"))
+    faults += output_faults(chosen, parsed, request.output, assets.get("video"))
     with _collected(faults):
         check_source(request.source, assets["video"].info if "video" in assets else None)
     with _collected(faults):
@@ -77,9 +79,15 @@ def check_request(
     info = window_info(assets["video"].info if "video" in assets else {}, request.frames, request.source)
     weights = expected_weights(chosen, params, info)
     steps, versions = steps_of(chosen, params), versions_of(chosen, params)
-    unused = chosen.ineffective(params, request.inputs, False, request.frames is not None, request.output.artefacts)
-    warnings = tuple(no_effect_warning(found) for found in unused)
-    return Accepted(request, params.model_dump(mode="json"), steps, weights, versions, warnings)
+    wanted, piece = request.output, request.frames is not None
+    kinds = info.get("passes", {}).get("kinds", ())
+    unused = chosen.ineffective(params, request.inputs, False, piece, wanted.artefacts, wanted.passes, kinds)
+    warnings = [no_effect_warning(found) for found in unused]
+    if request.output.encoding.is_deep and chosen.depth_bits == 8:
+        warnings.append(depth_warning(chosen.title, request.output.encoding.title))
+    told = sentences(info.get("passes", {}), chosen.passes)
+    warnings += [note_warning("video", Note(PASSES, message)) for message in told]
+    return Accepted(request, params.model_dump(mode="json"), steps, weights, versions, tuple(warnings))
 
 
 def _facts(

@@ -37,6 +37,10 @@ class Removed:
     """Projects whose time for undoing the deletion is over."""
     versions: int = 0
     """Old versions of projects that are not kept."""
+    aged: int = 0
+    """Jobs that have reached the age of a rule."""
+    records: int = 0
+    """Entries of the audit trail, costs and browsers' sessions that have reached their age."""
 
 
 class GarbageCollector:
@@ -48,15 +52,21 @@ class GarbageCollector:
         undo_s: how long a deleted project can be restored.
         retention: which versions of projects stay.
         reuse_s: how long task results are kept for later jobs of a project, while there is space.
+        records_s: how long the audit trail and costs of jobs are kept.
+
+    Attributes:
+        apply_rules: deletes the jobs that have reached the age of a rule, before each sweep; returns their ids.
     """
 
     def __init__(
         self, store: Store, blobs: Blobs, every_s: float, may_sweep: Callable[[], bool],
         undo_s: float = 30 * 86400.0, retention: Retention = Retention(), reuse_s: float = 86400.0,
+        records_s: float = 366 * 86400.0,
     ) -> None:  # fmt: skip
         self._store, self._blobs = store, blobs
         self._undo_s, self._retention, self._reuse_s = undo_s, retention, reuse_s
-        self._every_s, self._may_sweep = every_s, may_sweep
+        self._every_s, self._may_sweep, self._records_s = every_s, may_sweep, records_s
+        self.apply_rules: Callable[[], list[str]] = list
         self._jobs: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="impasto-collector", daemon=True)
         self._stopping = threading.Event()
@@ -76,11 +86,13 @@ class GarbageCollector:
 
     def job(self, job_id: str) -> int:
         """Delete the blobs that only the job's tasks needed, or all its blobs if the job was deleted, except those that
-        later jobs may reuse; returns their number."""
-        return self._job(job_id, self._reusable() if self._store.reuse.is_shared(job_id) else set())
-
-    def _job(self, job_id: str, reusable: set[str]) -> int:
+        later jobs may reuse; returns their number. The size of its results becomes a part of its cost."""
         kept = self._store.jobs.blob_keys(job_id)
+        if kept:
+            self._store.costs.stored(job_id, sum(self._blobs.size(key) or 0 for key in kept))
+        return self._job(job_id, self._reusable() if self._store.reuse.is_shared(job_id) else set(), kept)
+
+    def _job(self, job_id: str, reusable: set[str], kept: set[str]) -> int:
         keys = self._blobs.keys(f"{_JOBS}{job_id}/")
         return self._delete(key for key in keys if key not in kept and key not in reusable)
 
@@ -95,11 +107,18 @@ class GarbageCollector:
     def sweep(self) -> Removed:
         """Remove everything that is not needed. Blobs that are being written are safe, because their job is not final,
         or their asset is stored again."""
+        aged = len(self.apply_rules())
         unfinished = self._blobs.sweep()
         reusable = self._reusable()
-        jobs = sum(self._job(job_id, reusable) for job_id in self._job_ids() if self._is_over(job_id))
+        over = (job_id for job_id in self._job_ids() if self._is_over(job_id))
+        jobs = sum(self._job(job_id, reusable, self._store.jobs.blob_keys(job_id)) for job_id in over)
         assets = sum(self._asset(key) for key in list(self._blobs.keys(_ASSETS)))
-        return Removed(unfinished, jobs, assets, self._store.projects.purge(self._undo_s), self._thin())
+        projects, records = self._store.projects.purge(self._undo_s), self._prune()
+        return Removed(unfinished, jobs, assets, projects, self._thin(), aged, records)
+
+    def _prune(self) -> int:
+        ages = (self._store.audit.prune(self._records_s), self._store.costs.prune(self._records_s))
+        return sum(ages) + self._store.keys.forget_sessions()
 
     def _thin(self) -> int:
         total = 0

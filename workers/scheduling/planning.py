@@ -16,10 +16,13 @@ from workers.jobs.state_machine import ASSEMBLE
 _ASSEMBLE_TITLE = "Join frames and sound"
 _ASSEMBLE_VERSION = 1
 """See `pipeline.methods.base.Step.version`."""
-_ASSEMBLE_WEIGHT = 0.05
-"""Weight of a frame: see `pipeline.methods.base.Task.weight`."""
-_ASSEMBLE_BYTES = 100.0
-"""A pixel: a few decoded frames for the poster and the contact sheet."""
+_ASSEMBLE_S = 0.001
+"""Processor time of a frame, seconds."""
+_LEAST_PIXELS = 100_000
+"""Pixels of a frame from which the time of painting depends on them."""
+_ASSEMBLE_BYTES = 210.0
+"""A pixel: a few decoded frames for the poster and the contact sheet. `python -m benchmarks.task_memory` at 3840x2160:
+1,143 MiB (8 bits), 1,436 MiB (floating point), at most 1,814 MiB in a process that has painted before; plus 20 %."""
 
 
 def steps_of(chosen: Method, params: Params) -> tuple[tuple[str, str], ...]:
@@ -41,8 +44,10 @@ def versions_of(chosen: Method, params: Params) -> list[tuple[str, int]]:
 
 def expected_weights(chosen: Method, params: Params, info: Json) -> tuple[float, ...]:
     """Expected weight of each of `steps_of`, as far as it can be known of a video before planning."""
-    frames = max(1, video_info(info).frames)
-    return (*(frames * step.weight for step in chosen.steps_of(params)), frames * _ASSEMBLE_WEIGHT)
+    video = video_info(info)
+    frames = max(1, video.frames)
+    painting_s = chosen.cpu_s_per_megapixel * max(video.width * video.height, _LEAST_PIXELS) / 1e6
+    return (*(frames * step.weight for step in chosen.steps_of(params)), frames * _ASSEMBLE_S / painting_s)
 
 
 def plan_step(
@@ -71,7 +76,9 @@ def plan_step(
         weight = expected_weights(chosen, parsed, info.get("video", {}))[-1]
         return [Task(ASSEMBLE, weight=weight, resources=resources_per_pixel(_video(info), _ASSEMBLE_BYTES))]
     video = video_info(info.get("video", {}), parsed.lead_frames)
-    context = PlanContext(parsed, request.seed, video, frozenset(request.inputs), results)
+    context = PlanContext(
+        parsed, request.seed, video, frozenset(request.inputs), results, request.output.encoding.is_deep
+    )
     step = steps[index]
     default = chosen.resources(step.name, context)
     tasks = [task if task.resources else replace(task, resources=default) for task in step.plan(context)]

@@ -40,9 +40,9 @@ class StepPlanner:
             self.plan_one(todo)
         return bool(due)
 
-    def skip(self, job_id: str, seconds: float = SKIP_S) -> None:
-        """Skip the job for a while."""
-        self.skipped[job_id] = time.monotonic() + seconds
+    def skip(self, job_id: str, seconds: float | None = None) -> None:
+        """Skip the job for `seconds`, default `SKIP_S`."""
+        self.skipped[job_id] = time.monotonic() + (SKIP_S if seconds is None else seconds)
 
     def take_over(self, job_id: str) -> None:
         """Continue a job that another version has planned, or let it be planned again. If it must wait, or an error

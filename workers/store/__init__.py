@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from workers.store.accepted_job import Accepted
 from workers.store.assets import Assets
+from workers.store.audit import Audit
 from workers.store.base import Clock
 from workers.store.bulk import Bulk
 from workers.store.claims import Claim, ClaimFailed
+from workers.store.comments import Comments
+from workers.store.costs import Costs
 from workers.store.counters import AttemptCounters
 from workers.store.database import Database
 from workers.store.event_notifier import EventNotifier
@@ -14,8 +17,10 @@ from workers.store.events import Events
 from workers.store.job_transaction import StorePolicy
 from workers.store.jobs import Jobs
 from workers.store.keys import Keys
+from workers.store.owners import Owners
 from workers.store.plans import Plans, StepToPlan
 from workers.store.projects import StoredProjects
+from workers.store.retention import RetentionRules
 from workers.store.reuse import Reuse
 from workers.store.statistics import Statistics
 from workers.store.task_inputs import TaskInputs
@@ -57,7 +62,12 @@ class Store:
         self.statistics = Statistics(*shared, counters)
         self.workers = Workers(*shared)
         self.keys = Keys(*shared)
+        self.owners = Owners(*shared)
+        self.audit = Audit(*shared)
+        self.costs = Costs(*shared)
+        self.retention = RetentionRules(*shared)
         self.projects = StoredProjects(*shared)
+        self.comments = Comments(*shared)
         self.reuse = Reuse(*shared)
         self.webhooks = Webhooks(*shared)
         self.validation = Validation(*shared)

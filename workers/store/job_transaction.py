@@ -22,6 +22,7 @@ from workers.jobs.job_warnings import merged_warnings
 from workers.jobs.state_machine import Counts, JobSnapshot, Limits, State, StateEvent, TaskSnapshot
 from workers.store import schema, shares, task_states
 from workers.store.accepted_job import Accepted, step_rows
+from workers.store.job_cost import record_cost
 from workers.store.records import TaskRow, Values, counts_of, fault_to_json
 from workers.store.state_counts import CountChanges
 from workers.version import version
@@ -192,6 +193,8 @@ class JobTransaction:
         if self._events:
             self.connection.execute(insert(schema.events), self._events)
             self._prune(seq)
+        if self._changes.get("finished_at") is not None:
+            record_cost(self.connection, self.row, self.now)
         changes = {**self._changes, "last_seq": seq, "updated_at": self.now}
         self.connection.execute(update(schema.jobs).where(schema.jobs.c.id == self.job_id).values(changes))
 

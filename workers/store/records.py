@@ -76,11 +76,15 @@ def request_to_json(request: JobRequest) -> Json:
         del value["output"]["profile"]
     if request.output.alpha == "auto":
         del value["output"]["alpha"]
+    for name in ("colour", "passes", "passes_format"):
+        if not value["output"][name]:
+            del value["output"][name]
     return value
 
 
 def request_of(value: Json) -> JobRequest:
-    output = OutputSpec(**{**value["output"], "artefacts": tuple(value["output"]["artefacts"])})
+    lists = {name: tuple(value["output"].get(name, ())) for name in ("artefacts", "passes")}
+    output = OutputSpec(**{**value["output"], **lists})
     frames = None if value.get("frames") is None else tuple(value["frames"])
     source = SourceOptions.from_json(value.get("source"))
     return JobRequest(**{**value, "output": output, "frames": frames, "source": source})
@@ -106,8 +110,8 @@ def key_of(row: Row) -> ApiKey:
     """A key with its owner's quotas (`owner_quotas`); one that an earlier program made is its own owner."""
     quotas = row["quotas"] if row["owner_quotas"] is None else row["owner_quotas"]
     owner = row["owner"] or row["id"]
-    times = row["created_at"], row["revoked_at"]
-    return ApiKey(row["id"], owner, row["name"], frozenset(row["scopes"]), quotas, *times)
+    own = {name: row[name] for name in ("id", "name", "created_at", "revoked_at", "expires_at", "used_at", "session")}
+    return ApiKey(owner=owner, scopes=frozenset(row["scopes"]), quotas=quotas, **own)
 
 
 def delivery_of(row: Row) -> Delivery:

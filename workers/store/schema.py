@@ -1,15 +1,20 @@
-"""The tables. Portable SQL only: SQLite and PostgreSQL run the same statements.
+"""The tables; those of owners and projects come from `schema_owners` and `schema_projects`.
+
+Portable SQL only: SQLite and PostgreSQL run the same statements.
 
     assets --< asset_owners
     jobs --< job_inputs, job_labels, files, events, deliveries
          --< steps --< tasks --< attempts
                        tasks --< task_edges (which task waits for which)
-    owners --< api_keys (what is owned names the owner only: jobs, asset_owners, projects, deliveries)
+    owners (users and groups) --< api_keys (jobs, asset_owners, projects, deliveries name the owner only)
+           --< members (which user is in which group)
+    audit (who did what), job_costs (of every job that has ended, also of deleted ones)
+    retention_rules (which jobs are deleted by age)
     dispatchers (live workers) --< slots (where they run attempts)
     drains (places where nothing new may start)
     live_sessions (of every process, a few seconds old)
     shares (slot time that every owner has used), tallies (jobs and tasks by state)
-    projects --< project_versions, project_assets (named by any version), project_jobs
+    projects --< project_versions, project_assets (named by any version), project_jobs, project_comments
 
 A job of a project has `jobs.base_id`: the earlier job whose results it may use, or empty if there is none. Traces of
 tasks (their recorded reads) are kept for such jobs only.
@@ -27,70 +32,40 @@ order. Times are seconds since the epoch, by the server's clock where there is o
 
 from __future__ import annotations
 
-from typing import Any
-
 from sqlalchemy import (
     JSON,
     BigInteger,
     Boolean,
     Column,
-    Connection,
     Double,
     ForeignKey,
     Index,
     Integer,
-    LargeBinary,
-    MetaData,
     String,
     Table,
     Text,
     UniqueConstraint,
-    event,
     false,
-    text,
 )
 
 from workers.contract.record import RunState, TaskState
-
-metadata = MetaData(
-    naming_convention={
-        "pk": "pk_%(table_name)s",
-        "fk": "fk_%(table_name)s_%(column_0_name)s",
-        "uq": "uq_%(table_name)s_%(column_0_name)s",
-        "ix": "ix_%(table_name)s_%(column_0_N_name)s",
-    }
-)
-
+from workers.store.schema_base import metadata as metadata
+from workers.store.schema_base import rows_where
+from workers.store.schema_owners import api_keys as api_keys
+from workers.store.schema_owners import audit as audit
+from workers.store.schema_owners import job_costs as job_costs
+from workers.store.schema_owners import members as members
+from workers.store.schema_owners import owners as owners
+from workers.store.schema_owners import retention_rules as retention_rules
+from workers.store.schema_projects import project_assets as project_assets
+from workers.store.schema_projects import project_comments as project_comments
+from workers.store.schema_projects import project_jobs as project_jobs
+from workers.store.schema_projects import project_versions as project_versions
+from workers.store.schema_projects import projects as projects
 
 ACTIVE_TEXT = "state IN ('queued', 'running')"
 """SQL condition for jobs that are planned and run, used by partial indexes and their queries."""
 UNFINISHED_TEXT = "state IN ('queued', 'running', 'paused')"
-
-
-def _where(condition: str, in_sqlite: str = "") -> dict[str, Any]:
-    """Restriction of a partial index to these rows."""
-    return {"sqlite_where": text(in_sqlite or condition), "info": {_ROWS: condition}}
-
-
-_ROWS = "rows"
-"""Key of an index's `info`: the condition for its rows in PostgreSQL, see `restrict_indexes`."""
-
-
-def restrict_indexes() -> None:
-    """Give the partial indexes their conditions for PostgreSQL.
-
-    SQLAlchemy imports all drivers of a database whose options it meets, which would delay every start.
-    """
-    for table in metadata.tables.values():
-        for index in table.indexes:
-            if _ROWS in index.info:
-                index.dialect_kwargs["postgresql_where"] = text(index.info[_ROWS])
-
-
-@event.listens_for(metadata, "before_create")
-def _before_create(_target: MetaData, connection: Connection, **_options: Any) -> None:
-    if connection.dialect.name == "postgresql":
-        restrict_indexes()
 
 
 def _job_id(primary_key: bool = False) -> Column[str]:
@@ -159,17 +134,17 @@ jobs = Table(
     Index(None, "method", "id"),
     Index(None, "method", "state", "id"),
     # Few of all jobs are active, so these indexes stay small. Queries must repeat the conditions literally.
-    Index("ix_jobs_ready", "priority", "owner", "id", **_where("ready > 0")),
+    Index("ix_jobs_ready", "priority", "owner", "id", **rows_where("ready > 0")),
     Index(
         "ix_jobs_unplanned",
         "priority",
         "owner",
         "id",
-        **_where(f"NOT planned AND {ACTIVE_TEXT}", f"planned = 0 AND {ACTIVE_TEXT}"),
+        **rows_where(f"NOT planned AND {ACTIVE_TEXT}", f"planned = 0 AND {ACTIVE_TEXT}"),
     ),
-    Index("ix_jobs_active", "priority", "owner", "id", **_where(ACTIVE_TEXT)),
-    Index("ix_jobs_unfinished", "owner", "id", **_where(UNFINISHED_TEXT)),
-    Index("ix_jobs_unfinished_id", "id", **_where(UNFINISHED_TEXT)),
+    Index("ix_jobs_active", "priority", "owner", "id", **rows_where(ACTIVE_TEXT)),
+    Index("ix_jobs_unfinished", "owner", "id", **rows_where(UNFINISHED_TEXT)),
+    Index("ix_jobs_unfinished_id", "id", **rows_where(UNFINISHED_TEXT)),
 )
 
 job_inputs = Table(
@@ -359,28 +334,6 @@ events = Table(
     Column("data", JSON, nullable=False),
 )
 
-owners = Table(
-    "owners",
-    metadata,
-    Column("id", String(80), primary_key=True),
-    Column("name", Text, nullable=False),
-    Column("quotas", JSON, nullable=False),
-    Column("created_at", Double, nullable=False),
-)
-
-api_keys = Table(
-    "api_keys",
-    metadata,
-    Column("id", String(40), primary_key=True),
-    Column("owner", String(80)),
-    Column("name", Text, nullable=False),
-    Column("hash", String(64), nullable=False),
-    Column("scopes", JSON, nullable=False),
-    Column("quotas", JSON, nullable=False),
-    Column("created_at", Double, nullable=False),
-    Column("revoked_at", Double),
-)
-
 deliveries = Table(
     "deliveries",
     metadata,
@@ -396,59 +349,4 @@ deliveries = Table(
     Column("last_error", Text, nullable=False, default=""),
     Index(None, "state", "next_at"),
     Index(None, "job_id"),
-)
-
-
-def _project_id() -> Column[str]:
-    owner = ForeignKey("projects.id", ondelete="CASCADE")
-    return Column("project_id", String(40), owner, nullable=False, primary_key=True)
-
-
-projects = Table(
-    "projects",
-    metadata,
-    Column("id", String(40), primary_key=True),
-    Column("owner", String(80), nullable=False),
-    Column("name", Text, nullable=False),
-    Column("version", Integer, nullable=False),
-    Column("created_at", Double, nullable=False),
-    Column("updated_at", Double, nullable=False),
-    Column("deleted_at", Double),
-    Column("share_epoch", Integer, nullable=False),
-    Column("stored_bytes", BigInteger, nullable=False, server_default="0"),
-    Index(None, "owner", "updated_at", "id"),
-    Index(None, "updated_at", "id"),
-)
-
-project_versions = Table(
-    "project_versions",
-    metadata,
-    _project_id(),
-    Column("version", Integer, primary_key=True, autoincrement=False),
-    Column("at", Double, nullable=False),
-    Column("author", String(80), nullable=False),
-    Column("label", Text, nullable=False),
-    Column("size_bytes", Integer, nullable=False),
-    Column("body", LargeBinary, nullable=False),
-    Column("thinned", Boolean, nullable=False),
-    Index(None, "at", **_where("NOT thinned", "thinned = 0")),
-)
-
-project_assets = Table(
-    "project_assets",
-    metadata,
-    _project_id(),
-    Column("asset_id", String(80), primary_key=True),
-    Index(None, "asset_id"),
-)
-
-project_jobs = Table(
-    "project_jobs",
-    metadata,
-    _project_id(),
-    Column("job_id", String(40), primary_key=True),
-    Column("shot", String(40), nullable=False),
-    Column("variant", String(40)),
-    Column("version", Integer, nullable=False),
-    Column("at", Double, nullable=False),
 )

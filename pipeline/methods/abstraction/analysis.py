@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import cv2
 import numpy as np
@@ -15,8 +16,7 @@ from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.executors import FrameExecutor, Pending, Ready
-from pipeline.lines.coherent import Ink
-from pipeline.methods.abstraction.line_extractor import LineExtractor, PreviousFrame
+from pipeline.methods.abstraction.line_extractor import LineExtractor, Lines, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
@@ -30,9 +30,6 @@ from pipeline.perception.importance import ImportanceParams, ImportanceTracker
 from pipeline.perception.motion import denoise, zero_still_flow
 from pipeline.perception.shot_contrast import contrast_after
 from pipeline.regions.edges import edges
-
-LINE_STATE = ("analyzer.lines.ink", "analyzer.lines.opacity", "analyzer.lines.response")
-"""Stored planes of the line layer, by name in the session's state."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ class FrameAnalysis:
     """None for the first frame of a shot."""
     back: BackwardMaps | None
     residual: NDArray[np.uint8] | None
-    ink: Pending[Ink] | None
+    lines: Pending[Lines] | None
     tone: Tone | None
     shot: int
     light_steadiness: float
@@ -71,15 +68,38 @@ class FrameAnalysis:
     """0..1: by how much colours differ, relative to a usual shot, for the tolerances of regions."""
 
 
+class SmoothedFrame(NamedTuple):
+    """A frame at the size of the analysis.
+
+    Attributes:
+        small: uint8 (h, w, 3).
+        planes: its CIELAB planes, smoothed.
+        gray: the first of them, before faces are changed: motion is estimated from it.
+    """
+
+    small: Frame
+    planes: LabPlanes
+    gray: NDArray[np.uint8]
+
+
+class FrameFeatures(NamedTuple):
+    """Features of a frame and its motion since the one before it. `flow` is None for the first frame of a stream."""
+
+    smoothed: Pending[SmoothedFrame]
+    flow: Pending[Flow | None]
+
+
 class FrameAnalyzer:
     """Analyses consecutive frames; keeps the previous frame, its denoised version, faces, importance and lines."""
+
+    line_maker: ClassVar[type[LineExtractor]] = LineExtractor
 
     def __init__(
         self, params: AbstractionParams, sizes: Sizes, tone: bool, shot: int, clock: Clock, background: FrameExecutor
     ) -> None:
         self.params, self.sizes, self.clock, self.shot, self.background = params, sizes, clock, shot, background
         self.importance = ImportanceTracker(_importance(params), sizes.frame)
-        self.lines = None if params.lines == "off" else LineExtractor(params, sizes)
+        self.lines = None if params.lines == "off" else self.line_maker(params, sizes)
         self.tone = ToneTracker() if tone else None
         self.gray: NDArray[np.uint8] | None = None
         self.denoised: Lab8 | None = None
@@ -90,36 +110,74 @@ class FrameAnalyzer:
         self._search_due = False
         self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(sizes))
 
-    def step(self, frame: Frame, mask: Plane | None = None) -> FrameAnalysis:
-        """Analysis of the next frame. Importance, edges and lines run in the background when there is a helper; edges
-        and lines on the thread that needs them in a `LazyExecutor`."""
+    def step(
+        self, frame: Frame, mask: Plane | None = None, given: Flow | None = None,
+        features: FrameFeatures | None = None,
+    ) -> FrameAnalysis:  # fmt: skip
+        """Analysis of the next frame, with `given` flow from the previous frame at the size of the analysis, or an
+        estimated one. Importance, edges and lines run in the background when there is a helper; edges
+        and lines on the thread that needs them in a `LazyExecutor`.
+
+        Args:
+            features: of the frame; None = made here.
+        """
         fresh = self._begins_shot(same_size(frame, self.sizes.frame))
-        with self.clock("lab"):
-            small = shrink_frame(frame, self.sizes)
         contrast = self._contrast(fresh)
-        planes = self._smooth(small)
-        gray = planes[0]
-        flow = self._flow(gray, fresh)
+        small, planes, gray = self.smoothed(frame) if features is None else features.smoothed.result()
+        flow = None
+        if not fresh and (flow := given) is None:
+            flow = self.flow(self.gray, gray) if features is None else features.flow.result()
         coarse = None if flow is None else resize_flow(flow, self.importance.map_size, self.sizes)
         tracked, faces, line_faces = self.background(self._track_faces, frame, coarse, fresh).result()
-        gray = gray.copy() if len(tracked) else gray  # motion is estimated from frames without these changes
         importance = self.background(self._importance, small, gray, coarse, fresh, mask)
         self._sharpen(small, planes, faces)
         raise_contrast(planes[0][..., None], tracked, self.sizes.frame)
         back, planes, residual = self._denoise(planes, flow)
-        denoised, lightness = np.asarray(cv2.merge(list(planes)), np.uint8), planes[0]
-        edge_map = self.background.submit(self._edges, planes, importance, faces, contrast)
+        denoised = np.asarray(cv2.merge(list(planes)), np.uint8)
+        edge_map = self.background.submit_stateless(self._edges, planes, importance, faces, contrast)
         past = None if flow is None or residual is None else PreviousFrame(flow, residual)
         submit = self.background.submit
-        ink = submit(self._ink, self.lines, lightness, importance, past, line_faces) if self.lines else None
+        lines = submit(self._lines, self.lines, planes, importance, past, line_faces) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
             tone = self.tone.step(measure_tone(small), fresh) if self.tone else None
         self.gray, self.denoised = gray, denoised
         return FrameAnalysis(
-            denoised, edge_map, importance, flow, back, residual, ink, tone, self.shot, self.light_steadiness, contrast
-        )
+            denoised,
+            edge_map,
+            importance,
+            flow,
+            back,
+            residual,
+            lines,
+            tone,
+            self.shot,
+            self.light_steadiness,
+            contrast,
+        )  # fmt: skip
+
+    def smoothed(self, frame: Frame) -> SmoothedFrame:
+        """The frame at the size of the analysis. Uses no state."""
+        with self.clock("lab"):
+            small = shrink_frame(frame, self.sizes)
+        planes = self._smooth(small)
+        return SmoothedFrame(small, planes, planes[0].copy())
+
+    def flow(self, before: NDArray[np.uint8] | None, gray: NDArray[np.uint8]) -> Flow | None:
+        """Flow from the frame before, at the size of the analysis. Uses no state.
+
+        Args:
+            before, gray: `SmoothedFrame.gray` of the two frames; None = there is none before.
+        """
+        if before is None or self.params.temporal == "off":
+            return None
+        with self.clock("flow"):
+            flow = estimate(before, gray, self.params.flow, finer=self.sizes.work != self.sizes.frame)
+            return self._settle(flow, before, gray)
+
+    def _settle(self, flow: Flow, before: NDArray[np.uint8], gray: NDArray[np.uint8]) -> Flow:
+        return zero_still_flow(flow, before, gray, self.params.stillness)
 
     def _smooth(self, frame: Frame) -> LabPlanes:
         with self.clock("lab"):
@@ -176,12 +234,12 @@ class FrameAnalyzer:
         with self.clock("edges"):
             return edges(planes, importance.result(), self.params.edge_threshold * contrast, faces)
 
-    def _ink(
-        self, lines: LineExtractor, gray: NDArray[np.uint8], importance: Pending[Plane], past: PreviousFrame | None,
+    def _lines(
+        self, lines: LineExtractor, planes: LabPlanes, importance: Pending[Plane], past: PreviousFrame | None,
         faces: Sequence[FaceCrop],
-    ) -> Ink:  # fmt: skip
+    ) -> Lines:  # fmt: skip
         with self.clock("lines"):
-            return lines.step(gray, importance.result(), past, faces)
+            return lines.step(planes, importance.result(), past, faces)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""
@@ -207,13 +265,6 @@ class FrameAnalyzer:
             return 1.0
         self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
         return 1 + self.params.contrast_adaptation * (self.contrast - 1)
-
-    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> Flow | None:
-        if fresh or self.gray is None:
-            return None
-        with self.clock("flow"):
-            flow = estimate(self.gray, gray, self.params.flow, finer=self.sizes.work != self.sizes.frame)
-            return zero_still_flow(flow, self.gray, gray, self.params.stillness)
 
     def _denoise(
         self, lab: LabPlanes, flow: Flow | None
@@ -264,7 +315,7 @@ class FrameAnalyzer:
             "analyzer.importance.cues": self.importance.map_size,
             "analyzer.importance.mask": self.importance.map_size,
         }
-        return sizes | (dict.fromkeys(LINE_STATE, self.lines.small) if self.lines else {})
+        return sizes | ({"analyzer.lines.response": self.lines.small} if self.lines else {})
 
 
 def _short_gaussian(sigma_px: float) -> tuple[int, float]:

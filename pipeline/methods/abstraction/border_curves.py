@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from pipeline.colour.lab8 import Lab8
 from pipeline.frames import Labels
-from pipeline.lines.coherent import Ink
+from pipeline.lines.pen import Ink
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px
 from pipeline.regions.ramps import divide_ramps

@@ -8,28 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
-from pipeline.colour.memory import blend_colours, moving_borders
+from pipeline.colour.memory import blend_colours
 from pipeline.colour.paint import flat, overlay
-from pipeline.frames import Flow, Frame, Labels
+from pipeline.frames import Flow, Frame
 from pipeline.kernels.executors import FrameExecutor, Pending
-from pipeline.lines.coherent import Ink
-from pipeline.lines.colour_stripes import erase_ink_on_thin_regions
 from pipeline.methods.abstraction.analysis import FrameAnalysis
 from pipeline.methods.abstraction.border_curves import BorderCurves
-from pipeline.methods.abstraction.fast_borders import steepen_fast_borders
+from pipeline.methods.abstraction.line_extractor import Lines
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.region_stage import ColouredRegions
 from pipeline.methods.abstraction.sizes import Sizes, shrink_mask
 from pipeline.methods.tasks import Clock
 from pipeline.perception.backward_maps import BackwardMaps, warp_back_enlarged, warp_back_mapped
-from pipeline.perception.motion import blend_with_past, past_weights
+from pipeline.perception.motion import past_weights
 from pipeline.regions.refinement import round_boundaries
 from pipeline.regions.segmenter import Segmentation
 from pipeline.vector.borders import Borders
 from pipeline.vector.fill import fill_regions
-
-INK = (14, 11, 16)
-"""RGB of full ink: a warm black."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +37,17 @@ class CompositedFrame:
     """int32 (h, w): the labels as drawn; with `borders`, before these are smoothed."""
     colours: NDArray[np.uint8]
     """(n + 1, 3) RGB."""
-    ink: Ink | None
-    """The line layer; None = no lines."""
-    borders: Borders | None = None
+    lines: Lines | None
+    """None = no lines."""
+    borders: Borders | None
     """The borders of `labels` as drawn; None = `labels` are drawn pixel by pixel."""
+    analysis: FrameAnalysis
+
+
+def ink_rgb(params: AbstractionParams) -> tuple[int, int, int]:
+    """RGB of full ink, 0..255."""
+    red, green, blue = bytes.fromhex(params.line_colour[1:])
+    return red, green, blue
 
 
 class Compositor:
@@ -58,6 +60,7 @@ class Compositor:
 
     def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: FrameExecutor) -> None:
         self.params, self.sizes, self.clock, self.background = params, sizes, clock, background
+        self.ink = ink_rgb(params)
         self.round_px = params.boundary_smoothing / 1000 * min(sizes.work)
         self.curves = BorderCurves(params, sizes) if sizes.curves else None
         self.picture: Frame | None = None
@@ -93,49 +96,32 @@ class Compositor:
         if self.round_px >= 1:
             labels = round_boundaries(labels, self.round_px, self.background)
         picture = flat(labels, coloured.colours, background=self.background)
-        ink, _ = self._ink(coloured)
-        if ink is not None:
-            overlay(picture, ink, INK, self.params.line_opacity, self.background)
+        lines = analysis.lines.result() if analysis.lines else None
+        if lines is not None:
+            overlay(picture, lines.coverage, self.ink, self.params.line_opacity, self.background)
         self.picture = self._fade(picture, analysis)
-        return CompositedFrame(self.picture, coloured.regions, labels, coloured.colours, ink)
+        return CompositedFrame(self.picture, coloured.regions, labels, coloured.colours, lines, None, analysis)
 
     def _curved(self, coloured: ColouredRegions, curves: BorderCurves) -> CompositedFrame:
         """The frame with curves as borders."""
         analysis, regions, colours = coloured.analysis, coloured.regions, coloured.colours
         labels = curves.labels(regions)
-        ink, drawn = self._ink(coloured)
+        lines = analysis.lines.result() if analysis.lines else None
+        drawn = None if lines is None else shrink_mask(lines.coverage, self.sizes)
         borders = curves.borders(labels, analysis.lab, drawn)
-        self.picture = self._blend(fill_regions(borders, colours, self.sizes.output, self.background), labels, analysis)
+        self.picture = self._fade(fill_regions(borders, colours, self.sizes.output, self.background), analysis)
         frame = self.picture.copy()
-        if ink is not None:
-            overlay(frame, ink, INK, self.params.line_opacity, self.background)
-        return CompositedFrame(frame, regions, labels, colours, ink, borders)
-
-    def _ink(self, coloured: ColouredRegions) -> tuple[Ink, Ink] | tuple[None, None]:
-        """The ink without that on thin coloured regions, and the same at the size of the labels."""
-        if coloured.analysis.ink is None:
-            return None, None
-        ink, regions = coloured.analysis.ink.result(), coloured.regions
-        return erase_ink_on_thin_regions(
-            ink, shrink_mask(ink, self.sizes), regions.labels, regions.areas, regions.means
-        )
+        if lines is not None:
+            overlay(frame, lines.coverage, self.ink, self.params.line_opacity, self.background)
+        return CompositedFrame(frame, regions, labels, colours, lines, borders, analysis)
 
     def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
-        """Cross-fade from the previous output where the source agrees with its past, so that regions do not pop."""
+        """The picture, blended with the previous one along borders."""
         if self._past is None or analysis.residual is None:
             return picture
-        memory = self.params.paint_memory * analysis.light_steadiness
-        return blend_with_past(picture, self._past.result(), analysis.residual, memory, self.background)
-
-    def _blend(self, picture: Frame, labels: Labels, analysis: FrameAnalysis) -> Frame:
-        """`_fade` of region colours, which keeps the borders of moving regions steep."""
-        if self._past is None or analysis.residual is None or analysis.flow is None:
-            return picture
-        weights = past_weights(self.params.paint_memory * analysis.light_steadiness)
-        past = self._past.result()
-        moving = moving_borders(labels, analysis.flow)
-        blend_colours(picture, past, analysis.residual, weights, moving, self.background)
-        steepen_fast_borders(past, moving)
+        past, weights = self._past.result(), past_weights(self.params.paint_memory * analysis.light_steadiness)
+        flow = analysis.flow if self.curves else None  # soft borders may be wide
+        blend_colours(picture, past, analysis.residual, flow, weights, self.background)
         return past
 
     def state(self) -> State:

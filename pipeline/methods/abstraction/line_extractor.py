@@ -1,4 +1,4 @@
-"""The line layer: difference-of-Gaussians ink that is coherent over time."""
+"""The line layer: strokes along the ridges of a difference of Gaussians, coherent over time."""
 
 from __future__ import annotations
 
@@ -12,12 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
+from pipeline.colour.lab8 import LabPlanes
 from pipeline.frames import Flow, Plane
 from pipeline.kernels.selection import nth_smallest
-from pipeline.lines.coherent import Ink, PreviousInk, StrokeLimits, keep_strokes
-from pipeline.lines.coverage import PastMotion, blend_opacity, blend_response, draw_lines, line_field
-from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response, soft_threshold
-from pipeline.methods.abstraction.flow_lines import FlowLines
+from pipeline.lines.coloured_stripes import stripe_shares
+from pipeline.lines.dog import GAUSSIAN_RATIO, dog_response
+from pipeline.lines.inking import ink_curves
+from pipeline.lines.linking import link_points
+from pipeline.lines.memory import Marks, fading_strokes, follow_marks, leave_marks
+from pipeline.lines.past import PastMotion, blend_response
+from pipeline.lines.pen import Ink, Strokes, draw_strokes, join_strokes
+from pipeline.lines.ridges import find_ridges
+from pipeline.lines.selection import PastLines, choose_curves
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import FINEST_LINE_PX, Sizes
 from pipeline.perception.face_masks import FaceCrop
@@ -31,9 +37,12 @@ class LineParams:
 
     tau: float = 0.99
     """Weight of the wider Gaussian. The response of a flat area is -1 % of its gray level, below any threshold."""
-    weak: int = 64
-    strong: int = 153
-    """Hysteresis thresholds on ink, see `StrokeLimits`."""
+    widest: float = 1.5
+    """Largest half width of a line, in standard deviations of the narrower Gaussian of the frame."""
+    weak: float = 0.255
+    strong: float = 0.693
+    """Hysteresis thresholds: responses above the line threshold at which the opacity is 0.25 and 0.6, times the
+    sharpness."""
     face_line: float = 0.028
     least_face_line_px: float = 0.6
     face_line_gain: float = 0.8
@@ -41,26 +50,16 @@ class LineParams:
     factor on the response, which rises as the lines become narrower."""
     feature_line: float = 0.007
     """`face_line` of brows, eyes and mouths: wider lines would join an eye with its brow, which lies 5 px above it."""
-    feature_response: float = 1.3
+    feature_response: float = 3.0
     feature_share: float = 0.05
     least_feature_gain: float = 0.75
-    most_feature_gain: float = 2.2
+    most_feature_gain: float = 4.0
     """The response around brows, eyes and mouth is multiplied so that this share of the pixels exceeds that
     response, gray levels; the factor is kept within the two limits. Faint features are thus drawn as strongly as
     dark ones."""
-    face_length: float = 0.2
-    """Importance that is added in small faces when strokes are selected by their length: an eye is 4 px long."""
-    largest_margin: float = 1.0
-    """Gray levels: bounds how much thinner outlined lines become when `line_sharpness` is low."""
 
 
 LINES = LineParams()
-
-
-NEIGHBOURHOOD, ENLARGED_NEIGHBOURHOOD = np.ones((3, 3), np.uint8), np.ones((5, 5), np.uint8)
-"""The opacity of an outlined line is that of its strongest pixel within this neighbourhood, so that only its outline
-fades. In a frame larger than the analysed one, interpolation would otherwise let the opacity fall within the outline;
-lines are drawn wider there, for the same reason. Of a line of ink, the smaller neighbourhood keeps the soft rim."""
 
 
 class PreviousFrame(NamedTuple):
@@ -75,69 +74,82 @@ class PreviousFrame(NamedTuple):
     residual: NDArray[np.uint8]
 
 
-class LineExtractor:
-    """Draws lines for frame after frame, at a resolution where the narrow Gaussian is about a pixel wide.
+class Lines(NamedTuple):
+    """The line layer of a frame.
 
-    The ink is enlarged to the output. With `sizes.curves`, the smooth response is enlarged instead, and its contour is
-    drawn, anti-aliased at full size. The contour lies where the ink has half of its full opacity, so that lines have
-    the same width; in a frame larger than the analysed one, where the ink begins. The response and the opacity of the
-    previous frame are then remembered, too.
+    Attributes:
+        strokes: in px of the output.
+        coverage: uint8 (h, w), their ink at the output size, 0..255, before `line_opacity`.
+    """
+
+    strokes: Strokes
+    coverage: Ink
+
+
+class LineExtractor:
+    """Draws lines for frame after frame.
+
+    Ridges of the line response are traced at a resolution where the narrow Gaussian is about a pixel wide, and become
+    strokes of a pen, which are drawn at the size of the output. The response of the previous frame and its
+    strokes are remembered.
     """
 
     def __init__(self, params: AbstractionParams, sizes: Sizes) -> None:
         self.params = params
-        self.size, self.output_size, self.curves = sizes.work, sizes.output, sizes.curves
+        self.size, self.output_size = sizes.work, sizes.output
         sigma_px = max(FINEST_LINE_PX, params.line_width / 1000 * min(sizes.frame))
         shrink = max(math.ceil(sizes.frame[1] / sizes.work[1]), round(sigma_px))
         self.small = (max(1, sizes.frame[0] // shrink), max(1, sizes.frame[1] // shrink))
         self.sigma_px = sigma_px / shrink
-        self.limits = StrokeLimits(LINES.weak, LINES.strong, params.line_length / 1000 * min(self.small))
-        enlarged = sizes.frame != sizes.output
-        self.neighbourhood = ENLARGED_NEIGHBOURHOOD if enlarged else NEIGHBOURHOOD
-        self.margin = 0.0 if enlarged else min(LINES.largest_margin, math.atanh(0.5) / params.line_sharpness)
-        self.last: Ink | None = None
-        self.opacity: Ink | None = None
+        self.shortest_px = params.line_length / 1000 * min(self.small)
+        self.marks: Marks | None = None
+        self.strokes: Strokes | None = None
         self.response: Plane | None = None
-        flows = params.lines == "flow"
-        self.flow_lines = FlowLines(self.sigma_px, LINES.tau, params.steadiness) if flows else None
 
     def step(
-        self, gray: NDArray[np.uint8], importance: Plane, past: PreviousFrame | None, faces: Sequence[FaceCrop] = ()
-    ) -> Ink:  # fmt: skip
-        """The line layer of the next frame at the output size, uint8 (h, w), 0..255, before `line_opacity`.
+        self, planes: LabPlanes, importance: Plane, past: PreviousFrame | None, faces: Sequence[FaceCrop] = ()
+    ) -> Lines:  # fmt: skip
+        """The line layer of the next frame.
 
         Args:
-            gray: uint8 (h, w), denoised.
+            planes: uint8 (3, h, w), 8-bit CIELAB, denoised.
             importance: float32, any size.
             past: None = a shot begins.
             faces: small faces, at the size of the line planes (`small`).
         """
-        small = cv2.resize(gray, self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
+        small = cv2.resize(planes[0], self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
         weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
         past = self._shrunk(past)
-        response = self._finer(self._respond(small, weight, past), small, faces)
-        motion = self._motion(past) if self.curves else None
+        sigma_px = np.full(weight.shape, self.sigma_px, np.float32)
+        response = self._finer(dog_response(small, self.sigma_px, LINES.tau), small, sigma_px, faces)
+        motion = self._motion(past)
         if motion is not None and self.response is not None:
             response = blend_response(response, self.response, motion)
-        ink = soft_threshold(response, weight, self.params.line_threshold, self.params.line_sharpness)
-        keep = keep_strokes(ink, self._previous_ink(past), self._for_strokes(weight, faces), self.limits)
-        if self.curves:
-            self.last, self.response = np.asarray(cv2.bitwise_and(ink, keep), np.uint8), response
-            return self._outlined(self.last, response, weight, motion)
-        self.last = np.asarray(cv2.bitwise_and(ink, cv2.dilate(keep, NEIGHBOURHOOD)), np.uint8)
-        if self.small == self.size:
-            return self.last
-        return np.asarray(cv2.resize(self.last, self.size, interpolation=cv2.INTER_LINEAR), np.uint8)
+        self.response = response
+        strokes = self._strokes(response, weight, sigma_px, past, planes)
+        if motion is not None and self.marks is not None and self.strokes is not None:
+            strokes = follow_marks(strokes, self.marks, motion)
+            fading = fading_strokes(self.strokes, leave_marks(strokes, response.shape), motion)
+            strokes = join_strokes(fading, strokes)
+        self._remember(strokes)
+        scale = np.divide(self.output_size, self.small).astype(np.float32)
+        strokes = strokes._replace(
+            places=strokes.places * scale, half_widths=strokes.half_widths * np.float32(scale.mean())
+        )
+        return Lines(strokes, draw_strokes(strokes, self.output_size))
 
-    def _outlined(self, ink: Ink, response: Plane, importance: Plane, motion: PastMotion | None) -> Ink:
-        """The lines as contours of the response, with an opacity that rises and falls gradually."""
-        opacity = np.asarray(cv2.dilate(ink, self.neighbourhood), np.uint8)
-        if motion is not None and self.opacity is not None:
-            opacity = blend_opacity(opacity, self.opacity, motion)
-        self.opacity = opacity
-        blur = max(1, round(2 * self.sigma_px))
-        field = line_field(response, importance, self.params.line_threshold, self.margin, blur)
-        return draw_lines(field, opacity, self.output_size)
+    def _strokes(
+        self, response: Plane, importance: Plane, sigma_px: Plane, past: PreviousFrame | None, planes: LabPlanes
+    ) -> Strokes:  # fmt: skip
+        """The strokes of a response, px of the line planes."""
+        sharpness = self.params.line_sharpness
+        points, index = find_ridges(response, importance, self.params.line_threshold, LINES.weak / sharpness)
+        known = None if past is None or self.marks is None else PastLines(self.marks.opacity, past.flow)
+        curves = choose_curves(
+            points, link_points(points, index), known, response.shape, LINES.strong / sharpness, self.shortest_px
+        )
+        removed = stripe_shares(points, curves, planes, self.size[0] / self.small[0], self.sigma_px)
+        return ink_curves(points, curves, response, sigma_px, sharpness, LINES.widest * self.sigma_px, removed)
 
     def _motion(self, past: PreviousFrame | None) -> PastMotion | None:
         """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
@@ -154,56 +166,45 @@ class LineExtractor:
         across, down = np.divide(self.small, self.size)
         return PreviousFrame(scale_flow(np.asarray(flow, np.float32), across, down), np.asarray(residual, np.uint8))
 
-    def _previous_ink(self, past: PreviousFrame | None) -> PreviousInk | None:
-        return None if past is None or self.last is None else PreviousInk(self.last, past.flow)
-
-    def _respond(self, gray: Plane, importance: Plane, past: PreviousFrame | None) -> Plane:
-        if self.flow_lines:
-            return self.flow_lines.step(gray, importance, None if past is None else past.flow)
-        return dog_response(gray, self.sigma_px, LINES.tau)
-
-    def _finer(self, response: Plane, gray: Plane, faces: Sequence[FaceCrop]) -> Plane:
-        """Replace the response in small faces, in place, by that of narrower Gaussians, narrowest at their features."""
+    def _finer(self, response: Plane, gray: Plane, sigma_px: Plane, faces: Sequence[FaceCrop]) -> Plane:
+        """Replace the response in small faces, and its sigma, in place, by those of narrower Gaussians, narrowest at
+        their features."""
         for face in faces:
-            own = response[face.box]
+            own, own_sigma_px = response[face.box], sigma_px[face.box]
             own += face.weight * (
                 np.float32(LINES.face_line_gain) * self._narrow_response(gray, face, LINES.face_line) - own
             )
+            own_sigma_px += face.weight * (np.float32(self._narrow_sigma_px(face, LINES.face_line)) - own_sigma_px)
             weight, features = face.features(), self._narrow_response(gray, face, LINES.feature_line)
             own += weight * (_feature_gain(features, weight) * features - own)
+            own_sigma_px += weight * (np.float32(self._narrow_sigma_px(face, LINES.feature_line)) - own_sigma_px)
         return response
+
+    def _narrow_sigma_px(self, face: FaceCrop, line: float) -> float:
+        return min(max(line * face.width_px, LINES.least_face_line_px), self.sigma_px)
 
     def _narrow_response(self, gray: Plane, face: FaceCrop, line: float) -> Plane:
         """The response in a face to Gaussians of that standard deviation, in widths of the face."""
-        sigma_px = min(max(line * face.width_px, LINES.least_face_line_px), self.sigma_px)
+        sigma_px = self._narrow_sigma_px(face, line)
         around = math.ceil(3 * GAUSSIAN_RATIO * sigma_px)
         (y0, y1), (x0, x1) = ((side.start, side.stop) for side in face.box)
         top, left = max(0, y0 - around), max(0, x0 - around)
         part = np.ascontiguousarray(gray[top : y1 + around, left : x1 + around])
         return dog_response(part, sigma_px, LINES.tau)[y0 - top : y1 - top, x0 - left : x1 - left]
 
-    @staticmethod
-    def _for_strokes(importance: Plane, faces: Sequence[FaceCrop]) -> Plane:
-        """The importance by which strokes are selected: small faces keep short strokes."""
-        if not faces:
-            return importance
-        out = importance.copy()
-        for face in faces:
-            out[face.box] += np.float32(LINES.face_length) * face.weight
-        return out
+    def _remember(self, strokes: Strokes) -> None:
+        self.strokes, self.marks = strokes, leave_marks(strokes, (self.small[1], self.small[0]))
 
     def state(self) -> State:
-        """Arrays by name: the previous frame's ink, and with `curves` its opacity and response."""
-        own = {"ink": self.last, "opacity": self.opacity, "response": self.response}
-        known = {name: array for name, array in own.items() if array is not None}
-        return known | (self.flow_lines.state() if self.flow_lines else {})
+        """Arrays by name: the response and the strokes of the previous frame."""
+        if self.response is None or self.strokes is None:
+            return {}
+        return {"response": self.response, **self.strokes._asdict()}
 
     def restore(self, state: Arrays) -> None:
-        self.last = state.get("ink")
-        if self.curves:
-            self.opacity, self.response = state.get("opacity"), state.get("response")
-        if self.flow_lines:
-            self.flow_lines.restore(state)
+        self.response = state.get("response")
+        if "places" in state:
+            self._remember(Strokes(*(state[name] for name in Strokes._fields)))
 
 
 def _feature_gain(response: Plane, weight: Plane) -> np.float32:

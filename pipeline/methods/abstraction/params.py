@@ -3,27 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
 from pipeline.methods.base import Alternatives, Params, When
-from pipeline.methods.fields import FlowName, Switch, choice, number, preroll
+from pipeline.methods.fields import Colour, FlowName, RemovedValues, Switch, choice, colour, colours, number, preroll
 
-_OF_TIME = (
-    "flow", "flow_error_limit", "steadiness", "stillness", "boundary_margin", "paint_memory", "colour_half_life",
-    "importance_half_life", "motion_importance",
-)  # fmt: skip
-_OF_LINES = ("line_width", "line_threshold", "line_sharpness", "line_opacity", "line_length")
+PRINTED: Mapping[str, Any] = {
+    "core_tolerance": 1e6, "smallest_region": 0.0, "merge_similar": 0.0, "edges": "soft", "analysis": "full",
+    "contrast_adaptation": 0.0, "steadiness": 0.0, "stillness": 0.0, "boundary_margin": 0.0, "paint_memory": 0.0,
+    "colour_half_life": 0.0, "saliency_importance": 0.0, "motion_importance": 0.0, "importance_half_life": 0.0,
+    "line_length": 0.0,
+}  # fmt: skip
+"""Values with `algorithm=printed` of the parameters that belong to departures from the paper."""
+_OF_LINES = ("line_width", "line_threshold", "line_sharpness", "line_colour", "line_opacity")
 _OF_COLOURS = ("mean_shift_steps", "hue_neighbourhood", "keep_brightness")
+_OF_TIME = (
+    "steadiness", "boundary_margin", "paint_memory", "colour_half_life", "importance_half_life", "motion_importance",
+)  # fmt: skip
+_EXTENDED, _TIME = {"algorithm": ("extended",)}, {"temporal": ("on",)}
+MOST_COLOURS = 32
+"""Colours of a palette."""
 
 
 class AbstractionParams(Params):
     """Parameters of online video stream abstraction (zhang2011online)."""
 
+    removed_values: ClassVar[RemovedValues] = {
+        "lines": {"flow": 'Use "dog": its lines are traced along the edges now, joined and straightened.'},
+    }
     applies_when: ClassVar[Mapping[str, Alternatives]] = {
-        **dict.fromkeys(_OF_TIME, (When(params={"temporal": ("on",)}),)),
-        **dict.fromkeys(_OF_LINES, (When(params={"lines": ("dog", "flow")}),)),
+        **dict.fromkeys(PRINTED, (When(params=_EXTENDED),)),
+        **dict.fromkeys(_OF_TIME, (When(params=_TIME | _EXTENDED),)),
+        "flow_error_limit": (When(params=_TIME),),
+        "flow": (When(params=_TIME, without_passes=("motion",)),),
+        "stillness": (When(params=_TIME | _EXTENDED, without_passes=("motion",)),),
+        **dict.fromkeys(_OF_LINES, (When(params={"lines": ("dog",)}),)),
+        "line_length": (When(params={"lines": ("dog",)} | _EXTENDED),),
         **dict.fromkeys(_OF_COLOURS, (When(inputs=("reference", "histogram")),)),
         "preroll": (When(params={"temporal": ("on",)}, way="piece"),),
     }
@@ -47,7 +64,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     merge_similar: float = number(
         5, 0, 30, "Merge similar regions",
-        "A new region is merged into a neighbour whose mean colour differs by less than this.", "CIELAB", "Regions",
+        "A region is merged into a larger neighbour whose mean colour differs by less than this.", "CIELAB", "Regions",
     )  # fmt: skip
     edge_threshold: float = number(
         90, 10, 1000, "Edge threshold",
@@ -107,7 +124,7 @@ class AbstractionParams(Params):
     )  # fmt: skip
     paint_memory: float = number(
         0.7, 0, 0.95, "Paint memory",
-        "Weight of the previous output where the source agrees with its past, so that changes fade in.",
+        "Weight of the previous output along borders, where the source agrees with its past: borders move smoothly.",
         "ratio", "Time",
     )  # fmt: skip
     colour_half_life: float = number(
@@ -127,6 +144,10 @@ class AbstractionParams(Params):
     def lead_frames(self) -> int:
         return self.preroll if self.temporal == "on" else 0
 
+    def effective(self) -> AbstractionParams:
+        """These parameters; with `algorithm=printed`, those of `PRINTED` have its values, beyond their ranges, too."""
+        return self.model_copy(update=PRINTED) if self.algorithm == "printed" else self
+
     # -- importance
     face_importance: float = number(
         1.0, 0, 1, "Faces", "Importance of faces, which get finer regions and lines.", "ratio", "Importance"
@@ -144,13 +165,13 @@ class AbstractionParams(Params):
     )  # fmt: skip
 
     # -- lines
-    lines: Literal["dog", "flow", "off"] = choice(
-        "dog", "Lines",
-        "dog = difference of Gaussians; flow = smoothed along the edge direction: longer, calmer lines, and 10 to 20 "
-        "ms a frame more.", "Lines",
-    )  # fmt: skip
+    lines: Literal["dog", "off"] = choice(
+        "dog", "Lines", "dog = strokes of a pen along the ridges of a difference of Gaussians; off = none.", "Lines"
+    )
     line_width: float = number(
-        2.6, 0.5, 10, "Line width", "Standard deviation of the narrower Gaussian.", "per mille of the shorter side",
+        2.6, 0.5, 10, "Line width",
+        "Standard deviation of the narrower Gaussian. A line is up to 3 times as wide.",
+        "per mille of the shorter side",
         "Lines", "sigma_e",
     )  # fmt: skip
     line_threshold: float = number(
@@ -158,14 +179,17 @@ class AbstractionParams(Params):
         "gray levels", "Lines", "epsilon",
     )  # fmt: skip
     line_sharpness: float = number(
-        0.65, 0.05, 10, "Line sharpness", "How fast ink saturates above the threshold.", "1/gray level", "Lines",
+        0.65, 0.05, 10, "Line sharpness", "How fast lines become opaque above the threshold.", "1/gray level", "Lines",
         "phi_e",
     )  # fmt: skip
+    line_colour: str = colour(
+        "#0e0b10", "Line colour", "Colour of full ink, as #rrggbb: a warm black by default.", "Lines"
+    )
     line_opacity: float = number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
     line_length: float = number(
         40, 0, 300, "Shortest line",
-        "Strokes shorter than this are not drawn. Where short strokes are many, as in foliage, they must be up to "
-        "three times as long.",
+        "Weak lines that are shorter are not drawn; stronger and important ones may be shorter in proportion, and "
+        "lines in texture, as in foliage, must be longer or stronger.",
         "per mille of the shorter side", "Lines"
     )  # fmt: skip
 
@@ -185,3 +209,17 @@ class AbstractionParams(Params):
     vividness: float = number(
         1.0, 0, 3, "Vividness", "Factor on the chroma of every region; 1 = unchanged.", "ratio", "Colour"
     )
+    palette: tuple[Colour, ...] = colours(
+        MOST_COLOURS, "Palette",
+        "Colours to paint with, as #rrggbb: each region gets the nearest one in CIELAB, and keeps it while none is "
+        "nearer by 6 CIELAB units. Without any, regions have their own colours.", "Colour",
+    )  # fmt: skip
+
+    # -- the printed algorithm
+    algorithm: Literal["extended", "printed"] = choice(
+        "extended", "Algorithm",
+        "extended = with this method's additions for steadiness, faces and sharp edges; printed = the paper's "
+        "algorithm without them, for comparison: one region for each area that a ball reaches, nothing corrected "
+        "later, lines pixel by pixel.",
+        "Algorithm",
+    )  # fmt: skip

@@ -19,10 +19,12 @@ from pipeline.arrays import AnyArray
 from pipeline.colour.scheme import ColourStats, from_histogram, learn
 from pipeline.frames import Frame, Plane
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.pass_maker import MADE, PassMaker
 from pipeline.methods.abstraction.session import AbstractionSession, PipelinedRunner
 from pipeline.methods.abstraction.svg_archive import SvgArchive
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
-from pipeline.methods.masks import fitted, mask_plane
+from pipeline.methods.given_motion import given_motion
+from pipeline.methods.masks import drawn_plane, fitted
 from pipeline.methods.scan import delivered_shots, scan_video
 
 RUN_FRAMES = 96
@@ -77,7 +79,7 @@ def plan_abstract(context: PlanContext[AbstractionParams]) -> list[Task]:
         for start in range(begin, end, RUN_FRAMES):
             stop = min(start + RUN_FRAMES, end)
             after = (_key(start - RUN_FRAMES),) if start > begin and chained else ()
-            args = {"start": start, "stop": stop, "shot": shot, "last": stop == end}
+            args = {"start": start, "stop": stop, "shot": shot, "begin": begin, "last": stop == end}
             tasks.append(Task(_key(start), args, after, (start, stop), weight=stop - start))
     return tasks
 
@@ -92,13 +94,18 @@ def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskRes
     session = AbstractionSession(context.params, context.size, _scheme(context), task.args["shot"], context.clock)
     if task.after:
         session.restore(context.load("abstract", task.after[0]))
-    svg = SvgArchive(task.key) if context.wants("svg") else None
-    masks = _masks(context, start)
+    last = session.regions.segmenter.last
+    svg = SvgArchive(task.key, context.params, last) if context.wants("svg") else None
+    wanted = frozenset(made.name for made in MADE if context.wants_pass(made.name))
+    passes = PassMaker(wanted, context.size, last) if wanted else None
+    masks = _masks(task, context)
     index = start
     with PipelinedRunner(session) as runner:
-        for painting in runner.run(context.frames("video", start, stop), masks, start):
-            if svg is not None and context.video.delivers(index):
-                svg.add(index, painting)
+        for painting in runner.run(context.frames("video", start, stop), masks, start, given_motion(context)):
+            if svg is not None:
+                svg.add(index, painting, context.video.delivers(index))
+            if passes is not None:
+                context.emit_passes(index, passes(painting))
             context.emit(index, painting.frame)
             index += 1
             context.progress((index - start) / (stop - start))
@@ -109,21 +116,36 @@ def run_abstract(task: Task, context: TaskContext[AbstractionParams]) -> TaskRes
     return {"frames": index - start}
 
 
-def _masks(context: TaskContext[AbstractionParams], start: int) -> Mapping[int, Plane]:
-    return _Masks(context.images("importance"), start, context.size) if context.has("importance") else {}
+def _masks(task: Task, context: TaskContext[AbstractionParams]) -> Mapping[int, Plane]:
+    if not context.has("importance"):
+        return {}
+    start = None if task.after else task.args["start"]
+    return _Masks(context.images("importance"), start, task.args["begin"], context.size)
 
 
 class _Masks(Mapping[int, Plane]):
-    """Importance masks by frame number, decoded on access. A run starts with the latest mask up to its first frame."""
+    """Importance masks by frame number, decoded on access.
 
-    def __init__(self, images: Mapping[int, AnyArray], start: int, size: tuple[int, int]) -> None:
-        self._images, self._size = images, size
-        earlier = [number for number in images if number <= start]
-        self._source = {number: number for number in images} | ({start: max(earlier)} if earlier else {})
+    Args:
+        start: frame at which the latest mask up to it holds; None: a state from before has it.
+        begin: first frame of the shot. A drawing on a frame of another shot does not hold in it.
+    """
+
+    def __init__(
+        self, images: Mapping[int, AnyArray], start: int | None, begin: int, size: tuple[int, int]
+    ) -> None:  # fmt: skip
+        self._images, self._begin, self._size = images, begin, size
+        earlier = [number for number in images if start is not None and number <= start]
+        self._source = {number: number for number in images}
+        if start is not None and earlier:
+            self._source[start] = max(earlier)
 
     def __getitem__(self, number: int) -> Plane:
         source = self._source[number]
-        return fitted(mask_plane(self._images[source]), self._size, f"inputs.importance[{source}]")
+        mask = fitted(drawn_plane(self._images[source]), self._size, f"inputs.importance[{source}]")
+        if source < self._begin and np.isnan(mask).any():
+            mask[:] = np.nan
+        return mask
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._source)

@@ -14,6 +14,7 @@ from pipeline.methods.abstraction.palette import Palette
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.tasks import Clock
 from pipeline.perception.cuts import CUTS
+from pipeline.regions.printed import PrintedSegmenter
 from pipeline.regions.segmenter import Segmentation, Segmenter, SegmenterParams
 
 IDS_A_SHOT = 1_000_000_000
@@ -51,7 +52,8 @@ class RegionStage:
         self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None, clock: Clock
     ) -> None:  # fmt: skip
         self.params, self.clock = params, clock
-        self.segmenter = Segmenter(_segmenter(params), size)
+        segmenter = PrintedSegmenter if params.algorithm == "printed" else Segmenter
+        self.segmenter = segmenter(_segmenter(params), size)
         self.palette = Palette(params, reference)
         self.shot = -1
 
@@ -71,7 +73,7 @@ class RegionStage:
     def _begin(self, shot: int) -> None:
         """Start a shot with its own range of ids. With `temporal=off`, each frame continues the ids of its shot."""
         self.segmenter.reset(self.segmenter.next_id if shot == self.shot else shot * IDS_A_SHOT + 1)
-        self.palette.last = None
+        self.palette.reset()
         self.shot = shot
 
     def state(self) -> State:

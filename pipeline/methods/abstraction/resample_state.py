@@ -17,11 +17,8 @@ LABELS, AREAS, REMAINDER = "regions.segmenter.labels", "regions.segmenter.areas"
 FACES, FRAME_SIZE = "analyzer.importance.faces", "analyzer.frame_size"
 FACE_COLUMNS = 8
 """Columns of a stored face in px: smoothed and detected box, (x, y, width, height) each."""
-COARSE = (
-    "analyzer.importance.cues", "analyzer.importance.mask", "analyzer.lines.response",
-    "analyzer.lines.opacity", "analyzer.lines.ink",
-)  # fmt: skip
-TENSORS = "analyzer.lines.tensors"
+RESPONSE, STROKES, HALF_WIDTHS = "analyzer.lines.response", "analyzer.lines.places", "analyzer.lines.half_widths"
+COARSE = ("analyzer.importance.cues", "analyzer.importance.mask", RESPONSE)
 
 
 def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, int]]) -> State:
@@ -33,7 +30,7 @@ def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, 
         coarse: (width, height) of the planes that are coarser than the frame (`COARSE`), by name.
 
     Regions keep their ids and colours. A region that has no pixel at the new size ends like a region that is covered.
-    Motion remainders and the tensors of `lines=flow` are reset.
+    Motion remainders are reset.
     """
     size = sizes.work
     moved = dict(state)
@@ -45,8 +42,9 @@ def resample_state(state: Arrays, sizes: Sizes, coarse: Mapping[str, tuple[int, 
     for name in COARSE:
         if name in moved and moved[name].size and name in coarse:
             moved[name] = _resample(moved[name], coarse[name])
-    if TENSORS in moved and moved[TENSORS].shape[:0:-1] != coarse.get(COARSE[-1]):
-        del moved[TENSORS]
+    if RESPONSE in state and RESPONSE in coarse:
+        scale = np.divide(coarse[RESPONSE], state[RESPONSE].shape[1::-1]).astype(np.float32)
+        moved[STROKES], moved[HALF_WIDTHS] = state[STROKES] * scale, state[HALF_WIDTHS] * scale.mean()
     before = _size(state)
     if before is None or before == size:
         return moved

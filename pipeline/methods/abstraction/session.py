@@ -18,16 +18,19 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from pipeline.arrays import Arrays, State, flatten, part
-from pipeline.colour.scheme import ColourStats, learn
-from pipeline.frames import Frame, Plane
-from pipeline.kernels.executors import FrameExecutor, LazyExecutor, ThreadExecutor
+from pipeline.colour.scheme import ColourStats, from_histogram, learn
+from pipeline.frames import Flow, Frame, Plane
+from pipeline.kernels.executors import FrameExecutor, LazyExecutor, Ready, ThreadExecutor
 from pipeline.kernels.processors import usable_processors
-from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer
+from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer, FrameFeatures, SmoothedFrame
 from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
 from pipeline.methods.abstraction.params import AbstractionParams
+from pipeline.methods.abstraction.printed import PrintedAnalyzer
 from pipeline.methods.abstraction.region_stage import ColouredRegions, RegionStage
 from pipeline.methods.abstraction.resample_state import resample_state
 from pipeline.methods.abstraction.sizes import sizes_of
+from pipeline.methods.given_motion import NO_MOTION, GivenMotion
+from pipeline.methods.live import References
 from pipeline.methods.tasks import Clock, no_clock
 
 AHEAD = 6
@@ -35,8 +38,17 @@ AHEAD = 6
 THIRD_THREAD_FROM_PX = 480
 """Shorter side of the frames from which a third thread pays, px."""
 
+FEATURE_THREADS = 3
+"""Threads that compute features and edges of different frames; each has little more to do than half a processor."""
 MANY_PROCESSORS = 4
 """Number of processors from which two further threads pay."""
+
+
+def scheme_of(references: References) -> ColourStats | None:
+    """The colour scheme of a live session's inputs; None: the video's own colours. Raises BadInput."""
+    if "histogram" in references:
+        return from_histogram(references["histogram"], "inputs.histogram")
+    return learn(references["reference"]) if "reference" in references else None
 
 
 class AbstractionSession:
@@ -57,8 +69,10 @@ class AbstractionSession:
         clock: Clock = no_clock, output_size: tuple[int, int] | None = None,
     ) -> None:  # fmt: skip
         self.background = FrameExecutor()
+        params = params.effective()
         self.sizes = sizes = sizes_of(params, size, output_size)
-        self.analyzer = FrameAnalyzer(params, sizes, reference is not None, shot, clock, self.background)
+        analyzer = PrintedAnalyzer if params.algorithm == "printed" else FrameAnalyzer
+        self.analyzer = analyzer(params, sizes, reference is not None, shot, clock, self.background)
         self.regions = RegionStage(params, sizes.work, reference, clock)
         self.compositor = Compositor(params, sizes, clock, self.background)
 
@@ -92,12 +106,12 @@ class AbstractionSession:
 
     def reconfigure(
         self, params: AbstractionParams, size: tuple[int, int],
-        references: Mapping[str, Iterator[Frame]] | None = None, output_size: tuple[int, int] | None = None,
+        references: References | None = None, output_size: tuple[int, int] | None = None,
     ) -> AbstractionSession:  # fmt: skip
         """A session that continues this one: regions keep ids, places and colours. See `base.Session`."""
         reference = self.regions.palette.reference
         if references is not None:
-            reference = learn(references["reference"]) if "reference" in references else None
+            reference = scheme_of(references)
         after = AbstractionSession(params, size, reference, clock=self.analyzer.clock, output_size=output_size)
         after.background.helper = self.background.helper
         after.restore(resample_state(self.state(), after.sizes, after.analyzer.coarse))
@@ -127,8 +141,9 @@ class PipelinedRunner:
     """Runs the analyzer on a thread of its own, ahead of the other stages on the caller's thread. A context manager.
 
     In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
-    processor waiting. From `MANY_PROCESSORS` on, edges and lines have a thread of their own, and another one takes a
-    half of the compositor's rows; on fewer, the analyzer's thread takes some of the compositor's work when it is ahead.
+    processor waiting. From `MANY_PROCESSORS` on, lines have a thread of their own, another one takes a half of the
+    compositor's rows, and others compute the features and edges of several frames at the same time; on fewer, the
+    analyzer's thread takes some of the compositor's work when it is ahead.
     In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take a tenth longer);
     there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages.
     """
@@ -142,44 +157,63 @@ class PipelinedRunner:
         many = large and usable_processors() >= MANY_PROCESSORS
         self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if many else None
         self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if many else None
+        self._features = ThreadPoolExecutor(FEATURE_THREADS, thread_name_prefix="features") if many else None
+        self._before: Future[SmoothedFrame] | None = None
         self._analysed = self._composited = 0  # frames; each counted by one thread only
 
     def __enter__(self) -> PipelinedRunner:
         self.session.compositor.background = FrameExecutor()
-        later = ThreadExecutor(self._lines) if self._lines else self._deferring
+        threaded = ThreadExecutor(self._lines, self._features) if self._lines and self._features else None
+        later = threaded or self._deferring
         self.session.analyzer.background = later or self.session.background
         return self
 
     def __exit__(self, *failure: object) -> None:
         self.session.compositor.background = self.session.analyzer.background = self.session.background
-        for thread in (self._analyzer, self._regions, self._lines, self._helper):
+        for thread in (self._analyzer, self._regions, self._lines, self._helper, self._features):
             if thread is not None:
                 thread.shutdown(cancel_futures=True)
 
     def run(
-        self, frames: Iterable[Frame], masks: Mapping[int, Plane] | None = None, first: int = 0
+        self, frames: Iterable[Frame], masks: Mapping[int, Plane] | None = None, first: int = 0,
+        motion: GivenMotion = NO_MOTION,
     ) -> Iterator[CompositedFrame]:  # fmt: skip
         """The result of `AbstractionSession.finish` for each frame, in order.
 
         Args:
             masks: importance by frame number, see `AbstractionSession.step`.
             first: index of the first frame.
+            motion: of the frames, if it need not be estimated.
         """
         waiting: deque[_Waiting] = deque()
         for number, frame in enumerate(frames, first):
             done = self._composite(waiting) if len(waiting) == AHEAD else None
-            waiting.append(self._begin(frame, masks.get(number) if masks else None))
+            given = motion.flow(number - 1, number, self.session.sizes.work)
+            waiting.append(self._begin(frame, masks.get(number) if masks else None, given))
             if done:
                 yield done
         while waiting:
             yield self._composite(waiting)
 
-    def _begin(self, frame: Frame, mask: Plane | None) -> _Waiting:
-        analysis = self._analyzer.submit(self._analyze, frame, mask)
+    def _begin(self, frame: Frame, mask: Plane | None, given: Flow | None) -> _Waiting:
+        features = None if self._features is None else self._prepare(self._features, frame, given)
+        analysis = self._analyzer.submit(self._analyze, frame, mask, given, features)
         return _Waiting(analysis, self._regions.submit(self._segment, analysis) if self._regions else None)
 
-    def _analyze(self, frame: Frame, mask: Plane | None) -> FrameAnalysis:
-        analysis = self.session.analyzer.step(frame, mask)
+    def _prepare(self, threads: Executor, frame: Frame, given: Flow | None) -> FrameFeatures:
+        """Begin what does not depend on earlier results."""
+        analyzer, before, first = self.session.analyzer, self._before, self.session.analyzer.gray
+        self._before = now = threads.submit(analyzer.smoothed, frame)
+
+        def flow() -> Flow | None:
+            return analyzer.flow(first if before is None else before.result().gray, now.result().gray)
+
+        return FrameFeatures(now, Ready(None) if given is not None else threads.submit(flow))
+
+    def _analyze(
+        self, frame: Frame, mask: Plane | None, given: Flow | None, features: FrameFeatures | None
+    ) -> FrameAnalysis:  # fmt: skip
+        analysis = self.session.analyzer.step(frame, mask, given, features)
         self._analysed += 1
         if self._deferring is not None and self._analysed - self._composited > AHEAD // 2:
             self._deferring.finish()

@@ -7,13 +7,17 @@ a live stream is not supported.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+from pydantic import JsonValue
 
 from pipeline.compute import device
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
+from pipeline.methods.analogy.frame_passes import MADE
 from pipeline.methods.analogy.job_inputs import GUIDES
+from pipeline.methods.analogy.key_settings import key_settings, settings_document
 from pipeline.methods.analogy.keyframe_synthesizer import run_interval
 from pipeline.methods.analogy.layer_composite import LAYERS, run_composite
 from pipeline.methods.analogy.params import AnalogyParams
@@ -25,10 +29,12 @@ from pipeline.methods.base import (
     AnyParams,
     Example,
     Fits,
+    InputCheck,
     InputFacts,
     InputSpec,
     KeyPropagator,
     LayerPart,
+    MadePass,
     Method,
     Params,
     PlanContext,
@@ -41,6 +47,7 @@ from pipeline.methods.base import (
     When,
     resources_per_pixel,
 )
+from pipeline.methods.input_facts import checked
 from pipeline.methods.parts import PaintedKeys
 from pipeline.methods.studio import Section
 
@@ -76,6 +83,7 @@ class Analogy(Method):
     summary: ClassVar[str] = "Paints a shot with the pixels of your painting and keeps them attached to the motion."
     paper: ClassVar[str] = "benard2013stylizing"
     Params: ClassVar[type[Params]] = AnalogyParams
+    passes = ("motion", "normals", "ids", "depth", "position", "uv", "mattes")
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec(
             "video", "video", True, "Video",
@@ -105,6 +113,13 @@ class Analogy(Method):
             "keys.mask", needs="keyframes", fits=Fits(size="video"),
         ),
         InputSpec(
+            "keyframe_settings", "json", False, "Reach and weight of keyframes",
+            'How many frames before and after it a keyframe reaches, and its weight (0.1 to 10) between two keyframes: '
+            '[{"frame": 40, "before": 10, "after": 12, "weight": 2}]. Without it, a keyframe reaches up to the next '
+            "ones. Frames that none reaches are painted as those of a shot without keyframes.",
+            "keys", needs="keyframes",
+        ),
+        InputSpec(
             "lines", "video", False, "Lines",
             "Black lines on white, one frame for each frame of the video. They are drawn with the strokes of "
             "style_lines.", fits=_BESIDE_VIDEO,
@@ -128,12 +143,15 @@ class Analogy(Method):
         *_guide("a"), *_guide("b"), *_guide("c"),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=2),
-        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=2),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=3),
+        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=3),
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0, version=2),
     )
+    part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"keyframe_settings": settings_document}
+    input_checks: ClassVar[Mapping[str, InputCheck]] = {"keyframe_settings": checked(key_settings)}
     parts: ClassVar[tuple[LayerPart, ...]] = (LayerPart("keys", "Painted keys", PaintedKeys, former={"keys": ""}),)
     artefacts: ClassVar[tuple[str, ...]] = (LAYERS,)
+    makes_passes: ClassVar[tuple[MadePass, ...]] = MADE
     palette_input: ClassVar[str] = "style_output"
     studio: ClassVar[Studio] = Studio(
         sections=(Section("keys", "keys", "Painted keys"),),
@@ -156,7 +174,7 @@ class Analogy(Method):
         device()
 
     def input_faults(self, params: AnyParams, facts: Mapping[str, InputFacts]) -> list[BadParameter]:
-        """Guides and lines without a counterpart in the style, and masks of frames without a key."""
+        """Guides and lines without a counterpart in the style, and masks and settings of frames without a key."""
         keyed = "keyframes" in facts
         pairs = [("lines", "style_lines"), *((f"guide_{name}", f"style_guide_{name}") for name in GUIDES)]
         found = [
@@ -172,6 +190,15 @@ class Analogy(Method):
                 f"Frame {number} has a mask and no keyframe.", field=f"inputs.masks[{number}]", value=number,
                 remedy="Give its keyframe, or leave the mask out.",
             ))  # fmt: skip
+        document = facts["keyframe_settings"].document if "keyframe_settings" in facts else None
+        rows = document if isinstance(document, list) and keys is not None else []
+        for place, row in enumerate(rows):
+            if isinstance(row, dict) and row.get("frame", -1) not in (keys or ()):
+                found.append(BadParameter(
+                    f"Frame {row.get('frame')} has settings and no keyframe.",
+                    field=f"inputs.keyframe_settings[{place}]", value=row.get("frame"),
+                    remedy="Give its keyframe, or leave the row out.",
+                ))  # fmt: skip
         return found
 
     def single_frame_params(self, params: AnalogyParams) -> AnalogyParams:

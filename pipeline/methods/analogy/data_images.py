@@ -16,9 +16,11 @@ from pipeline.formats import has_planes
 from pipeline.formats.base import PlaneImage
 from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy.inputs import id_colours
+from pipeline.passes.find import Where, depth, normals, position, uv
+from pipeline.passes.sequence import labels_of
 from pipeline.synthesis.images import Bytes
 from pipeline.video.guard.pictures import guarded_planes, guarded_raw
-from pipeline.video.passes import data_channels, depth, normals, object_ids
+from pipeline.video.passes import data_channels
 
 Range = tuple[float, float]
 UNIT: Range = (0.0, 1.0)
@@ -102,9 +104,10 @@ def direction_data(files: Mapping[str, bytes], path: str) -> AnyArray:
 
 # -- passes that are known by the names of their channels
 
-DEPTH = "depth"
-PASSES_IN_FRAMES: Mapping[str, Callable[[PlaneImage], AnyArray | None]] = {
-    "normals": normals, "ids": object_ids, DEPTH: depth,
+FLOAT_PASSES = ("depth", "position", "uv")
+"""Passes that are guides in floating point, where the style or the user names them."""
+PASSES_IN_FRAMES: Mapping[str, Callable[[PlaneImage, Where], AnyArray | None]] = {
+    "normals": normals, "ids": labels_of, "depth": depth, "position": position, "uv": uv,
 }  # fmt: skip
 
 

@@ -54,9 +54,9 @@ _HALVINGS = 2
 
 
 def is_guided_still(context: TaskContext[AnalogyParams], inputs: SynthesisInputs, pair: StylePair) -> bool:
-    """Whether the video is a single image, and the style has a picture or guides that are registered with it."""
+    """Whether the film is a single image, and the style has a picture or guides that are registered with it."""
     registered = inputs.has_style_pair() and (not pair.derived or pair.extra_guides is not None)
-    return context.video.frames == 1 and registered and inputs.params.guided_stills == "auto"
+    return context.video.total == 1 and registered and inputs.params.guided_stills == "auto"
 
 
 def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:

@@ -6,7 +6,7 @@ they are known; painted keyframes; a style pair.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -25,6 +25,8 @@ GUIDE_WEIGHT = 4.0
 """Default weight of a guide of a shot, per squared gray level."""
 OPAQUE = 128
 """Opacity (8 bit) from which a pixel counts as painted."""
+GLAZE = 26
+"""The same where semi-transparent paint is a glaze over the frame: a tenth."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Guide:
 
     Attributes:
         weight: total weight of its channels, per squared gray level.
-        channels: number of channels, 1 or 3.
+        channels: number of channels, 1 to 3.
     """
 
     name: str
@@ -236,7 +238,10 @@ def _latest(masks: Mapping[int, Mask | None], shape: tuple[int, ...], numbers: S
     return found
 
 
-def read_keyframe(index: int, image: AnyArray, size: tuple[int, int], mask: AnyArray | None, field: str) -> Keyframe:
+def read_keyframe(
+    index: int, image: AnyArray, size: tuple[int, int], mask: AnyArray | None, field: str,
+    under: Callable[[], Frame] | None = None,
+) -> Keyframe:  # fmt: skip
     """Check and convert a keyframe.
 
     Args:
@@ -244,6 +249,8 @@ def read_keyframe(index: int, image: AnyArray, size: tuple[int, int], mask: AnyA
         size: (width, height) of the video, px.
         mask: uint8 or uint16; replaces alpha. None = no mask.
         field: name of the input, for error texts.
+        under: returns the frame, uint8 (h, w, 3), over which semi-transparent paint is a glaze; None = paint counts as
+            opaque from half opacity on.
 
     Raises:
         BadInput: the size differs from the video's, or no pixel is painted.
@@ -259,7 +266,12 @@ def read_keyframe(index: int, image: AnyArray, size: tuple[int, int], mask: AnyA
     alpha = pixels[..., 3] if pixels.ndim == 3 and pixels.shape[2] == 4 else None
     if mask is not None:
         alpha = _key_mask(index, mask, size)
-    painted = None if alpha is None or (alpha >= OPAQUE).all() else (alpha >= OPAQUE).astype(np.uint8)
+    least = OPAQUE if under is None else GLAZE
+    if under is not None and alpha is not None:
+        opacity = alpha[..., None].astype(np.float32) / np.float32(255)
+        below = under().astype(np.float32)
+        colours = np.rint(below + opacity * (colours - below)).astype(np.uint8)
+    painted = None if alpha is None or (alpha >= least).all() else (alpha >= least).astype(np.uint8)
     if painted is not None and not painted.any():
         raise BadInput(
             f"Keyframe {index} has no painted pixel: it is completely transparent.", field=field,

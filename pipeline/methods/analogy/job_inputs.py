@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -14,8 +14,10 @@ from pipeline.compute import device
 from pipeline.errors import BadInput
 from pipeline.formats import has_planes
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.methods.analogy.automatic_guides import automatic_guides, automatic_planes
 from pipeline.methods.analogy.data_images import UNIT, Range, data_picture, direction_data, range_of, read_data
 from pipeline.methods.analogy.inputs import WHOLE, Guide, InputFrame, Keyframe, StylePair, read_keyframe
+from pipeline.methods.analogy.key_settings import Settings, key_settings, reaching
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import LayerStatistics
 from pipeline.methods.analogy.style_images import default_pair
@@ -23,7 +25,7 @@ from pipeline.methods.base import TaskContext
 from pipeline.synthesis.distance import distance
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.synthesis.orientation import authored_tensors
-from pipeline.synthesis.tone_matching import derived_guide, lab_guide
+from pipeline.synthesis.tone_matching import derived_guide, lab_guide, smoothed
 
 GUIDES = ("a", "b", "c")
 MAX_PAINTING_PX = 16000
@@ -58,6 +60,10 @@ class JobInputs:
 
     @cached_property
     def guides(self) -> tuple[Guide, ...]:
+        return (*self._given_guides, *automatic_guides(self.params))
+
+    @cached_property
+    def _given_guides(self) -> tuple[Guide, ...]:
         weights = {name: getattr(self.params, f"guide_{name}_weight") for name in GUIDES}
         return tuple(Guide(name, weights[name], self._channels(name)) for name in GUIDES if self._has(name))
 
@@ -134,14 +140,14 @@ class JobInputs:
         return self.rotates and self._context.has("directions")
 
     def frames(self, start: int, stop: int) -> Iterator[InputFrame]:
-        guides = {guide: self._data_frames(f"guide_{guide.name}", start, stop) for guide in self.guides}
+        guides = {guide: self._data_frames(f"guide_{guide.name}", start, stop) for guide in self._given_guides}
         drawings = self._data_frames("lines", start, stop) if self.has_lines else None
         directions = self._direction_frames(start, stop) if self._has_directions else None
         for frame in self._context.frames("video", start, stop):
             planes = [
                 guide_plane(_next(pictures, f"guide_{guide.name}", frame), guide.channels)
                 for guide, pictures in guides.items()
-            ]
+            ] + automatic_planes(automatic_guides(self.params), frame)
             distance_px = None if drawings is None else line_distance(_next(drawings, "lines", frame))
             tensors = None if directions is None else authored_tensors(_next(directions, "directions", frame))
             yield InputFrame(frame, stacked(planes) if planes else None, distance_px, directions=tensors)
@@ -157,14 +163,23 @@ class JobInputs:
     def keyframe(self, index: int) -> Keyframe:
         masks = self._context.images("masks") if self._context.has("masks") else {}
         image = self._context.images("keyframes")[index]
-        return read_keyframe(index, image, self._context.size, masks.get(index), "inputs.keyframes")
+        under = partial(self._frame, index) if self.params.key_transparency == "glaze" else None
+        return read_keyframe(index, image, self._context.size, masks.get(index), "inputs.keyframes", under)
+
+    def _frame(self, index: int) -> Frame:
+        return next(self._context.frames("video", index, index + 1))
+
+    @cached_property
+    def key_settings(self) -> Settings:
+        """Reach and weight of the keyframes."""
+        has = self._context.has("keyframe_settings")
+        return key_settings(self._context.json("keyframe_settings")) if has else {}
 
     def nearest_key(self) -> int | None:
-        """The keyframe that is the style of a shot without one; None: the style is another."""
+        """The keyframe that is the style of frames without one, which it reaches; None: the style is another."""
         if self.near is None or self.has_style_pair():
             return None
-        near = self.near
-        return min(self.keyframe_numbers(), key=lambda index: (abs(index - near), index), default=None)
+        return next(iter(reaching(self.near, self.keyframe_numbers(), self.key_settings)), None)
 
     def _key_pair(self, index: int) -> StylePair:
         """A keyframe and the frame that it was painted over, with its guides, lines and directions."""
@@ -199,13 +214,14 @@ class JobInputs:
             if (key := self.nearest_key()) is not None:
                 return self._key_pair(key)
             plain, painting = default_pair(context)
-            guides, lines = self._style_guides(painting), self._style_lines(painting)
+            guides, lines = self._style_guides(painting, plain), self._style_lines(painting)
             pair = StylePair(painting, lab_guide(plain), True, guides, None, lines)
             return replace(pair, directions=self._style_directions(painting))
         painting = context.image("style_output")
         check_painting_size(painting, "inputs.style_output")
         plain_picture = same_size(context.image("style"), painting, "inputs.style") if context.has("style") else None
-        guides, lines = self._style_guides(painting), self._style_lines(painting)
+        scene = smoothed(painting, self.params.style_smoothing) if plain_picture is None else plain_picture
+        guides, lines = self._style_guides(painting, scene), self._style_lines(painting)
         pair = make_style_pair(painting, plain_picture, self.params.style_smoothing, guides, lines)
         return replace(pair, directions=self._style_directions(painting))
 
@@ -221,10 +237,10 @@ class JobInputs:
             return None
         return line_distance(same_size(self._data_image("style_lines"), painting, "inputs.style_lines"))
 
-    def _style_guides(self, painting: Frame) -> Bytes | None:
-        """Style counterparts of the given guides, uint8 (h, w, n)."""
+    def _style_guides(self, painting: Frame, scene: Frame) -> Bytes | None:
+        """Style counterparts of the guides, uint8 (h, w, n); those that are computed, of the painting's scene."""
         planes = []
-        for guide in self.guides:
+        for guide in self._given_guides:
             field = f"style_guide_{guide.name}"
             if not self._context.has(field):
                 raise BadInput(
@@ -233,6 +249,7 @@ class JobInputs:
                 )  # fmt: skip
             picture = same_size(self._data_image(field), painting, f"inputs.{field}")
             planes.append(guide_plane(picture, guide.channels))
+        planes += automatic_planes(automatic_guides(self.params), scene)
         return stacked(planes) if planes else None
 
 

@@ -13,6 +13,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
+from pipeline.methods.analogy.key_intervals import KeyInterval, interval_key
+from pipeline.methods.analogy.key_settings import weighted
 from pipeline.methods.analogy.layer_inputs import inputs_of
 from pipeline.methods.analogy.level_animation import (
     EstimatedVelocities,
@@ -23,7 +25,6 @@ from pipeline.methods.analogy.level_animation import (
 )
 from pipeline.methods.analogy.ordered_output import OrderedOutput
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import KeyInterval, interval_key
 from pipeline.methods.analogy.shot_layers import LayerStatistics
 from pipeline.methods.analogy.style_images import energy_of, keyframe_style
 from pipeline.methods.analogy.style_scaling import style_of
@@ -46,7 +47,8 @@ def run_interval(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     """Synthesise one interval and emit its frames."""
     args = dict(task.args["interval"])
     fixed = tuple((int(index), int(start)) for index, start in args["fixed"])
-    interval = KeyInterval(**{**args, "keys": tuple(args["keys"]), "fixed": fixed})
+    before, after = args.get("weights", (1.0, 1.0))
+    interval = KeyInterval(**{**args, "keys": tuple(args["keys"]), "fixed": fixed, "weights": (before, after)})
     synthesizer = KeyframeSynthesizer(context, interval)
     synthesizer.paint(task.key)
     return synthesizer.result(interval.last - interval.first)
@@ -84,7 +86,8 @@ class KeyframeSynthesizer(Synthesizer):
     def _animation(self, level: int, velocities: EstimatedVelocities) -> KeyframeAnimation:
         usable = self.style(level).style.first_usable
         frames, clock = self._frames[level], self.context.clock
-        return KeyframeAnimation(frames, clock, usable, self._painted, velocities, self.boil(level))
+        weights = self.interval.weights
+        return KeyframeAnimation(frames, clock, usable, self._painted, velocities, weights, self.boil(level))
 
     def _frames_on_device(self) -> int:
         return self.interval.stop - self.interval.start
@@ -122,6 +125,7 @@ class KeyframeSynthesizer(Synthesizer):
         for done, index in enumerate(frames):
             if self._shown_at(index) == index:
                 solved = self._all_levels(index, self._animations.__getitem__, done / len(frames))
+                self._keep_passes(solved)
                 painting = self.painting(index, self.ops.fetch(solved.offsets))
             self._emit(index, painting)
 
@@ -139,7 +143,7 @@ class KeyframeSynthesizer(Synthesizer):
         following = min((i for i in keys if i > shown), default=None)
         if self.params.key_blend == 0 or shown in keys or last is None or following is None or not self._coherent:
             return painting
-        share = (shown - last) / (following - last)
+        share = weighted((shown - last) / (following - last), *self.interval.weights)
         before, after = (
             KeyColours(
                 np.ascontiguousarray(colours(self.style(0).style, ribbon)[..., :3]), ribbon[..., 0] > NOWHERE, weight
@@ -188,6 +192,7 @@ class KeyframeSynthesizer(Synthesizer):
         """Add the frames of a sweep that are shown and that no later sweep changes."""
         shown = {self._shown_at(index) for index in range(self.interval.first, self.interval.last)}
         for index in sorted(shown.intersection(frames).difference(*later)):
+            self._keep_passes(solved[index])
             output.add(index, self.ops.fetch(solved[index].offsets))
 
     def _sweeps(self, level: int, animation: KeyframeAnimation) -> list[range]:
@@ -203,7 +208,7 @@ class KeyframeSynthesizer(Synthesizer):
             return [order(start, stop, number % 2 == 0) for number in range(2 * self.params.sweeps)]
         if len(ends) < 2:
             return [order(start, stop, ends[0] == start)] * self.params.sweeps
-        middle = (start + stop - 1) // 2
+        middle = self.interval.border
         return [order(start, middle + 1, True), order(middle, stop, False)] * self.params.sweeps
 
     def _previous_result(

@@ -14,7 +14,8 @@ from pipeline.compositing import lay_over
 from pipeline.compute import device
 from pipeline.frames import Frame, Mask
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.shot_layers import Layer, RenderPasses, layered_shot, paint_artefact
+from pipeline.methods.analogy.render_passes import RenderPasses
+from pipeline.methods.analogy.shot_layers import Layer, layered_shot, paint_artefact
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.synthesis.distance import extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes

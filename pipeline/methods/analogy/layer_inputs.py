@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
@@ -19,8 +19,9 @@ from pipeline.compute import device
 from pipeline.errors import BadInput
 from pipeline.formats import has_planes
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.methods.analogy.automatic_guides import automatic_guides, automatic_planes
 from pipeline.methods.analogy.data_images import (
-    DEPTH,
+    FLOAT_PASSES,
     PASS_COLOURS,
     PASSES_IN_FRAMES,
     UNIT,
@@ -53,21 +54,21 @@ from pipeline.methods.analogy.job_inputs import (
     same_size,
 )
 from pipeline.methods.analogy.params import AnalogyParams
+from pipeline.methods.analogy.render_passes import RenderPasses, as_rgb
 from pipeline.methods.analogy.shot_layers import (
     Layer,
     LayerStatistics,
-    RenderPasses,
-    as_rgb,
     layer_params,
     layered_shot,
 )
 from pipeline.methods.analogy.style_images import default_pair
 from pipeline.methods.base import TaskContext
+from pipeline.passes.find import ANYWHERE
 from pipeline.synthesis.distance import Sites, extrapolated, nearest, within_reach
 from pipeline.synthesis.images import Bytes, stacked
 from pipeline.synthesis.orientation import authored_tensors
+from pipeline.synthesis.tone_matching import smoothed
 from pipeline.video.guard.pictures import guarded_planes, guarded_raw
-from pipeline.video.passes import signed
 
 EXTRAPOLATED_PX = 64
 """Distance beyond the paint to which a layer's colours are extrapolated, px: the reach of a patch at the coarsest
@@ -107,6 +108,11 @@ class LayerInputs:
 
     @cached_property
     def guides(self) -> tuple[Guide, ...]:
+        """The given guides, and those that are computed."""
+        return (*self._given_guides, *automatic_guides(self.params))
+
+    @cached_property
+    def _given_guides(self) -> tuple[Guide, ...]:
         """Passes that have a counterpart in the style (with keyframes as style: all passes), and the user's guides."""
         weights = self._layer.files.settings.guides if self._layer.files.settings else {}
         names = [*self._passes.guide_names(), *(["mask"] if self.masked else [])]
@@ -122,14 +128,14 @@ class LayerInputs:
 
     def _in_style(self, name: str, weights: Mapping[str, float]) -> bool:
         """Whether the style has a counterpart of the guide. Keyframes have one of each, because their frames have it;
-        depth in the frames is used only where the user names it.
+        depth, positions and texture coordinates in the frames are used only where the user names them.
 
         Raises:
             BadInput: a guide that the user gave or named has no counterpart.
         """
         own = name in self._layer.files.guides or name in self._layer.whole.guides
         keyed = self._keyframe_style and not (self.layer == WHOLE and self.has_style_pair())
-        found = name in self._layer.style or (keyed and (own or name != DEPTH or name in weights))
+        found = name in self._layer.style or (keyed and (own or name not in FLOAT_PASSES or name in weights))
         if not found and (own or name in weights):
             raise BadInput(
                 f"{self._layer.where}: the guide {name} has no counterpart in the style.",
@@ -151,7 +157,7 @@ class LayerInputs:
     def ranges(self) -> dict[str, Range]:
         """Ranges of the guides that have values outside 0..1, in all frames and in the style."""
         found = {}
-        for guide in self.guides:
+        for guide in self._given_guides:
             if guide.name in ("mask", "ids", "normals"):
                 continue
             path = self._layer.style.get(guide.name)
@@ -184,7 +190,8 @@ class LayerInputs:
     def _frame(self, index: int) -> InputFrame:
         frame, mask = self._passes.frame(index), self._passes.mask(index)
         distance_px = line_distance(self._passes.picture("lines", index)) if self.has_lines else None
-        planes = [self._guide_plane(guide, index, mask) for guide in self.guides]
+        planes = [self._guide_plane(guide, index, mask) for guide in self._given_guides]
+        planes += automatic_planes(automatic_guides(self.params), frame)
         directions = self._directions(index)
         if mask is None:
             return InputFrame(frame, stacked(planes) if planes else None, distance_px, directions=directions)
@@ -228,10 +235,7 @@ class LayerInputs:
     def velocities(self, first: int) -> tuple[Flow, Flow] | None:
         if self._statistics is None or self._statistics.factors is None:
             return None
-        plus = signed(*self._passes.vectors(first), self._statistics.factors).plus
-        minus = signed(*self._passes.vectors(first + 1), self._statistics.factors).minus
-        if plus is None or minus is None:
-            return None
+        plus, minus = self._passes.velocities(first, self._statistics.factors, self._statistics.way)
         return self._extrapolated_velocity(plus, first), self._extrapolated_velocity(minus, first + 1)
 
     def _extrapolated_velocity(self, velocity: Flow, index: int) -> Flow:
@@ -251,9 +255,11 @@ class LayerInputs:
         if index not in paths["keyframes"]:
             return JobInputs(self._context).keyframe(index)
         painted = self._passes.picture("painted", index) if index in paths["painted"] else None
-        image, where = self._raw(paths["keyframes"][index]), paths["keyframes"][index]
+        where = paths["keyframes"][index]
+        image = self._passes.fitted(self._raw(where))
         if not self.masked:
-            return read_keyframe(index, image, self._context.size, painted, where)
+            under = partial(self._passes.frame, index) if self.params.key_transparency == "glaze" else None
+            return read_keyframe(index, image, self._context.size, painted, where, under)
         pixels = eight_bit(image)
         key = read_keyframe(index, as_rgb(pixels), self._context.size, painted, where)
         opacity = pixels[..., 3] if pixels.ndim == 3 and pixels.shape[2] == 4 else self._silhouette(index)
@@ -263,7 +269,7 @@ class LayerInputs:
         """Opacity of a keyframe without opacity, uint8 (h, w): 255 within `overpaint_px` of the silhouette, else 0."""
         mask, settings = self._passes.mask(index), self._layer.files.settings
         assert mask is not None
-        reach_px = settings.overpaint_px if settings is not None else None
+        reach_px = (settings.overpaint_px or 0) * self._passes.ratio if settings is not None else 0
         covered = within_reach(nearest(mask, device(), int(reach_px) + 1), reach_px) if reach_px else mask
         return np.where(covered, 255, 0).astype(np.uint8)
 
@@ -271,11 +277,12 @@ class LayerInputs:
         """Maximum distance of paint beyond the silhouette, px."""
         settings = self._layer.files.settings
         if settings is not None and settings.overpaint_px is not None:
-            return settings.overpaint_px
+            return settings.overpaint_px * self._passes.ratio
         if not self.masked:
             return 0.0
         if not self.keyframe_numbers():
-            return STYLE_OVERPAINT_PX if self.has_style_pair() and self.style_pair().output.shape[2] == 4 else 0.0
+            translucent = self.has_style_pair() and self.style_pair().output.shape[2] == 4
+            return STYLE_OVERPAINT_PX * self._passes.ratio if translucent else 0.0
         return max(self._overpaint_of_key(index) for index in self.keyframe_numbers())
 
     def _overpaint_of_key(self, index: int) -> float:
@@ -307,7 +314,9 @@ class LayerInputs:
         painting, usable = self._with_opacity(painting)
         plain = same_size(self._style_picture("input"), painting, style["input"]) if "input" in style else None
         lines = self._style_lines(painting) if self.has_lines and "lines" in style else None
-        pair = make_style_pair(painting, plain, self.params.style_smoothing, self._style_guides(painting), lines)
+        smoothing_px, opaque = self.params.style_smoothing, np.ascontiguousarray(painting[..., :3])
+        guides = self._style_guides(painting, smoothed(opaque, smoothing_px) if plain is None else plain)
+        pair = make_style_pair(painting, plain, smoothing_px, guides, lines)
         return replace(pair, directions=self._style_directions(painting), usable=usable)
 
     def _with_opacity(self, painting: Bytes) -> tuple[Bytes, Bytes | None]:
@@ -347,25 +356,27 @@ class LayerInputs:
         if self._context.has("style_output") or self._context.has("style"):
             return JobInputs(self._context).style_pair()
         plain, painting = default_pair(self._context)
-        return make_style_pair(painting, plain, 0.0, None, None)
+        planes = automatic_planes(automatic_guides(self.params), plain)
+        return make_style_pair(painting, plain, 0.0, stacked(planes) if planes else None, None)
 
     def _style_lines(self, painting: Bytes) -> Plane:
         path = self._layer.style["lines"]
         return line_distance(same_size(data_picture(read_data(self._layer.contents, path)), painting, path))
 
-    def _style_guides(self, painting: Bytes) -> Bytes | None:
-        """Style counterparts of the guides, uint8 (h, w, n)."""
-        paths = {guide: self._layer.style[guide.name] for guide in self.guides}
+    def _style_guides(self, painting: Bytes, scene: Frame) -> Bytes | None:
+        """Style counterparts of the guides, uint8 (h, w, n); those that are computed, of the painting's scene."""
+        paths = {guide: self._layer.style[guide.name] for guide in self._given_guides}
         pictures = {guide: same_size(self._style_guide(guide.name), painting, path) for guide, path in paths.items()}
         planes = [guide_plane(picture, guide.channels) for guide, picture in pictures.items()]
+        planes += automatic_planes(automatic_guides(self.params), scene)
         return stacked(planes) if planes else None
 
     def _style_guide(self, name: str) -> Frame:
         path = self._layer.style[name]
         if has_planes(path) and name in PASSES_IN_FRAMES:
-            found = PASSES_IN_FRAMES[name](guarded_planes(self._layer.contents[path], path))
+            found = PASSES_IN_FRAMES[name](guarded_planes(self._layer.contents[path], path), ANYWHERE)
             if found is not None:
-                return data_picture(found, self._range(name)) if name == DEPTH else PASS_COLOURS[name](found)
+                return data_picture(found, self._range(name)) if name in FLOAT_PASSES else PASS_COLOURS[name](found)
         data = read_data(self._layer.contents, path)
         return id_colours(data) if name == "ids" and data.ndim == 2 else data_picture(data, self._range(name))
 

@@ -14,6 +14,7 @@ from pipeline.compute import device
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods.analogy.boil import Boil
 from pipeline.methods.analogy.inputs import InputFrame, StylePair, SynthesisInputs
+from pipeline.methods.analogy.key_settings import weighted
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.base import Clock
 from pipeline.methods.fields import FlowName
@@ -124,10 +125,13 @@ class LevelFrames:
     def target(self, index: int) -> Target:
         """Frame `index` as the target of the synthesis."""
         guide, lines = self.guides[index], self.line_distances.get(index)
-        if not self.inputs.rotates:
-            return Target(guide, None, lines)
-        sources = DirectionSources(np.ascontiguousarray(guide[..., 0]), lines, self.directions.get(index))
-        return Target(guide, direction_bins_of(sources, self.inputs.params, self.level), lines)
+        return Target(guide, self.directions_of(index) if self.inputs.rotates else None, lines)
+
+    def directions_of(self, index: int) -> Bytes:
+        """Directions of frame `index`, uint8 (h, w), see `DirectionSources.bins`."""
+        gray = np.ascontiguousarray(self.guides[index][..., 0])
+        sources = DirectionSources(gray, self.line_distances.get(index), self.directions.get(index))
+        return direction_bins_of(sources, self.inputs.params, self.level)
 
 
 def direction_bins_of(sources: DirectionSources, params: AnalogyParams, level: int) -> Bytes:
@@ -332,14 +336,16 @@ class KeyframeAnimation(LevelAnimation):
     Args:
         painted: frame number -> offsets of its painted pixels, at the finest level.
         velocities: estimated at full size.
+        weights: of the keyframes before and after a frame.
     """
 
     def __init__(
         self, level_frames: LevelFrames, clock: Clock, usable_position: tuple[int, int],
-        painted: dict[int, Offsets], velocities: EstimatedVelocities, boil: Boil | None = None,
+        painted: dict[int, Offsets], velocities: EstimatedVelocities, weights: tuple[float, float] = (1.0, 1.0),
+        boil: Boil | None = None,
     ) -> None:  # fmt: skip
         super().__init__(level_frames, clock, usable_position, velocities, boil)
-        self._painted, self._level = painted, level_frames.level
+        self._painted, self._level, self._weights = painted, level_frames.level, weights
         self.full = {i for i, offsets in painted.items() if (offsets[..., 0] > NOWHERE).all()}
         self.ribbon_offsets: dict[int, Offsets] = {}
         firsts = [] if level_frames.silhouettes else velocities.firsts
@@ -368,7 +374,8 @@ class KeyframeAnimation(LevelAnimation):
         following = min((i for i in self._painted if i >= index), default=None)
         if last is None or following is None or last == following:
             return 0.5
-        from_last = (following - index) / (following - last)
+        before, after = self._weights
+        from_last = weighted((following - index) / (following - last), after, before)
         bias = from_last if forward else 1 - from_last
         if {last, following} <= self.full:
             return bias

@@ -25,12 +25,13 @@ class AnalogyParams(Params):
     """Parameters of stylising animation by example (benard2013stylizing)."""
 
     applies_when: ClassVar[Mapping[str, Alternatives]] = {
-        **dict.fromkeys(("key_guide_weight", "key_colour_weight"), _KEYED),
+        **dict.fromkeys(("key_guide_weight", "key_colour_weight", "key_transparency"), _KEYED),
         **dict.fromkeys(("change_weight", "change_out_weight"), _BETWEEN_KEYS),
         **dict.fromkeys(("key_blend", "key_iterations", "key_search_radius"), _BETWEEN_KEYS),
         **{f"guide_{name}_weight": (When(inputs=(f"guide_{name}",)),) for name in _GUIDES},
         **dict.fromkeys(("lines_weight", "lines_reach"), (When(inputs=("lines",)),)),
         **dict.fromkeys(("steadiness", "sweeps", "sweep_order", "refinement"), (_COHERENT,)),
+        "flow": (When(params={"temporal": ("on",)}, without_passes=("motion",)),),
         "rotation_sigma": (
             When(params={"rotation": ("on",)}),
             When(params={"rotation": ("auto",)}, inputs=("directions", "style_directions")),
@@ -128,6 +129,23 @@ class AnalogyParams(Params):
         4, 0, 50, "Weight of guide c", "Weight of differences in the input guide_c. Larger values follow it more "
         "closely.", "per squared gray level", "Style",
     )  # fmt: skip
+    edge_guide: float = number(
+        0, 0, 50, "Guide of edges",
+        "Weight of a guide that is computed from the video and from the scene of the painting: how strong the edges of "
+        "the lightness are. Larger values put contours of the painting on contours of the video.",
+        "per squared gray level", "Style",
+    )  # fmt: skip
+    place_guide: float = number(
+        0, 0, 50, "Guide of places",
+        "Weight of a computed guide: where in the picture a pixel is, in its width and height. Larger values take "
+        "paint from the same place of the painting, which suits a painting, or keys, of the same composition.",
+        "per squared gray level", "Style",
+    )  # fmt: skip
+    face_guide: float = number(
+        0, 0, 50, "Guide of faces",
+        "Weight of a computed guide: the heads of frontal faces. Larger values paint faces with paint of faces, if "
+        "some are found in the painting or in the scene that it shows.", "per squared gray level", "Style",
+    )  # fmt: skip
     guided_stills: Literal["auto", "off"] = choice(
         "auto", "Still images with guides",
         "auto = for an image whose style has a registered scene or guides, the method chooses the other weights, and "
@@ -224,6 +242,12 @@ class AnalogyParams(Params):
         "Weight with which the result changes as the style changes between positions. Its effect is small, as the "
         "paper notes.", "per squared gray level", "Keyframes", "w_dout",
     )  # fmt: skip
+    key_transparency: Literal["half", "glaze"] = choice(
+        "half", "Transparency of keys",
+        "Meaning of semi-transparent paint of a key: half = opaque from half opacity on, else not painted; glaze = it "
+        "is seen over the frame that it was painted over, as in the paint program, from a tenth on. In a layer with a "
+        "silhouette it is the layer's opacity.", "Keyframes",
+    )  # fmt: skip
     key_blend: float = number(
         0, 0, 1, "Blend of keys",
         "Share to which the colours of frames between two keyframes are adjusted to a blend of both, while their "
@@ -285,8 +309,18 @@ class AnalogyParams(Params):
         "rows. Several sweeps, and the sweep order of the paper, are always full.",
         "Search",
     )  # fmt: skip
+    random_search: Literal["alternate", "every"] = choice(
+        "alternate", "Random search",
+        "Rounds with a random search: alternate = every second one, but not the last of several; every = all, as in "
+        "the paper, which takes longer.", "Search",
+    )  # fmt: skip
     search_radius: float = number(
         128, 1, 4096, "Search radius",
         "Radius of the random search in the style at all but the coarsest level. Larger values find positions farther "
         "away.", "px", "Search",
     )  # fmt: skip
+
+    @property
+    def frames_per_painting(self) -> int:
+        """Number of frames that show the same painting."""
+        return 2 if self.on_twos == "on" else 1

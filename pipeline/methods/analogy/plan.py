@@ -8,23 +8,26 @@ synthesise   layers, shots and intervals between keyframes are independent of ea
              sixteenth of the memory. The coarse levels of a short shot (a fifth of its work) are one task.
              Independent frames (temporal = off, stills): runs without dependencies
 composite    composites the layers, in runs of frames; no tasks without layers
-
-Intervals (section 4 of benard2013stylizing): keyframes are hard constraints, so frames before the first key, between
-two keys and after the last key are independent. A long interval is divided into parts, from its keyframes to its
-middle: each part starts from the last frame of the part nearer to the keyframe, which is fixed like a keyframe. The
-interval before a keyframe that is painted in parts fills it, and the interval after it starts from the filled frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
-from types import MappingProxyType
 
+from pipeline.methods.analogy.key_intervals import (
+    KeyInterval,
+    gaps,
+    interval_frames,
+    interval_key,
+    key_limit,
+    split_intervals,
+)
+from pipeline.methods.analogy.key_settings import KeySettings
 from pipeline.methods.analogy.level_animation import levels_of
 from pipeline.methods.analogy.params import AnalogyParams, overridden
 from pipeline.methods.base import PlanContext, Task, TaskResult, VideoInfo
+from pipeline.methods.holds import painted_frame
 from pipeline.methods.scan import delivered_shots
 
 MAX_RUN_FRAMES = 32
@@ -38,17 +41,6 @@ FAST_FROM_ROWS = 720
 """Rows of the frame from which `refinement=auto` is fast."""
 _COARSE_LEVEL = 2
 """Finest level that has long runs. The sweeps of this and coarser levels are one task if the shot fits into one run."""
-MAX_INTERVAL_FRAMES = 48
-"""Maximum number of frames of an interval; a task holds all of them at one level. The paper has a key every 10 to
-20."""
-_MIN_INTERVAL_FRAMES = 8
-MAX_INTERVAL_BYTES = 3 << 30
-MAX_STYLE_PX = 1 << 26
-"""Maximum number of pixels of the keyframes that are the style of an interval, if they are painted in parts."""
-_MAX_SIDE_KEYS = 6
-_INTERVAL_FRAME_BYTES = 60
-"""Memory of one frame of an interval at the finest level, bytes per pixel: offsets, pictures, motion in both
-directions, two ribbons."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +94,8 @@ def _run_length(params: AnalogyParams, size: tuple[int, int], level: int = 0) ->
 
     A run of a coarse level consists of whole runs of the finest level.
     """
-    length = run_frames(size) // 2 * 2 if params.on_twos == "on" else run_frames(size)
+    held = params.frames_per_painting
+    length = run_frames(size) // held * held
     return length * (MAX_RUN_FRAMES // length) if level >= _COARSE_LEVEL else length
 
 
@@ -126,30 +119,41 @@ def _layer_tasks(context: PlanContext[AnalogyParams], scan: TaskResult, found: T
     Args:
         scan: result of the step scan.
         found: what the scan found of the layer: its keyframes, (frame number, whether it is painted everywhere); their
-            sources, see `key_sources`; its own parameters.
+            sources, see `key_sources`; their reach and weight, if these are given; its own parameters.
     """
     params = overridden(context.params, found.get("params", {}))
     size = (context.video.width, context.video.height)
     sources = {int(index): (behind, ahead) for index, behind, ahead in found.get("sources", [])}
+    settings = {int(index): KeySettings(**row) for index, row in found.get("settings", [])}
     tasks: list[Task] = []
     video = context.video
     for begin, end in delivered_shots(context, scan):
         keys = [(int(index), bool(full)) for index, full in found["keys"] if begin <= index < end]
+        unkeyed = [(begin, end)]
         if keys:
-            unit, most = 2 if params.on_twos == "on" else 1, key_limit(size)
+            unit, most = params.frames_per_painting, key_limit(size)
             limited = {index: (behind[:most], ahead[:most]) for index, (behind, ahead) in sources.items()}
-            intervals = dict(split_intervals(begin, end, keys, interval_frames(size), layer, limited, unit))
-            if params.temporal == "off":
-                intervals = {key: replace(each, fixed=()) for key, each in intervals.items()}
+            coherent = params.temporal == "on"
+            parts = split_intervals(begin, end, keys, interval_frames(size), limited, unit, settings, coherent)
+            intervals = {interval_key(part.start, layer): replace(part, layer=layer) for _, part in parts}
             tasks += [_interval_task(key, intervals[key]) for key in _needed(intervals, video, layer)]
-            continue
-        if video.is_piece:
-            begin, end = max(begin, video.first), min(end, video.stop)
-        independent = params.temporal == "off" or end - begin == 1
-        sweeps = (_independent_runs if independent else _chained_sweeps)(params, begin, end, size)
-        short = end - begin <= _run_length(params, size, _COARSE_LEVEL)
-        tasks += [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), short)]
+            names = [index for index, _ in keys]
+            unkeyed = [run for run in gaps(begin, end, names, settings) if video.delivers_any(*run)]
+        elif video.is_piece:
+            first = painted_frame(max(begin, video.first), begin, params.frames_per_painting)
+            unkeyed = [(first, min(end, video.stop))]
+        for run in unkeyed:
+            tasks += _unkeyed_tasks(params, run, size, layer)
     return tasks
+
+
+def _unkeyed_tasks(params: AnalogyParams, run: tuple[int, int], size: tuple[int, int], layer: int) -> list[Task]:
+    """The tasks of frames [begin, end) that no keyframe reaches."""
+    begin, end = run
+    independent = params.temporal == "off" or end - begin == 1
+    sweeps = (_independent_runs if independent else _chained_sweeps)(params, begin, end, size)
+    short = end - begin <= _run_length(params, size, _COARSE_LEVEL)
+    return [_sweep_task(group) for group in _grouped(_of_layer(sweeps, layer), short)]
 
 
 def _needed(intervals: Mapping[str, KeyInterval], video: VideoInfo, layer: int) -> list[str]:
@@ -290,124 +294,9 @@ def fine_levels(params: AnalogyParams, size: tuple[int, int]) -> int:
     return min(FINE_LEVELS, levels_of(params, size, min(size)) - 1)
 
 
-# -- intervals between keyframes
-
-
-@dataclass(frozen=True)
-class KeyInterval:
-    """Frames [start, stop) to synthesise, of which [first, last) are emitted.
-
-    Attributes:
-        keys: frame numbers of the keyframes that are the style: those at the ends, and those that paint what these
-            leave unpainted.
-        fixed: (frame, first frame of the interval that has synthesised it) of frames that are fixed like keyframes.
-        layer: number of the layer; -1 = the whole picture.
-    """
-
-    start: int
-    stop: int
-    first: int
-    last: int
-    keys: tuple[int, ...]
-    fixed: tuple[tuple[int, int], ...] = ()
-    layer: int = -1
-
-
-def interval_frames(size: tuple[int, int]) -> int:
-    """Maximum number of frames of an interval at a frame size (width, height) px: 24 at 1080p."""
-    fitting = MAX_INTERVAL_BYTES // (size[0] * size[1] * _INTERVAL_FRAME_BYTES)
-    return max(_MIN_INTERVAL_FRAMES, min(MAX_INTERVAL_FRAMES, fitting))
-
-
-def key_limit(size: tuple[int, int]) -> int:
-    """Maximum number of keyframes on each side of an interval that are its style, at a frame size (width, height)."""
-    return max(1, min(_MAX_SIDE_KEYS, MAX_STYLE_PX // (2 * size[0] * size[1])))
-
-
 def further_keys(context: PlanContext[AnalogyParams]) -> int:
     """Maximum number of keyframes that are the style of an interval beside the two at its ends."""
     scan = context.results.get("scan", {}).get("video", {})
     most = key_limit((context.video.width, context.video.height))
     sources = [each for layer in (scan, *scan.get("layers", ())) for each in layer.get("sources", ())]
     return 2 * max((min(len(side), most) - 1 for _, *both in sources for side in both), default=0)
-
-
-def split_intervals(
-    begin: int,
-    end: int,
-    keys: list[tuple[int, bool]],
-    most: int = MAX_INTERVAL_FRAMES,
-    layer: int = -1,
-    sources: Mapping[int, tuple[Sequence[int], Sequence[int]]] = MappingProxyType({}),
-    unit: int = 1,
-) -> Iterator[tuple[str, KeyInterval]]:
-    """Split the frames [begin, end) of a shot at its keyframes; yields (task key, interval).
-
-    Args:
-        keys: (frame number, whether the keyframe is painted everywhere).
-        most: maximum number of frames of an interval.
-        layer: number of the layer; -1 = the whole picture.
-        sources: keyframes that are the style before and after a keyframe, see `key_sources`; itself if not given.
-        unit: number of frames that show one painting; parts begin at multiples of it from the keyframe.
-    """
-    full = dict(keys)
-    # A keyframe that is the last frame belongs to the interval before it, since a task of its own takes half a second.
-    ending = end - 1 if end - 1 in full and end - 1 > begin else end
-    filled_by: int | None = None
-    """First frame of the part before, whose last frame is the keyframe from which the next interval starts."""
-    for left, right in pairwise(sorted({begin, *full, ending})):
-        stop = right + 1 if right in full else right
-        before = sources.get(left, ((left,), ()))[0] if left in full else ()
-        after = sources.get(right, ((), (right,)))[1] if right in full else ()
-        style, next_filled_by = tuple(sorted({*before, *after})), None
-        for part in _interval_parts(left, right, stop, style, (left in full, right in full), most // unit * unit, unit):
-            fixed = part.fixed
-            if part.start == left and filled_by is not None and not full[left]:
-                fixed = ((left, filled_by), *fixed)
-            last = end if part.last == ending else part.last
-            next_filled_by = part.start if part.last == right else next_filled_by
-            yield interval_key(part.start, layer), replace(part, last=last, layer=layer, fixed=fixed)
-        filled_by = next_filled_by
-
-
-def interval_key(start: int, layer: int = -1) -> str:
-    """Key of the task that synthesises the interval from frame `start` on."""
-    return f"layer-{layer}-keyed-{start:07d}" if layer >= 0 else f"keyed-{start:07d}"
-
-
-def _interval_parts(
-    left: int, right: int, stop: int, keys: tuple[int, ...], keyed: tuple[bool, bool], most: int, unit: int
-) -> Iterator[KeyInterval]:
-    """Divide one interval into parts of at most `most` frames, in the order of their dependencies.
-
-    Neighbouring parts share a frame, which the part nearer to a keyframe synthesises. Between two keyframes, parts
-    continue from both of them, and the part in the middle, of `most` frames, leads from one side to the other.
-
-    Args:
-        keyed: whether the frames `left` and `right` are keyframes.
-        unit: see `split_intervals`.
-    """
-    forward_end, backward_begin = right, right
-    if right - left > most and all(keyed):
-        forward_end = left + (right - left - most + 1) // 2 // unit * unit
-        backward_begin = forward_end + most
-    elif keyed == (False, True):
-        forward_end = backward_begin = left
-
-    def part(start: int, inner: int, fixed: dict[int, int]) -> KeyInterval:
-        """The part that emits [start, inner); `fixed`: frame -> first frame of the part that has synthesised it."""
-        return KeyInterval(start, stop if inner == right else inner + 1, start, inner, keys, tuple(fixed.items()))
-
-    before, after = left, right
-    for start in range(left, forward_end, most):
-        inner = min(start + most, forward_end)
-        yield part(start, inner, {start: before} if start > left else {})
-        before = start
-    for start in reversed(range(backward_begin, right, most)):
-        inner = min(start + most, right)
-        yield part(start, inner, {inner: after} if inner < right else {})
-        after = start
-    if forward_end < backward_begin:
-        outer = {forward_end: before} if forward_end > left else {}
-        outer |= {backward_begin: after} if backward_begin < right else {}
-        yield part(forward_end, backward_begin, outer)

@@ -5,33 +5,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
-from typing import cast
 
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Mask
+from pipeline.methods.analogy.frame_passes import MADE
 from pipeline.methods.analogy.inputs import SynthesisInputs, key_sources, painted_masks
 from pipeline.methods.analogy.job_inputs import JobInputs
+from pipeline.methods.analogy.key_intervals import MAX_INTERVAL_FRAMES, gaps
+from pipeline.methods.analogy.key_settings import Settings, reaching
+from pipeline.methods.analogy.layer_composite import LAYERS
 from pipeline.methods.analogy.layer_inputs import LayerInputs
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES
+from pipeline.methods.analogy.render_passes import RenderPasses
 from pipeline.methods.analogy.shot_layers import (
-    Factors,
     Layer,
     LayeredShot,
     LayerStatistics,
-    RenderPasses,
     layered_shot,
 )
 from pipeline.methods.analogy.style_images import save_default_pair
 from pipeline.methods.analogy.style_scaling import scaled_style_saved
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.holds import first_scanned
 from pipeline.methods.scan import scan_video
+from pipeline.passes.facts import known_vectors
+from pipeline.passes.sequence import OFF
+from pipeline.passes.vectors import VectorFacts, vector_facts
 from pipeline.synthesis.tone_matching import ToneAccumulator, ToneStatistics, lab_guide
-from pipeline.video.passes import Convention, factors_of
+from pipeline.video.sequence_options import USUAL
 
 TASK = "video"
+_ESTIMATED = "Motion is estimated by optical flow."
 _SAMPLED_FRAMES = 24
 """Number of evenly spaced frames from which the tones of a layer are measured."""
 
@@ -45,10 +51,12 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     """Count the frames, detect cuts, and measure the tones of the video and of each layer.
 
     The result holds the number of frames, the first frame of each shot but the first, the keyframes, (frame number,
-    whether it is painted everywhere), their sources, see `key_sources`, and for each layer its name, parameters,
-    keyframes, overpaint and a message about its motion vectors.
+    whether it is painted everywhere), their sources, see `key_sources`, their reach and weight, and for each layer its
+    name, parameters, keyframes, overpaint and a message about its motion vectors.
     """
     shot, video = layered_shot(context), context.video
+    if shot is not None and shot.layers and (lost := [one.name for one in MADE if context.wants_pass(one.name)]):
+        context.warn(f"A shot with layers has no passes ({', '.join(lost)}): the artefact {LAYERS} has its layers.")
     accumulator = ToneAccumulator()
 
     def measure(frame: Frame) -> None:
@@ -65,19 +73,15 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     tones = accumulator.statistics()
     edges = [first or 0, *cuts, scanned]
     masks = painted_masks(JobInputs(context), frames) if shot is None else {}
-    unkeyed = _unkeyed(edges, masks)
-    if masks and not context.has("style_output"):
-        for begin, end in unkeyed:
-            context.warn(
-                f"The shot of the frames {begin} to {end - 1} has no painted keyframe: its style is the nearest one."
-            )
-    elif not context.has("style_output") and unkeyed:
+    settings = JobInputs(context).key_settings if shot is None else {}
+    if not context.has("style_output") and _needs_default_style(context, edges, masks, settings):
         with context.clock("style"):
             save_default_pair(context, frames)
     if shot is None:
         ranges = JobInputs(context).ranges()
         context.save(JobInputs.statistics_artefact, LayerStatistics(tones, ranges=ranges).arrays())
-        return {"first": first or 0, "frames": scanned, "cuts": cuts, **_keys(masks, edges), "layers": []}
+        found = _keys(masks, edges) | {"settings": [(index, asdict(one)) for index, one in sorted(settings.items())]}
+        return {"first": first or 0, "frames": scanned, "cuts": cuts, **found, "layers": []}
     if frames != shot.whole.frames:
         raise BadInput(
             "Some pictures of the shot could not be read.", field="inputs.video", value=f"{frames} of "
@@ -88,26 +92,44 @@ def run_scan(task: Task, context: TaskContext[AnalogyParams]) -> TaskResult:
     return {"first": first or 0, "frames": scanned, "cuts": cuts, **found, "layers": layers}
 
 
-def _unkeyed(edges: Sequence[int], keys: Collection[int]) -> list[tuple[int, int]]:
-    """The shots without a keyframe, which need another style."""
-    return [(begin, end) for begin, end in pairwise(edges) if not any(begin <= index < end for index in keys)]
+def _needs_default_style(
+    context: TaskContext[AnalogyParams], edges: Sequence[int], keys: Collection[int], settings: Settings
+) -> bool:
+    """Whether the result has frames that no keyframe reaches. Warns of shots that have the style of another shot's."""
+    found, video = False, context.video
+    for begin, end in pairwise(edges):
+        if not video.delivers_any(begin, end):
+            continue
+        own = [index for index in keys if begin <= index < end]
+        if own:
+            found |= any(video.delivers_any(*run) for run in gaps(begin, end, own, settings))
+        elif reaching(begin, keys, settings):
+            context.warn(
+                f"The shot of the frames {begin} to {end - 1} has no painted keyframe: its style is the nearest one."
+            )
+        else:
+            found = True
+    return found
 
 
 def _scanned(context: TaskContext[AnalogyParams], shot: LayeredShot | None) -> tuple[int | None, int | None]:
     """Frames [first, end) of the film that determine the painted frames: between keyframes that are painted everywhere,
-    frames depend on those of both, so that the shots are found from the key before a piece to the key after it."""
+    frames depend on those of both, so that the shots are found from the key before a piece to the key after it. See
+    also `first_scanned`."""
     video = context.video
     if not video.is_piece:
         return None, None
     inputs: list[SynthesisInputs] = [JobInputs(context)]
     if shot is not None:
         inputs = [LayerInputs(context, layer, None) for layer in (shot.whole, *shot.layers)]
-    first, stop = video.first, video.stop
+    first = first_scanned(video, max(own.params.frames_per_painting for own in inputs))
+    stop = video.stop
     for masks in (painted_masks(own, video.total) for own in inputs):
         if masks:
             full = [index for index, mask in masks.items() if mask is None]
             first = min(first, max((index for index in full if index <= video.first), default=0))
-            most = video.total if len(full) < len(masks) else min(video.total, video.stop + MAX_INTERVAL_FRAMES)
+            limited = len(full) < len(masks) or any(one.key_settings for one in inputs if isinstance(one, JobInputs))
+            most = video.total if limited else min(video.total, video.stop + MAX_INTERVAL_FRAMES)
             stop = max(stop, min((index + 1 for index in full if index >= video.stop - 1), default=most))
     return first, stop
 
@@ -134,7 +156,7 @@ def _scan_layer(
     """Check that every picture of a layer can be read, and determine the sign of its motion vectors."""
     inputs, passes = LayerInputs(context, layer, None), RenderPasses(layer, context.size)
     with context.clock("scan"):
-        factors, message = _vector_factors(context, layer, passes)
+        vectors, message = _vector_facts(context, layer, passes)
         _check_settings(layer, passes)
         masks = painted_masks(inputs, layer.frames)
         if masks and not layer.stylised:
@@ -143,7 +165,9 @@ def _scan_layer(
                 value=False, remedy="Remove its keyframes, or remove the setting.",
             )  # fmt: skip
         own = tones if layer.number < 0 else _layer_tones(context, layer, passes)
-        statistics = LayerStatistics(own, factors, inputs.overpaint_px())
+        statistics = LayerStatistics(own, reach_px=inputs.overpaint_px())
+        if vectors is not None:
+            statistics = replace(statistics, factors=vectors.factors, way=vectors.way)
         statistics = replace(statistics, ranges=LayerInputs(context, layer, None, bool(masks)).ranges())
     with scaled_style_saved(context, LayerInputs(context, layer, statistics)):
         context.save(layer.statistics_artefact, statistics.arrays())
@@ -185,16 +209,21 @@ def _layer_tones(context: TaskContext[AnalogyParams], layer: Layer, passes: Rend
     return accumulator.statistics()
 
 
-def _vector_factors(
+def _vector_facts(
     context: TaskContext[AnalogyParams], layer: Layer, passes: RenderPasses
-) -> tuple[Factors | None, str]:
-    """Sign factors of the motion vectors of a layer (None = no vectors), and a message about them."""
-    if layer.frames < 2 or not passes.has_vectors():
-        return None, "Motion is estimated by optical flow."
-    convention = layer.params.get("vectors") or layer.vectors or context.params.vectors
-    if not isinstance(convention, str):
-        factors = (float(convention[0]), float(convention[1]), float(convention[2]))
-        return factors, "Vectors are multiplied by the factors in shot.json."
+) -> tuple[VectorFacts | None, str]:  # fmt: skip
+    """What is known about the motion vectors of a layer (None = none are used), and a message about them."""
+    read = getattr(layer.contents, "options", USUAL).vectors
+    of_sequence = None if read == USUAL.vectors else read
+    stated = layer.params.get("vectors") or of_sequence or layer.vectors or context.params.vectors
+    if stated == OFF or layer.frames < 2 or not passes.has_vectors():
+        return None, _ESTIMATED
+    if layer.number < 0 and context.params.vectors == "auto" and context.pass_facts:
+        found = known_vectors(context.pass_facts)
+        return (
+            found if found is not None and found.used else None
+        ), found.sentence() if found is not None else _ESTIMATED
     middle = layer.frames // 2 - 1
-    pictures = [(passes.vector_image(index), passes.frame(index)) for index in (middle, middle + 1)]
-    return factors_of(cast(Convention, convention), pictures[0], pictures[1])
+    first, second = ((passes.vector_image(index), passes.stored_frame(index)) for index in (middle, middle + 1))
+    facts = vector_facts(first, second, stated, passes.where(first[0]))
+    return (facts if facts.used else None), facts.sentence()

@@ -10,9 +10,9 @@ import numpy as np
 from pipeline.errors import BadInput
 from pipeline.frames import Frame, Plane
 from pipeline.methods.analogy.inputs import Guide, Keyframe, StylePair, SynthesisInputs
+from pipeline.methods.analogy.key_intervals import KeyInterval
 from pipeline.methods.analogy.level_animation import LevelFrames, direction_bins_of
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import KeyInterval
 from pipeline.methods.base import TaskContext
 from pipeline.strokes.brush import Brush
 from pipeline.strokes.emboss import emboss

@@ -35,7 +35,7 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
     its guide at the same time.
 
     Args:
-        pair: a painting without guides, lines and directions.
+        pair: a painting without lines and directions; of guides, those that are computed from the painting.
         size: (width, height) of the frame, px.
     """
     painting = pair.output
@@ -46,9 +46,11 @@ def scaled_pair(pair: StylePair, params: AnalogyParams, size: tuple[int, int]) -
         smooth = thread.submit(_smoothed, painting, smoothing_px / scale) if scale > 1 else None
         output = _scaled(painting, scale)
         usable = None if pair.usable is None else _at_size(pair.usable, output, cv2.INTER_NEAREST)
-        if smooth is None:
-            return StylePair(output, _smoothed(output, smoothing_px), True, usable=usable)
-        return StylePair(output, _at_size(smooth.result(), output, cv2.INTER_LINEAR), True, usable=usable)
+        extra = None if pair.extra_guides is None else _at_size(pair.extra_guides, output, cv2.INTER_LINEAR)
+        guide = (
+            _smoothed(output, smoothing_px) if smooth is None else _at_size(smooth.result(), output, cv2.INTER_LINEAR)
+        )
+        return StylePair(output, guide, True, None if extra is None else np.atleast_3d(extra), usable)
 
 
 def _at_size(image: Bytes, other: Bytes, interpolation: int) -> Bytes:
@@ -98,9 +100,9 @@ def scaled_style_saved(context: TaskContext[AnalogyParams], inputs: SynthesisInp
     with ThreadPoolExecutor(1, "impasto-style") as thread:
         found = thread.submit(scaled)
         yield
-        scaled_style = {"output": found.result().output, "guide": found.result().guide}
-        usable = found.result().usable
-        context.save(_artefact(inputs.layer), scaled_style if usable is None else {**scaled_style, "usable": usable})
+        made = found.result()
+        given = {"output": made.output, "guide": made.guide, "extra": made.extra_guides, "usable": made.usable}
+        context.save(_artefact(inputs.layer), {name: array for name, array in given.items() if array is not None})
 
 
 def style_of(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> StylePair:
@@ -109,7 +111,7 @@ def style_of(context: TaskContext[AnalogyParams], inputs: SynthesisInputs) -> St
         return inputs.style_pair()
     saved = context.load("scan", _artefact(inputs.layer))
     output, guide = (np.asarray(saved[name], np.uint8) for name in ("output", "guide"))
-    return StylePair(output, guide, True, usable=saved.get("usable"))
+    return StylePair(output, guide, True, saved.get("extra"), saved.get("usable"))
 
 
 def _artefact(layer: int) -> str:

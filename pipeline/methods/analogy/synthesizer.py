@@ -11,12 +11,14 @@ from pipeline.arrays import AnyArray, Arrays
 from pipeline.compute import device
 from pipeline.frames import Frame
 from pipeline.methods.analogy.boil import Boil
+from pipeline.methods.analogy.frame_passes import FramePasses
 from pipeline.methods.analogy.inputs import StylePair, SynthesisInputs
 from pipeline.methods.analogy.level_animation import LevelAnimation, LevelFrames, levels_of
 from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.methods.analogy.shot_layers import paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
 from pipeline.methods.base import TaskContext, TaskResult
+from pipeline.methods.holds import painted_frame
 from pipeline.synthesis.device_memory import operations
 from pipeline.synthesis.exemplar import PaintingColours
 from pipeline.synthesis.images import Bytes, Offsets, unpack_offsets
@@ -55,6 +57,7 @@ class Synthesizer:
         self.levels = levels_of(params, context.size, min(pair.output.shape[:2]))
         self.ops, self.message = operations(device(), context.size, pair.output, self._frames_on_device())
         self._loaded: dict[int, LoadedStyle[Any]] = {}
+        self.passes = FramePasses(context, inputs)
 
     def _frames_on_device(self) -> int:
         """Number of frames whose offsets are in device memory at the same time."""
@@ -89,15 +92,16 @@ class Synthesizer:
         return Boil(self.params.boil, self.context.seed, level) if self.params.boil > 0 else None
 
     def shown(self, index: int, begin: int) -> int:
-        """The frame whose painting is shown at frame `index`: itself, or the even one before it on twos."""
-        return index - (index - begin) % 2 if self.params.on_twos == "on" else index
+        """The frame whose painting is shown at frame `index`; paintings are counted from the frame `begin`."""
+        return painted_frame(index, begin, self.params.frames_per_painting)
 
     def schedule(self, level: int, stream: int) -> SearchSchedule:
         """Effort of the search at a level; `stream` is the random stream of the sweep."""
         coarsest = level == self.levels - 1
         iterations = self._iterations(level) * (COARSEST_FACTOR if coarsest else 1)
         search_px = float(max(self.style(level).size)) if coarsest else self._search_px()
-        return SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream)
+        every = self.params.random_search == "every"
+        return SearchSchedule(iterations, search_px, self.context.seed & 0xFFFFFFFF, stream, every=every)
 
     def _iterations(self, level: int) -> int:
         """Rounds of PatchMatch per frame and sweep at a level."""
@@ -145,11 +149,17 @@ class Synthesizer:
 
     def _rendered(self, solved: SolvedFrame[Any], level_frames: LevelFrames) -> AnyArray:
         """Data from which `painting` makes the picture of a solved frame: its offsets, or its colours, see there."""
+        self._keep_passes(solved)
         if self._colours is None:
             return self.ops.fetch(solved.offsets)
         paintable = level_frames.paintable.get(solved.index)
         on_device = None if paintable is None else self.ops.upload(paintable)
         return self.ops.fetch(self.ops.antialiased(self.style(0), solved.state, solved.offsets, on_device))
+
+    def _keep_passes(self, solved: SolvedFrame[Any]) -> None:
+        """Keep what the passes of a solved frame need until it is emitted."""
+        if self.passes.wanted:
+            self.passes.keep(solved.index, self.ops.fetch(solved.offsets))
 
     def painting(self, index: int, rendered: AnyArray) -> Bytes:
         """The painted frame `index`, uint8 (h, w, 3), or (h, w, 4) if the style has opacity.
@@ -164,6 +174,7 @@ class Synthesizer:
     def emit_frame(self, index: int, painting: Bytes, level_frames: LevelFrames) -> None:
         """Emit a finished frame, or save it for the step `composite` if it is a layer."""
         if self.inputs.layer < 0:
+            self.passes.emit(index, level_frames)
             self.context.emit(index, np.ascontiguousarray(painting[..., :3]))
             return
         paintable = level_frames.paintable.get(index)

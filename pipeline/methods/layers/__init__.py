@@ -13,7 +13,7 @@ from functools import partial
 from typing import ClassVar
 
 from pipeline.methods import parse_params
-from pipeline.methods.base import AnyParams, Ineffective, InputSpec, Method, Params, Step
+from pipeline.methods.base import AnyParams, Ineffective, InputSpec, MadePass, MakesOpacity, Method, Params, Step
 from pipeline.methods.layers.names import COMPOSITE, MATTE, VIDEO, input_name, stage
 from pipeline.methods.layers.params import LayerParams, LayersParams
 from pipeline.methods.layers.plan import plan_composite, plan_stage, run_composite, run_stage
@@ -34,7 +34,20 @@ class Layers(Method):
     paper: ClassVar[str] = ""
     Params: ClassVar[type[Params]] = LayersParams
     inputs: ClassVar[tuple[InputSpec, ...]] = (_VIDEO,)
+    passes: ClassVar[tuple[str, ...]] = ("motion",)
     steps: ClassVar[tuple[Step[AnyParams], ...]] = (_COMPOSITE,)
+    depth_bits: ClassVar[int] = 16
+
+    def paints_opacity(self, params: AnyParams) -> MakesOpacity:
+        return "must" if params.alone else "no"
+
+    def passes_of(self, params: AnyParams) -> tuple[MadePass, ...]:
+        """Those of every layer, as "layer0.NAME" from the back."""
+        return tuple(
+            replace(made, name=input_name(number, made.name))
+            for number, layer in enumerate(params.layers)
+            for made in layer.chosen.passes_of(parse_params(layer.chosen, layer.params))
+        )
 
     def inputs_of(self, params: AnyParams) -> tuple[InputSpec, ...]:
         """The video, and of each layer its method's inputs, a video of its own and a matte."""
@@ -44,16 +57,17 @@ class Layers(Method):
         return tuple(found)
 
     def ineffective(
-        self, params: AnyParams, inputs: Collection[str], stream: bool, piece: bool, artefacts: Collection[str] = ()
-    ) -> list[Ineffective]:
+        self, params: AnyParams, inputs: Collection[str], stream: bool, piece: bool, artefacts: Collection[str] = (),
+        passes: Collection[str] = (), video_passes: Collection[str] = (),
+    ) -> list[Ineffective]:  # fmt: skip
         """Those of every layer."""
         return [
             replace(found, message=f"Layer {number}: {found.message}")
             for number, layer in enumerate(params.layers)
             for found in layer.chosen.ineffective(
                 parse_params(layer.chosen, layer.params),
-                {name.partition(".")[2] for name in inputs if name.startswith(input_name(number, ""))},
-                stream, piece,
+                _own(inputs, number), stream, piece, (), _own(passes, number),
+                () if input_name(number, VIDEO) in inputs else video_passes,
             )
         ]  # fmt: skip
 
@@ -61,6 +75,11 @@ class Layers(Method):
         """One step for each step of the longest layer plan, then the compositing step."""
         count = max((len(layer.chosen.steps) for layer in params.layers), default=0)
         return (*(_stage(index, count, params) for index in range(count)), _COMPOSITE)
+
+
+def _own(names: Collection[str], number: int) -> set[str]:
+    """The names of a layer's own inputs or passes."""
+    return {name.partition(".")[2] for name in names if name.startswith(input_name(number, ""))}
 
 
 def _inputs(layer: LayerParams) -> tuple[InputSpec, ...]:

@@ -16,6 +16,7 @@ from pipeline.methods.base import AnyParams, TaskContext, VideoInfo
 from pipeline.methods.layers.names import VIDEO, input_name, prefix, stage
 from pipeline.methods.layers.params import LayerParams, LayersParams
 from pipeline.perception.cuts import thumbnail
+from pipeline.video.depth import as_uint16
 from pipeline.video.stills import encode_png
 
 PIECE_FRAMES = 8
@@ -50,10 +51,16 @@ class LayerContext:
     # -- inputs
 
     def frames(self, name: str = VIDEO, start: int | None = None, stop: int | None = None) -> Iterator[Frame]:
+        return self._sized(name, self._context.frames(self._own(name), *self._span(name, start, stop)))
+
+    def _span(self, name: str, start: int | None, stop: int | None) -> tuple[int | None, int | None]:
         if name == VIDEO and self.video.is_piece:  # a layer's video of its own is no piece for the job
             start = self.video.first if start is None else start
             stop = self.video.stop if stop is None else stop
-        for frame in self._context.frames(self._own(name), start, stop):
+        return start, stop
+
+    def _sized(self, name: str, frames: Iterator[AnyArray]) -> Iterator[AnyArray]:
+        for frame in frames:
             if name == VIDEO and (frame.shape[1], frame.shape[0]) != self.size:
                 raise BadFrame(
                     f"The video of layer {self._number} has another size than the shot's.",
@@ -61,6 +68,20 @@ class LayerContext:
                     remedy=f"Scale it to {self.size[0]}x{self.size[1]}.",
                 )  # fmt: skip
             yield frame
+
+    @property
+    def deep(self) -> bool:
+        return self._context.deep
+
+    def deep_frames(self, name: str = VIDEO, start: int | None = None, stop: int | None = None) -> Iterator[AnyArray]:
+        return self._sized(name, self._context.deep_frames(self._own(name), *self._span(name, start, stop)))
+
+    @property
+    def paints_opacity(self) -> bool:
+        return False
+
+    def mattes(self, start: int, stop: int) -> Iterator[AnyArray] | None:
+        return self._context.mattes(start, stop)
 
     def thumbnails(self, name: str = VIDEO, start: int | None = None, stop: int | None = None) -> Iterator[Plane]:
         return map(thumbnail, self.frames(name, start, stop))
@@ -76,6 +97,14 @@ class LayerContext:
 
     def images(self, name: str) -> Mapping[int, AnyArray]:
         return self._context.images(self._own(name))
+
+    def passes(self) -> Mapping[str, bytes]:
+        own = self._own(VIDEO)
+        return self._context.passes() if own == VIDEO else self._context.entries(own)
+
+    @property
+    def pass_facts(self) -> Mapping[str, JsonValue]:
+        return self._context.pass_facts if self._own(VIDEO) == VIDEO else {}
 
     def entries(self, name: str) -> Mapping[str, bytes]:
         return self._context.entries(self._own(name))
@@ -101,16 +130,24 @@ class LayerContext:
     def wants(self, artefact: str) -> bool:
         return False
 
+    def wants_pass(self, name: str) -> bool:
+        return self._context.wants_pass(input_name(self._number, name))
+
+    def emit_passes(self, index: int, made: Arrays) -> None:
+        self._context.emit_passes(index, {input_name(self._number, name): array for name, array in made.items()})
+
     # -- frames
 
-    def emit(self, index: int, frame: Frame) -> None:
+    def emit(self, index: int, frame: AnyArray) -> None:
         if not self.video.delivers(index):
             return
         if not self._frames:
             self._first = index
         elif index != self._next:
             raise BadFrame(f"Frame {self._next} must be emitted next.", field="emit", value=index)
-        self._frames[str(index)] = np.frombuffer(encode_png(frame), np.uint8)
+        self._frames[str(index)] = np.frombuffer(
+            encode_png(as_uint16(frame) if frame.dtype == np.float32 else frame), np.uint8
+        )
         self._next = index + 1
         if self._next % PIECE_FRAMES == 0:
             self.finish()
@@ -123,7 +160,7 @@ class LayerContext:
             self.pieces.append([self._first, self._next])
             self._frames = {}
 
-    def show(self, frame: Frame) -> None:
+    def show(self, frame: AnyArray) -> None:
         self._context.show(frame)
 
     # -- time
@@ -136,5 +173,6 @@ class LayerContext:
 
 
 def frames_name(layer: int, first: int) -> str:
-    """Artefact with a layer's painted frames from `first` on: frame number -> PNG, uint8 (bytes,)."""
+    """Artefact with a layer's painted frames from `first` on: frame number -> PNG, uint8 (bytes,), of 8
+    or 16 bits."""
     return f"{prefix(layer)}frames-{first:07d}"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from pipeline.compositing import Blend, covers
 from pipeline.errors import BadParameter
@@ -41,6 +41,10 @@ class LayersParams(Params):
 
     layers: tuple[LayerParams, ...] = Field(default=(LayerParams(method="abstraction"),), max_length=MOST_LAYERS)
 
+    alone: bool = Field(
+        default=False, description="Whether the film shows its one layer with its opacity, without the video behind it."
+    )
+
     @property
     def lead_frames(self) -> int:
         """The most that a layer needs."""
@@ -51,6 +55,12 @@ class LayersParams(Params):
     def _complete(cls, layers: tuple[LayerParams, ...]) -> tuple[LayerParams, ...]:
         """Every layer with all parameters of its method, so that the job means the same after an upgrade."""
         return tuple(_completed(layer, number) for number, layer in enumerate(layers))
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if self.alone and len(self.layers) != 1:
+            raise ValueError(f"one layer can be alone, and the film has {len(self.layers)}")
+        return self
 
 
 def _completed(layer: LayerParams, number: int) -> LayerParams:

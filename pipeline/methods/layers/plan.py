@@ -10,13 +10,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.compositing import lay_over
-from pipeline.frames import Frame
 from pipeline.methods import parse_params
 from pipeline.methods.base import AnyParams, PlanContext, Step, Task, TaskContext, TaskResult, resources_per_pixel
 from pipeline.methods.layers.layer_context import PIECE_FRAMES, LayerContext, frames_name
 from pipeline.methods.layers.names import MATTE, VIDEO, input_name, prefix, stage
 from pipeline.methods.layers.params import LayerParams, LayersParams
+from pipeline.video.depth import as_float, as_uint16, with_opacity
 
 RUN_FRAMES = 4 * PIECE_FRAMES
 """Frames of a task of the composite."""
@@ -73,7 +74,7 @@ def _layer_plan(context: PlanContext[LayersParams], number: int, layer: LayerPar
                     for key, made in context.results[stage(index)].items() if key.startswith(begin)}
         for index, step in enumerate(layer.chosen.steps_of(params)) if stage(index) in context.results
     }  # fmt: skip
-    return PlanContext(params, layer.seed, context.video, frozenset(names - {MATTE} | {VIDEO}), results)
+    return PlanContext(params, layer.seed, context.video, frozenset(names - {MATTE} | {VIDEO}), results, context.deep)
 
 
 def run_stage(task: Task, context: TaskContext[LayersParams]) -> TaskResult:
@@ -136,26 +137,56 @@ def run_composite(task: Task, context: TaskContext[LayersParams]) -> TaskResult:
     (start, stop), layers = task.emits, context.params.layers
     painted = [_painted(context, number, pieces) for number, pieces in enumerate(task.args["pieces"])]
     mattes = [_mattes(context, number, layer, start, stop) for number, layer in enumerate(layers)]
-    ground = iter(()) if layers[0].covers else context.frames(VIDEO, start, stop)
+    alone = context.params.alone
+    source = context.mattes(start, stop) if alone else None
+    ground = iter(()) if layers[0].covers or alone else context.deep_frames(VIDEO, start, stop)
     for index in range(start, stop):
         below = next(ground, None)
         with context.clock("composite"):
-            for layer, pictures, shapes in zip(layers, painted, mattes, strict=True):
-                picture, matte = next(pictures), next(shapes)
-                below = picture if below is None else lay_over(below, picture, layer.opacity, layer.blend, matte)
-        assert below is not None
-        context.emit(index, below)
+            if alone:
+                shapes = [next(mattes[0]), None if source is None else next(source)[..., 0]]
+                result = _alone(next(painted[0]), layers[0].opacity, shapes, context.deep)
+            else:
+                result = _laid(below, layers, [next(own) for own in painted], [next(own) for own in mattes])
+        context.emit(index, result)
         context.progress((index + 1 - start) / (stop - start))
     return {}
 
 
-def _painted(context: TaskContext[LayersParams], number: int, pieces: Sequence[Sequence[int]]) -> Iterator[Frame]:
+def _laid(
+    below: AnyArray | None, layers: Sequence[LayerParams], pictures: Sequence[AnyArray],
+    mattes: Sequence[NDArray[np.uint8] | None],
+) -> AnyArray:  # fmt: skip
+    """The layers laid over each other: uint8; float32 with white at 1, if a picture has more than 8 bits."""
+    deep = any(each.dtype != np.uint8 for each in (*pictures, *(() if below is None else (below,))))
+    below = _levels(below) if deep and below is not None else below
+    for layer, picture, matte in zip(layers, pictures, mattes, strict=True):
+        above = _levels(picture) if deep else picture
+        below = above if below is None else lay_over(below, above, layer.opacity, layer.blend, matte)
+    assert below is not None
+    return below / np.float32(255) if deep else below
+
+
+def _levels(picture: AnyArray) -> AnyArray:
+    """The picture as float32 with white at 255."""
+    return as_float(picture) * np.float32(255)
+
+
+def _alone(picture: AnyArray, opacity: float, mattes: Sequence[AnyArray | None], deep: bool) -> AnyArray:
+    """A layer's picture with its opacity: that of the layer, times its matte and that of the source; `deep`: uint16."""
+    share = np.full(picture.shape[:2], opacity, np.float32)
+    for matte in mattes:
+        share *= np.float32(1) if matte is None else as_float(matte)
+    return with_opacity(as_uint16(picture) if deep else picture, as_uint16(share))
+
+
+def _painted(context: TaskContext[LayersParams], number: int, pieces: Sequence[Sequence[int]]) -> Iterator[AnyArray]:
     for step, first, stop in pieces:
         kept = context.load(str(step), frames_name(number, first))
         for index in range(first, stop):
-            picture = cv2.imdecode(kept[str(index)], cv2.IMREAD_COLOR_RGB)
+            picture = cv2.imdecode(kept[str(index)], cv2.IMREAD_UNCHANGED)
             assert picture is not None
-            yield np.asarray(picture, np.uint8)
+            yield cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
 
 
 def _mattes(

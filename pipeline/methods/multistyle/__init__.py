@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,21 +18,27 @@ from pipeline.methods.base import (
     InputSpec,
     JsonSchema,
     LayerPart,
+    MadePass,
+    MakesOpacity,
     Method,
     Params,
     PlanContext,
     PreviewRequest,
+    References,
     Resources,
     Step,
     Studio,
+    TaskResult,
     When,
     resources_per_pixel,
 )
 from pipeline.methods.multistyle.design import check, schema
 from pipeline.methods.multistyle.effects import documents
+from pipeline.methods.multistyle.film_planes import film_plane
 from pipeline.methods.multistyle.layer_parts import PARTS, STUDIO, design_document
 from pipeline.methods.multistyle.orientation_picture import DIRECTIONS
 from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.passes import MADE
 from pipeline.methods.multistyle.plan import (
     plan_maps,
     plan_paint,
@@ -45,9 +51,11 @@ from pipeline.methods.multistyle.plan import (
 )
 from pipeline.methods.multistyle.preview import frame_regions, preview_directions, preview_frame
 from pipeline.methods.multistyle.region_maps import ARTEFACT as REGIONS
+from pipeline.methods.multistyle.region_maps import expected_results
 from pipeline.methods.multistyle.scaled_design import names_segments, with_label_maps
 from pipeline.methods.multistyle.session import MultistyleSession
 from pipeline.methods.multistyle.styles import STYLES
+from pipeline.methods.previews import FilmPlane, FilmPlaneKind, FilmTasks
 
 __all__ = ["Multistyle", "MultistyleParams", "MultistyleSession"]
 
@@ -60,12 +68,13 @@ class Multistyle(Method):
     summary: ClassVar[str] = "Brush strokes that follow form and motion, in six styles, or in a style for each object."
     paper: ClassVar[str] = "kagaya2011video"
     Params: ClassVar[type[Params]] = MultistyleParams
+    passes = ("motion",)
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec("video", "video", True, "Video", "The video, image (still or animated) or zip of images to paint."),
         InputSpec(
             "design", "json", False, "Design",
             "Regions, their styles and stroke directions at keyframes; format in docs/multistyle.md.",
-            "design",
+            "design", applies_when=(When(way="film"),),
         ),
         InputSpec(
             "masks", "images", False, "Label maps",
@@ -74,16 +83,20 @@ class Multistyle(Method):
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[MultistyleParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.03, version=2),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.01, version=2),
         Step("regions", "Find the regions", plan_regions, run_regions, weight=0.0),
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
-        Step("paint", "Paint", plan_paint, run_paint, version=2),
+        Step("paint", "Paint", plan_paint, run_paint, version=4),
     )
     parts: ClassVar[tuple[LayerPart, ...]] = PARTS
     part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"design": design_document}
     artefacts: ClassVar[tuple[str, ...]] = (REGIONS, DIRECTIONS)
+    makes_passes: ClassVar[tuple[MadePass, ...]] = MADE
     studio: ClassVar[Studio] = STUDIO
+    task_threads: ClassVar[Mapping[str, float]] = {"paint/analyze": 1.5}
+    task_params: ClassVar[Mapping[str, tuple[str, ...]]] = {"paint/flow": ("flow", "stillness")}
     regions_artefact: ClassVar[str] = REGIONS
+    depth_bits: ClassVar[int] = 16
     cpu_s_per_megapixel: ClassVar[float] = 0.5
     cpu_growth: ClassVar[float] = 0.7
     examples: ClassVar[tuple[Example, ...]] = (
@@ -104,6 +117,10 @@ class Multistyle(Method):
     input_examples: ClassVar[Mapping[str, Callable[[int], Mapping[str, JsonSchema]]]] = {"design": documents}
     input_checks: ClassVar[Mapping[str, InputCheck]] = {"design": check}
 
+    def paints_opacity(self, params: MultistyleParams) -> MakesOpacity:
+        """The coverage of the strokes; explicit strokes are painted onto a ground."""
+        return "no" if params.renderer == "explicit" else "may"
+
     def single_frame_params(self, params: MultistyleParams) -> MultistyleParams:
         """A frame on its own is painted without what other frames contribute."""
         alone: MultistyleParams = params.model_copy(update={"temporal": "off"})
@@ -112,6 +129,12 @@ class Multistyle(Method):
     def resources(self, step: str, context: PlanContext[MultistyleParams]) -> Resources:
         """Peak memory measured by `python -m benchmarks.task_memory`, plus 20 %."""
         return resources_per_pixel(context.video, 60 if step == "scan" else 300)
+
+    def expected_results(
+        self, step: str, context: PlanContext[MultistyleParams]
+    ) -> Mapping[str, TaskResult] | None:  # fmt: skip
+        """Region maps without ellipses; the tubes of a video cannot be guessed."""
+        return expected_results(step, context)
 
     def preview(self, request: PreviewRequest[MultistyleParams]) -> Frame:
         return preview_frame(request)
@@ -133,8 +156,12 @@ class Multistyle(Method):
         """Stroke directions of the last frame, with the design."""
         return preview_directions(request)
 
+    def film_plane(self, kind: FilmPlaneKind, number: int, film: FilmTasks) -> FilmPlane | None:
+        """Regions and stroke directions of a frame."""
+        return film_plane(kind, number, film)
+
     def stream(
-        self, params: MultistyleParams, size: tuple[int, int], seed: int, references: Mapping[str, Iterator[Frame]]
+        self, params: MultistyleParams, size: tuple[int, int], seed: int, references: References
     ) -> MultistyleSession:
         """A live session, without a design."""
         return MultistyleSession(params, size, seed)

@@ -41,7 +41,7 @@ class StrokeLayer:
         ids: uint64 (n,), identifiers of the seeds.
         strokes: STROKE (n,); rounded to half precision here, so that stored and painted values are the same.
         sigma_px: sigma of the Gaussian blur of the layer's reference, px.
-        profile: float32 (n, 5), the technique parameters `PROFILE_FIELDS` of each stroke; (1, 5) = of all.
+        profile: float32 (n, 6), the technique parameters `PROFILE_FIELDS` of each stroke; (1, 6) = of all.
     """
 
     xy: NDArray[np.float32]

@@ -16,7 +16,8 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
 from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
-from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions, zero_still_flow_by_texture
+from pipeline.methods.multistyle.backward_flow import backward_flow, downscaled, gray_of, working_size
+from pipeline.methods.multistyle.denoise import TemporalDenoiser, denoise_directions
 from pipeline.methods.multistyle.design import Design
 from pipeline.methods.multistyle.design_fields import DesignFields, RegionPlacement
 from pipeline.methods.multistyle.face_layer import FaceLayer
@@ -35,15 +36,14 @@ from pipeline.methods.tasks import Clock
 from pipeline.perception.cuts import is_cut, thumbnail
 from pipeline.perception.face_contrast import raise_contrast
 from pipeline.perception.faces import Faces
-from pipeline.perception.flow import estimate
 from pipeline.perception.flow.invert import invert_flow
 from pipeline.perception.importance import ImportanceParams, ImportanceTracker, warp_forward
 from pipeline.strokes.paper import EdgeDarkening
-from pipeline.tensors.edges import edge_field, gradient_tensor, smooth_over_time
-from pipeline.tensors.field import OrientationField, field_of
+from pipeline.tensors.edges import FAINT, edge_field, gradient_tensor, smooth_over_time
+from pipeline.tensors.field import OrientationField, field_of, strength_of
 
-HALVED_FROM_PX = 400
-"""Shorter side, px, of the frames that are analysed at half resolution; strokes are wider than the lost detail."""
+USUAL_ROWS = 160
+"""Directions on the shorter side for which `FAINT` is the gradient of a cell; finer cells have a smaller one."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class AnalyzerParams:
     large_faces: float = 0.8
     """Detail of faces from two fifths of the frame's shorter side on, relative to that of small ones: with the finest
     strokes, a large face would be a photograph."""
-    orientation_cells: int = 160
-    """Approximate number of cells of the orientation field on the shorter side."""
+    least_sigma: float = 0.8
+    """Least sigma of the blur of the edge field, cells of the field."""
     back_cells: int = 160
     """Approximate number of cells of the stored backward flow on the shorter side."""
     broad_sigma: float = 6.0
@@ -70,7 +70,8 @@ class AnalyzerParams:
     """Without clear edges, the orientation blurred with this multiple of the edge sigma is used, with this weight
     relative to a clear edge."""
     default_weight: float = 0.012
-    """Weight of the default direction relative to a clear edge."""
+    """Weight of the default direction relative to a clear edge; also the strength of a design's field below which the
+    direction is that without the design."""
 
 
 ANALYZER = AnalyzerParams()
@@ -120,10 +121,12 @@ class StrokeAnalyzer:
         params = params.effective
         self.params, self.size, self.clock = params, size, clock
         named = STYLES[params.style]
-        factor = max(1, round(min(size) / ANALYZER.orientation_cells))
+        self.work = working_size(size)
+        halved = size[0] // self.work[0]
+        rows = max(params.direction_rows, math.ceil(1000 * ANALYZER.least_sigma / params.edge_smoothing))
+        factor, usual = (max(halved, round(min(size) / wanted)) for wanted in (rows, USUAL_ROWS))
         self.small = (max(1, size[0] // factor), max(1, size[1] // factor))
-        halved = 2 if min(size) >= HALVED_FROM_PX else 1
-        self.work = (size[0] // halved, size[1] // halved)
+        self.faint = FAINT * min(factor / usual, 1.0)
         self.style, self.technique = chosen_style(params), named.technique
         self.design = None if design is None else DesignFields(design, self.style, self.technique, size, self.small)
         self.denoiser = TemporalDenoiser(params.noise_floor * named.denoise_factor)
@@ -147,19 +150,22 @@ class StrokeAnalyzer:
         """
         return self.place_strokes(self.observe(frame, placed))
 
-    def observe(self, frame: Frame, placed: RegionPlacement | None = None) -> Observation:
-        """The first half of `step`. It uses no state of `place_strokes`, which may work on the previous frames in
+    def observe(
+        self, frame: Frame, placed: RegionPlacement | None = None, given: Flow | None = None
+    ) -> Observation:  # fmt: skip
+        """The first half of `step`, with `given` flow to the previous frame at the working size, or an estimated one.
+        It uses no state of `place_strokes`, which may work on the previous frames in
         another thread at the same time."""
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
-        gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
-        forward, back = self._flow(gray, fresh)
+        gray = gray_of(frame)
+        forward, back = self._flow(gray, fresh, given)
         self.gray = gray
         detail = self._detail(frame, gray, forward, fresh)
         attention, features = self._attention(detail is not None)
         faces = self.importance.faces.copy()
         with self.clock("denoise"):
-            picture = self.denoiser.step(_downscaled(frame, self.work).astype(np.float32), back, attention)
+            picture = self.denoiser.step(downscaled(frame, self.work).astype(np.float32), back, attention)
             raise_contrast(picture, faces, self.size)
         changed = self.denoiser.changed
         field = self._directions(picture, back, placed)
@@ -215,16 +221,16 @@ class StrokeAnalyzer:
             return True
         return is_cut(before, self.thumbnail, self.params.cut_sensitivity)
 
-    def _flow(self, gray: NDArray[np.uint8], fresh: bool) -> tuple[Flow | None, Flow | None]:
+    def _flow(
+        self, gray: NDArray[np.uint8], fresh: bool, given: Flow | None
+    ) -> tuple[Flow | None, Flow | None]:  # fmt: skip
         """Flow from the previous frame to this one in px of the frame, and back in px of the working size; both at the
         working size."""
         if fresh or self.gray is None:
             return None, None
         with self.clock("flow"):
-            before, now = (_downscaled(plane, self.work) for plane in (self.gray, gray))
-            back = zero_still_flow_by_texture(
-                estimate(now, before, self.params.flow), now, before, self.params.stillness
-            )
+            before, now = (downscaled(plane, self.work) for plane in (self.gray, gray))
+            back = backward_flow(before, now, self.params) if given is None else given
             forward, _ = invert_flow(back, now, before)
             return forward * np.divide(self.size, self.work).astype(np.float32), back
 
@@ -261,8 +267,8 @@ class StrokeAnalyzer:
     def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
         with self.clock("directions"):
-            small = _downscaled(picture, self.small)
-            sigma = max(self.params.edge_smoothing * min(self.small) / 1000, 0.8)
+            small = downscaled(picture, self.small)
+            sigma = max(self.params.edge_smoothing * min(self.small) / 1000, ANALYZER.least_sigma)
             now = gradient_tensor(small.astype(np.float32), sigma)
             flow = None if back is None else _downscaled_flow(back, self.small)
             if flow is not None and self.tensors is not None:
@@ -270,16 +276,19 @@ class StrokeAnalyzer:
                 trust = None if changed is None else _trust(changed, self.small)
                 now = smooth_over_time(now, self.tensors, flow, trust, self.params.edge_memory)
             self.tensors = now
-            near = edge_field(now)
+            near = edge_field(now, self.faint)
             wide = np.stack([blurred(plane, sigma * ANALYZER.broad_sigma) for plane in near])
+            edges = np.asarray(near + np.float32(ANALYZER.broad_weight) * wide, np.float32)
             default = field_of(math.radians(self.params.default_angle), ANALYZER.default_weight)[:, None, None]
-            field = _unit(np.asarray(near + np.float32(ANALYZER.broad_weight) * wide + default, np.float32))
+            field = _unit(edges + default)
             if flow is not None and self.field is not None:
                 field = denoise_directions(field, self.field, flow, ANALYZER.direction_tolerance)
             self.field = field
             if placed is None or self.design is None:
                 return field
-            return _unit(self.design.directions(field, placed))
+            designed = self.design.directions(field * np.minimum(strength_of(edges), 1), placed)
+            missing = np.maximum(np.float32(ANALYZER.default_weight) - strength_of(designed), 0)
+            return _unit(designed + missing * field)
 
     def state(self) -> State:
         """State as arrays by name; an analyzer restored from it continues with the same bytes."""
@@ -304,12 +313,6 @@ _PARTS = ("importance", "denoiser", "strokes", "face_layer", "rims")
 
 def _unit(field: OrientationField) -> OrientationField:
     return np.asarray(field / (np.sqrt(field[0] * field[0] + field[1] * field[1]) + np.float32(1e-3)), np.float32)
-
-
-def _downscaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    if (image.shape[1], image.shape[0]) == size:
-        return image
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _downscaled_flow(flow: Flow, size: tuple[int, int]) -> Flow:

@@ -37,10 +37,23 @@ class _Part(BaseModel):
 
 
 class Polygon(_Part):
-    """An outline drawn in a keyframe. It is propagated to the frames around it along the motion."""
+    """An outline drawn in a keyframe. It is propagated to the frames around it along the motion. Several outlines of a
+    region in one frame are its parts."""
 
     frame: FrameNumber
     points: Annotated[tuple[Point, ...], Field(min_length=3, max_length=2000)]
+
+
+class Correction(_Part):
+    """A stroke with a brush in a keyframe: its pixels belong to the region `region`, which may be `rest`.
+
+    Corrections are propagated along the motion through the shot; later strokes of a frame cover earlier ones.
+    """
+
+    region: Name
+    frame: FrameNumber
+    points: Annotated[tuple[Point, ...], Field(min_length=1, max_length=2000)]
+    width: Annotated[float, Field(gt=0, le=2, description="Width of the stroke, picture heights.")]
 
 
 class Region(_Part):
@@ -118,13 +131,12 @@ class ElementAt(_Part):
     at: Point
     angle: Annotated[float, Field(ge=-360, le=360, description="Degrees, clockwise.")] = 0.0
     reach: Annotated[
-        float,
+        Literal["everywhere"] | Annotated[float, Field(ge=0, le=100)],
         Field(
-            ge=0,
-            le=100,
-            description="Distance, in picture heights, at which 37 % of the strength is left; 0 = no decay.",
+            description="Distance, in picture heights, at which 37 % of the strength is left; everywhere, or 0 = the "
+            "strength is the same in the whole region."
         ),
-    ] = 0.0
+    ] = "everywhere"
     strength: Annotated[float, Field(ge=0, le=100)] = 1.0
 
 
@@ -152,6 +164,7 @@ class Design(_Part):
     styles: Annotated[dict[Name, OwnStyle], Field(max_length=MOST_REGIONS)] = {}
     keys: Annotated[tuple[StyleKey, ...], Field(max_length=20000)] = ()
     directions: Annotated[tuple[DirectionKey, ...], Field(max_length=20000)] = ()
+    corrections: Annotated[tuple[Correction, ...], Field(max_length=20000)] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -276,7 +289,6 @@ def _region_faults(design: Design) -> Iterator[InputFault]:
                         (*path, kind), f"The region {other!r} already contains it.", number, "List it once."
                     )
         yield from _of_faults(design, name)
-        yield from _twice((polygon.frame for polygon in region.polygons), (*path, "polygons"))
 
 
 def _of_faults(design: Design, name: str) -> Iterator[InputFault]:
@@ -304,6 +316,9 @@ def _key_faults(design: Design) -> Iterator[InputFault]:
     for index, direction in enumerate(design.directions):
         if direction.region not in regions:
             yield _no_region(design, ("directions", index, "region"), direction.region)
+    for index, correction in enumerate(design.corrections):
+        if correction.region not in regions:
+            yield _no_region(design, ("corrections", index, "region"), correction.region)
     yield from _twice(((key.region, key.frame) for key in design.keys), ("keys",))
     yield from _twice(((key.region, key.frame) for key in design.directions), ("directions",))
 
@@ -336,6 +351,8 @@ def _frame_numbers(design: Design) -> Iterator[tuple[tuple[str | int, ...], int]
         yield ("keys", index, "frame"), key.frame
     for index, direction in enumerate(design.directions):
         yield ("directions", index, "frame"), direction.frame
+    for index, correction in enumerate(design.corrections):
+        yield ("corrections", index, "frame"), correction.frame
 
 
 Key = TypeVar("Key", StyleKey, DirectionKey)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -40,6 +40,18 @@ class RegionPlacement:
     map: RegionMap
     now: Mapping[str, Ellipse]
     keyed: Mapping[tuple[str, int], Ellipse]
+
+
+def moved(given: ElementAt, own: Ellipse | None, now: Ellipse | None, size: tuple[int, int]) -> Element:
+    """The element in px of frames of `size` (width, height), moved from its region's ellipse in the keyframe, `own`, to
+    the one in this frame; None = it stays."""
+    width, height = size
+    decay = 0.0 if given.reach in (0, "everywhere") else 1 / (float(given.reach) * height)
+    element = Element(
+        given.pattern, given.at[0] * width - 0.5, given.at[1] * height - 0.5, math.radians(given.angle), decay,
+        given.strength,
+    )  # fmt: skip
+    return element if own is None or now is None else follow(element, own, now)
 
 
 class DesignFields:
@@ -145,6 +157,8 @@ class DesignFields:
     def directions(self, edges: OrientationField, placed: RegionPlacement) -> OrientationField:
         """Orientation field, float32 (2, h', w'), from the edge field and the design.
 
+        The edge field's length is 1 at clear edges and 0 where the picture has none; there, elements alone count.
+
         Source: kagaya2011video, section 3.2: P = w E + (1 - w) sum of M in regions with a key, the edge field in
         regions without, Laplace's equation in free regions.
         """
@@ -169,7 +183,8 @@ class DesignFields:
             solved = self._record(fill_free(out, ~free, **self._walls(coarse)))
             alone = free & (np.abs(solved).sum(axis=0) == 0)
             out = np.where(alone, edges, solved)
-        return np.asarray(out, np.float32)
+        soft = np.isin(coarse, self._with_border("soft"))
+        return soften(out, soft, SOFT * min(self.small), self.small) if soft.any() else np.asarray(out, np.float32)
 
     def _of_key(self, edges: OrientationField, key: DirectionKey, placed: RegionPlacement) -> OrientationField:
         if not key.elements:
@@ -181,17 +196,11 @@ class DesignFields:
     def _element(self, given: ElementAt, own: Ellipse | None, now: Ellipse | None) -> Element:
         """The element in px of the orientation field, moved with its region."""
         width, height = self.size
-        decay = 0.0 if given.reach == 0 else 1 / (given.reach * height)
-        element = Element(
-            given.pattern, given.at[0] * width - 0.5, given.at[1] * height - 0.5, math.radians(given.angle), decay,
-            given.strength,
-        )  # fmt: skip
-        if own is not None and now is not None:
-            element = follow(element, own, now)
+        element = moved(given, own, now, self.size)
         sx, sy = self.small[0] / width, self.small[1] / height
-        return Element(
-            element.pattern, (element.x + 0.5) * sx - 0.5, (element.y + 0.5) * sy - 0.5, element.angle_rad,
-            element.decay_per_px / sy, element.strength,
+        return replace(
+            element, x=(element.x + 0.5) * sx - 0.5, y=(element.y + 0.5) * sy - 0.5,
+            decay_per_px=element.decay_per_px / sy,
         )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Frame, Mask
+from pipeline.methods.given_motion import NO_MOTION, GivenMotion
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.reliability import visible
 from pipeline.perception.flow.warp import positions
@@ -38,25 +39,33 @@ LABELS = LabelParams()
 
 
 class LabelPropagator:
-    """Propagates one label map, forwards or backwards in time."""
+    """Propagates one label map, forwards or backwards in time, along given motion or an estimated one."""
 
-    def __init__(self) -> None:
+    def __init__(self, motion: GivenMotion = NO_MOTION) -> None:
+        self.motion = motion
         self.frame: Frame | None = None
         self.names: NDArray[np.uint8] = np.zeros(0, np.uint8)
         self.planes: NDArray[np.uint8] = np.zeros((0, 1, 1), np.uint8)
 
-    def step(self, frame: Frame, key: RegionMap | None) -> RegionMap | None:
+    def step(
+        self, frame: Frame, key: RegionMap | None, number: int, before: int, over: bool = False
+    ) -> RegionMap | None:
         """Return the map of the next frame in order; None before the first key.
 
         Args:
+            number, before: numbers of this frame and of the one that `step` had before.
             frame: uint8 (h, w, 3).
             key: the frame's own map, which replaces the propagated one.
+            over: where `key` is 0, the propagated map stays.
         """
+        if key is not None and over and len(self.names) > 1 and self.frame is not None:
+            self._advect(self.frame, frame, number, before)
+            key = np.where(key == 0, self.labels, key).astype(np.uint8)
         if key is not None:
             self.names = np.unique(key)
             self.planes = np.stack([np.where(key == name, 255, 0).astype(np.uint8) for name in self.names])
         elif len(self.names) > 1 and self.frame is not None:
-            self._advect(self.frame, frame)
+            self._advect(self.frame, frame, number, before)
         self.frame = frame
         return self.labels if len(self.names) else None
 
@@ -64,9 +73,12 @@ class LabelPropagator:
     def labels(self) -> RegionMap:
         return np.asarray(self.names[self.planes.argmax(axis=0)], np.uint8)
 
-    def _advect(self, before: Frame, now: Frame) -> None:
-        back = estimate(now, before, "dis-medium")
-        visible_before = visible(back, estimate(before, now, "dis-medium"))
+    def _advect(self, before: Frame, now: Frame, number: int, earlier: int) -> None:
+        size = now.shape[1], now.shape[0]
+        back, forth = self.motion.flow(number, earlier, size), self.motion.flow(earlier, number, size)
+        if back is None or forth is None:
+            back, forth = estimate(now, before, "dis-medium"), estimate(before, now, "dis-medium")
+        visible_before = visible(back, forth)
         x, y = positions(back)
         moved = np.stack([
             cv2.remap(plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for plane in self.planes

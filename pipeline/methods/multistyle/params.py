@@ -32,7 +32,8 @@ class MultistyleParams(Params):
     }
 
     applies_when: ClassVar[Mapping[str, Alternatives]] = {
-        **dict.fromkeys(("flow", "stillness", "edge_memory", "cut_sensitivity"), (_COHERENT,)),
+        **dict.fromkeys(("edge_memory", "cut_sensitivity"), (_COHERENT,)),
+        **dict.fromkeys(("flow", "stillness"), (When(params={"temporal": ("on",)}, without_passes=("motion",)),)),
         **dict.fromkeys(("noise_floor", "stroke_fade", "colour_follow"), (_SWEPT, _EASED)),
         "accumulated_frames": (_SWEPT,),
         "ease": (When(params={"temporal": ("on",), "renderer": ("explicit",)}),),
@@ -111,6 +112,12 @@ class MultistyleParams(Params):
     edge_smoothing: float = number(
         11, 1, 100, "Edge smoothing", "Sigma of the Gaussian blur of the edge field.", "per mille of the shorter side",
         "Direction",
+    )  # fmt: skip
+    direction_rows: int = number(
+        160, 40, 2160, "Resolution of directions",
+        "Approximate number of directions on the shorter side, at most one per pixel of the analysis (half the frame's "
+        "from 400 rows on). Edge smoothing below 5 raises it. Larger values follow finer structures and borders of "
+        "regions, and take longer.", "directions", "Direction",
     )  # fmt: skip
     edge_memory: float = number(
         0.85, 0, 0.98, "Edge memory", "Weight of previous frames in the edge field, along the motion.", "ratio",

@@ -4,33 +4,41 @@
     regions   only if a design has regions or the artefact "regions" is requested. Two tasks a run of frames: `fore-n`
               propagates label maps and tubes forwards from run to run, `back-n` backwards from later keyframes
     maps      a task a run: region map of every frame and ellipse of every region; then a list of all regions
-    paint     two tasks a run: `analyze-n` continues from the state that the previous run saved, and saves the analysis
-              of every frame; `run-n` paints from the analyses, and paints the few previous frames that temporal
-              accumulation needs, unless the run before does so in the same process (`shared_paintings`)
+    paint     three tasks a run: `flow-n` computes the optical flow, which depends on the source only; `analyze-n`
+              continues from the state that the previous run saved, and saves the analysis of every frame; `run-n`
+              paints from the analyses, and paints the few previous frames that temporal accumulation needs, unless
+              the run before does so in the same process (`shared_paintings`)
 
-Analysis costs about half of painting, so a single long shot keeps three workers busy. Shots are independent. The
+Flow costs a fifth of a frame, the chain of analyses, which uses two threads, a fifth of it on the busier one: a single
+long shot keeps four workers busy. Shots are independent. A fast flow is computed by the analysis itself. The
 result is the same, byte for byte, as that of one session over the whole video.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import chain, repeat
 
-from pipeline.arrays import Arrays, State, part
-from pipeline.frames import Frame
+from pipeline.arrays import AnyArray, Arrays, State, part
+from pipeline.frames import Flow, Frame
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.given_motion import given_motion
 from pipeline.methods.multistyle import region_maps
 from pipeline.methods.multistyle.analysis import StrokeAnalysis, unpack
 from pipeline.methods.multistyle.analyzer import Observation, StrokeAnalyzer
+from pipeline.methods.multistyle.backward_flow import BYTES_PER_PX, is_prepared, run_flow, working_size
 from pipeline.methods.multistyle.design import Design, parse
 from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.effects import effect_design
 from pipeline.methods.multistyle.orientation_picture import DIRECTIONS, archive, orientation_picture
 from pipeline.methods.multistyle.painter import Painter, accumulated_frames
 from pipeline.methods.multistyle.params import MultistyleParams
+from pipeline.methods.multistyle.passes import observed_passes
 from pipeline.methods.multistyle.regions import MASKS
+from pipeline.methods.prepared import prepared_key, with_prepared
 from pipeline.methods.scan import scan_video, shots_of
 
 RUN_FRAMES = 12
@@ -42,12 +50,14 @@ BEHIND = 4
 few, and at the end enough is left to paint for several workers."""
 OBSERVED_AHEAD = 1
 """Frames that are observed before their strokes are placed."""
-ANALYSIS_SHARE = 0.35
-"""Cost of the analysis of a frame as a fraction of analysis and painting."""
+FLOW_SHARE, ANALYSIS_SHARE = 0.22, 0.36
+"""Costs of the flow and of the rest of the analysis of a frame, as fractions of its whole cost."""
+FLOW = "flow"
+"""First part of the keys of the tasks that compute flow."""
 
 
 def plan_scan(context: PlanContext[MultistyleParams]) -> list[Task]:
-    return [Task("video", weight=0.03 * max(context.video.frames, 1))]
+    return [Task("video", weight=0.01 * max(context.video.frames, 1))]
 
 
 def run_scan(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
@@ -106,26 +116,40 @@ def plan_paint(context: PlanContext[MultistyleParams]) -> list[Task]:
     analyses: list[Task] = []
     paints: list[Task] = []
     total = context.results["scan"]["video"]["film"]
+    size = context.video.width, context.video.height
+    flows = is_prepared(context.params, size)
     for start, stop, shot in _painted_runs(context):
         args = {"start": start, "stop": stop, "last": stop == shot[1], "frames": total} | region_maps.ellipses(
             context, start, stop, shot
         )
         after = (analyses[-1].key,) if start > shot[0] and analyses else ()
-        analyses.append(Task(_analysis_key(start), args, after, weight=ANALYSIS_SHARE * (stop - start)))
+        share = ANALYSIS_SHARE + (0.0 if flows else FLOW_SHARE)
+        analyses.append(Task(_analysis_key(start), args, after, weight=share * (stop - start)))
         if context.video.is_piece and stop <= context.video.first + context.video.lead:
             continue  # its state is needed, and its frames are not
         args = {"start": start, "stop": stop, "before": after[0] if after else None, "last": stop == shot[1]}
-        weight = (1 - ANALYSIS_SHARE) * (stop - start)
+        weight = (1 - FLOW_SHARE - ANALYSIS_SHARE) * (stop - start)
         paints.append(Task(f"run-{start:07d}", args, (_analysis_key(start), *after), (start, stop), weight=weight))
-    return _painted_behind(analyses, paints)
+    groups = [[task] for task in analyses]
+    if flows:
+        groups = with_prepared(analyses, FLOW, FLOW_SHARE, BYTES_PER_PX * math.prod(working_size(size)))
+    return _painted_behind(groups, paints)
 
 
-def _painted_behind(analyses: Sequence[Task], paints: Sequence[Task]) -> list[Task]:
-    """The tasks in the order in which workers prefer them: a run is painted `BEHIND` runs after its analysis."""
+def _painted_behind(analyses: Sequence[Sequence[Task]], paints: Sequence[Task]) -> list[Task]:
+    """The tasks in the order in which workers prefer them: a run is painted `BEHIND` runs after its analysis.
+
+    Args:
+        analyses: the tasks of the analysis of each run.
+    """
     ahead = min(BEHIND, len(analyses))
     ahead += len(analyses) - len(paints)  # those of the frames before a piece
     pairs = zip(analyses[ahead:], paints, strict=False)
-    return [*analyses[:ahead], *(task for pair in pairs for task in pair), *paints[max(0, len(analyses) - ahead) :]]
+    return [
+        *chain.from_iterable(analyses[:ahead]),
+        *(task for own, paint in pairs for task in (*own, paint)),
+        *paints[max(0, len(analyses) - ahead) :],
+    ]
 
 
 def _analysis_key(start: int) -> str:
@@ -133,7 +157,9 @@ def _analysis_key(start: int) -> str:
 
 
 def run_paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
-    return _analyze(task, context) if task.emits is None else _paint(task, context)
+    if task.emits is not None:
+        return _paint(task, context)
+    return run_flow(task, context) if task.key.startswith(FLOW) else _analyze(task, context)
 
 
 def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
@@ -141,15 +167,26 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     start, stop = task.args["start"], task.args["stop"]
     design = design_of(context, task.args["frames"])
     analyzer = StrokeAnalyzer(context.params, context.size, context.seed, context.clock, design)
-    if task.after:
-        analyzer.restore(context.load("paint", f"state-{task.after[0]}"))
+    before = [key for key in task.after if not key.startswith(FLOW)]
+    if before:
+        analyzer.restore(context.load("paint", f"state-{before[0]}"))
     else:
         analyzer.number = start
+    flow = context.load("paint", prepared_key(FLOW, start)) if len(task.after) > len(before) else {}
     placed = region_maps.placed(design, task, context)
     kept: State = {}
     count = 0
-    for seen in _observed(analyzer, context.frames("video", start, stop), map(placed, range(start, stop))):
+    motion = given_motion(context)
+    given = (
+        flow[str(number)] if str(number) in flow else motion.flow(number, number - 1, analyzer.work)
+        for number in range(start, stop)
+    )  # fmt: skip
+    wanted = [name for name in ("flow", "orientation") if context.wants_pass(name)]
+    for seen in _observed(analyzer, context.frames("video", start, stop), map(placed, range(start, stop)), given):
         analysis = analyzer.place_strokes(seen)
+        if wanted:
+            made = observed_passes(seen)
+            context.emit_passes(start + count, {name: made[name] for name in wanted})
         kept |= {f"{count}.{name}": array for name, array in analysis.pack().items()}
         count += 1
         context.progress(count / (stop - start))
@@ -165,13 +202,16 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
 
 
 def _observed(
-    analyzer: StrokeAnalyzer, frames: Iterator[Frame], placed: Iterator[RegionPlacement | None]
+    analyzer: StrokeAnalyzer,
+    frames: Iterator[Frame],
+    placed: Iterator[RegionPlacement | None],
+    given: Iterator[Flow | None],
 ) -> Iterator[Observation]:
     """Observations of the frames, made by a thread that is `OBSERVED_AHEAD` frames ahead."""
     with ThreadPoolExecutor(1, "impasto-observe") as thread:
         ahead = deque[Future[Observation]]()
-        for frame, regions in zip(frames, placed, strict=False):
-            ahead.append(thread.submit(analyzer.observe, frame, regions))
+        for frame, regions, flow in zip(frames, placed, given, strict=False):
+            ahead.append(thread.submit(analyzer.observe, frame, regions, flow))
             if len(ahead) > OBSERVED_AHEAD:
                 yield ahead.popleft().result()
         while ahead:
@@ -187,16 +227,25 @@ def _paint(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
     """Paint frames [start, stop) from their analyses and those of the few previous frames."""
     start, stop = task.args["start"], task.args["stop"]
     key = _analysis_key(start)
-    painter = Painter(context.params, context.size, context.seed, context.clock)
+    wanted = [name for name in ("stroke-ids", "layers") if context.wants_pass(name)]
+    painter = Painter(context.params, context.size, context.seed, context.clock, 1, context.deep,
+                      not context.paints_opacity, bool(wanted))  # fmt: skip
+    before: list[StrokeAnalysis] = []
     if painter.accumulated and task.args["before"]:
-        for analysis in _unpacked(context.load("paint", f"last-{task.args['before']}")):
-            painter.load_previous(analysis, shared=True)
+        before = _unpacked(context.load("paint", f"last-{task.args['before']}"))
+    found = context.mattes(start - len(before), stop) if context.paints_opacity else None
+    mattes: Iterator[AnyArray | None] = repeat(None) if found is None else chain(found, repeat(None))
+    for analysis in before:
+        painter.load_previous(analysis, shared=True, matte=next(mattes))
     recalled = 0 if task.args["last"] else painter.accumulated
     frames = _unpacked(context.load("paint", key))
     if recalled:
         frames += _unpacked(context.load("paint", f"last-{key}"))
     for k, analysis in enumerate(frames):
-        context.emit(start + k, painter.paint(analysis, shared=k >= len(frames) - recalled))
+        context.emit(start + k, painter.paint(analysis, k >= len(frames) - recalled, next(mattes)))
+        if painter.traces is not None:
+            made = {"stroke-ids": painter.traces.owners, "layers": painter.traces.shares}
+            context.emit_passes(start + k, {name: made[name] for name in wanted})
         context.progress((k + 1) / (stop - start))
     if context.wants(DIRECTIONS):
         pictures = {

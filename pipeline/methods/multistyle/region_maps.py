@@ -18,11 +18,13 @@ from pipeline.arrays import Arrays, State, part
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult, VideoInfo
+from pipeline.methods.given_motion import given_motion
 from pipeline.methods.multistyle.design import REST, Design, followed
 from pipeline.methods.multistyle.design_fields import RegionPlacement
 from pipeline.methods.multistyle.label_propagation import RegionMap
 from pipeline.methods.multistyle.params import MultistyleParams
-from pipeline.methods.multistyle.regions import MASKS, Propagated, RegionKeys, RegionPropagator, compose
+from pipeline.methods.multistyle.passes import OF_REGIONS
+from pipeline.methods.multistyle.regions import CORRECTIONS, MASKS, Propagated, RegionKeys, RegionPropagator, compose
 from pipeline.methods.multistyle.tubes import Tube, TubeTracker, merge_results, tubes_of
 from pipeline.methods.scan import shots_of
 from pipeline.tensors.ellipses import Ellipse, fit_ellipse, track_ellipses
@@ -38,7 +40,7 @@ Run = tuple[int, int, tuple[int, int]]
 
 def requirements(design: Design | None, context: TaskContext[MultistyleParams], frames: int) -> TaskResult:
     """Facts about the design that planning needs; a part of the result of the scan."""
-    shown = context.wants(ARTEFACT)
+    shown = context.wants(ARTEFACT) or any(map(context.wants_pass, OF_REGIONS))
     design = design or Design(version=1)
     keys = _region_keys(design, context)
     for number in keys.channels.get(MASKS, ()):
@@ -67,7 +69,9 @@ def span_of(facts: TaskResult, video: VideoInfo) -> tuple[int, int]:
     if facts["tubes"]:
         return 0, video.total
     first, stop = video.first, video.stop
-    for keys in facts["channels"].values():
+    for channel, keys in facts["channels"].items():
+        if channel == CORRECTIONS:  # all of them hold in their shot
+            first, stop = min(first, *keys), max(stop, *(key + 1 for key in keys))
         first = min(first, max((key for key in keys if key < video.first), default=first))
         stop = max(stop, min((key + 1 for key in keys if key >= video.stop), default=stop))
     return first, stop
@@ -105,8 +109,8 @@ def _shot_number(runs: list[Run], shot: tuple[int, int]) -> int:
 def run_regions(task: Task, context: TaskContext[MultistyleParams], design: Design | None) -> TaskResult:
     """Propagate label maps through one run, and track its tubes."""
     design = design or Design(version=1)
-    propagator = RegionPropagator(_region_keys(design, context))
-    forwards = task.key.startswith("fore")
+    forwards, motion = task.key.startswith("fore"), given_motion(context)
+    propagator = RegionPropagator(_region_keys(design, context), motion, forwards)
     tubes = TubeTracker(context.size, task.args["shot"]) if forwards and task.args["tubes"] else None
     if task.after:
         state = context.load("regions", f"state-{task.after[0]}")
@@ -122,7 +126,7 @@ def run_regions(task: Task, context: TaskContext[MultistyleParams], design: Desi
             propagated.append(propagator.step(number, frame))
         if tubes:
             with context.clock("tubes"):
-                found, result = tubes.step(frame)
+                found, result = tubes.step(frame, motion.flow(number - 1, number, tubes.size))
             ids.append(found)
             results.append((number, result))
         context.progress(len(propagated) / (stop - start))
@@ -233,6 +237,7 @@ def _map(task: Task, context: TaskContext[MultistyleParams], design: Design) -> 
     context.save(
         f"colours-{task.key}", {"sums": _colour_sums(maps, context.frames("video", start, stop), len(design.names))}
     )
+    _emit_passes(context, start, maps, fore, task.args["numbers"])
     if context.wants(ARTEFACT):
         context.save_file(
             f"{ARTEFACT}-{start:07d}.zip", _png_archive(maps, fore, start, task.args["numbers"]), "application/zip"
@@ -256,10 +261,26 @@ def _colour_sums(maps: list[NDArray[np.uint8]], frames: Iterable[Frame], count: 
     return out
 
 
+def _tube_numbers(fore: Arrays, numbers: Mapping[str, int]) -> NDArray[np.int64]:
+    """Numbers of the tubes of a run by their index in its maps."""
+    return np.array([numbers.get(str(name), 0) for name in fore.get("names", np.zeros(0))], np.int64)
+
+
+def _emit_passes(
+    context: TaskContext[MultistyleParams], start: int, maps: list[NDArray[np.uint8]], fore: Arrays,
+    numbers: Mapping[str, int],
+) -> None:  # fmt: skip
+    rank = _tube_numbers(fore, numbers)
+    wanted = [name for name in OF_REGIONS if context.wants_pass(name)]
+    for k in range(len(maps) if wanted else 0):
+        made = {"regions": maps[k], "tubes": rank[fore["tubes"][k]]}
+        context.emit_passes(start + k, {name: made[name] for name in wanted})
+
+
 def _png_archive(maps: list[NDArray[np.uint8]], fore: Arrays, start: int, numbers: Mapping[str, int]) -> bytes:
     """Zip of PNG files: `map-0000012.png`, region number as gray value; `tubes-0000012.png`, 65536 R + 256 G + B."""
     made = io.BytesIO()
-    rank = np.array([numbers.get(str(name), 0) for name in fore.get("names", np.zeros(0))], np.int64)
+    rank = _tube_numbers(fore, numbers)
     with zipfile.ZipFile(made, "w", zipfile.ZIP_STORED) as archive:
         for k, found in enumerate(maps):
             gray = cv2.imencode(".png", found)[1].tobytes()
@@ -311,6 +332,15 @@ def _objects(tubes: list[TaskResult]) -> list[TaskResult]:
         own |= {"colour": [round(value / max(whole, 1)) for value in colour]}
         rows.append(own)
     return rows
+
+
+def expected_results(step: str, context: PlanContext[MultistyleParams]) -> Mapping[str, TaskResult] | None:
+    """See `pipeline.methods.base.Method.expected_results`."""
+    facts = context.results["scan"]["video"]
+    if step == "regions":
+        return None if facts["tubes"] else {}
+    runs = [key.removeprefix("fore-") for key in context.results.get("regions", {}) if key.startswith("fore-")]
+    return {f"map-{start}": {"shapes": {}} for start in runs} if step == "maps" else {}
 
 
 # -- used by the step "paint"

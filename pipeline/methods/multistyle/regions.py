@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame
+from pipeline.methods.given_motion import GivenMotion
 from pipeline.methods.multistyle.design import REST, Design
 from pipeline.methods.multistyle.label_propagation import LabelPropagator, RegionMap
 
 MASKS = "masks"
 """Channel of the input label maps; outlines of a region have a channel with the region's name."""
+CORRECTIONS = "+corrections"
+"""Channel of strokes that correct the other channels, and tubes; no region can have this name. Its maps have the region
+number plus 1, and 0 where nothing is corrected."""
 UNKNOWN = 255
 """Value of propagated maps before the first key of their channel."""
 
@@ -43,16 +47,20 @@ class RegionKeys:
 
     def __post_init__(self) -> None:
         self.channels = {
-            name: sorted(polygon.frame for polygon in region.polygons)
+            name: sorted({polygon.frame for polygon in region.polygons})
             for name, region in self.design.regions.items() if region.polygons
         }  # fmt: skip
         if self.design.wants_masks:
             self.channels[MASKS] = sorted(self.masks)
+        if self.design.corrections:
+            self.channels[CORRECTIONS] = sorted({stroke.frame for stroke in self.design.corrections})
 
     def key(self, channel: str, frame: int) -> RegionMap | None:
         """The channel's map at a keyframe; None at other frames."""
         if frame not in self.channels[channel]:
             return None
+        if channel == CORRECTIONS:
+            return self._corrected(frame)
         return self._labels(frame) if channel == MASKS else self._outline(channel, frame)
 
     def _labels(self, frame: int) -> RegionMap:
@@ -64,11 +72,25 @@ class RegionKeys:
         return out
 
     def _outline(self, name: str, frame: int) -> RegionMap:
-        polygon = next(p for p in self.design.regions[name].polygons if p.frame == frame)
-        corners = np.array(polygon.points, np.float64) * self.size - 0.5
         out = np.zeros(self.size[::-1], np.uint8)
-        cv2.fillPoly(out, [np.rint(corners * 16).astype(np.int32)], self.design.names.index(name), shift=4)
+        for polygon in self.design.regions[name].polygons:
+            if polygon.frame == frame:
+                cv2.fillPoly(out, [self._px(polygon.points)], self.design.names.index(name), shift=4)
         return out
+
+    def _corrected(self, frame: int) -> RegionMap:
+        out = np.zeros(self.size[::-1], np.uint8)
+        for stroke in self.design.corrections:
+            if stroke.frame == frame:
+                width = max(1, round(stroke.width * self.size[1]))
+                value = self.design.names.index(stroke.region) + 1
+                points = (*stroke.points, stroke.points[-1])  # a single one is a dot
+                cv2.polylines(out, [self._px(points)], False, value, width, cv2.LINE_8, shift=4)
+        return out
+
+    def _px(self, points: tuple[tuple[float, float], ...]) -> NDArray[np.int32]:
+        """Positions in sixteenths of a px."""
+        return np.asarray(np.rint((np.array(points, np.float64) * self.size - 0.5) * 16), np.int32)
 
 
 def label_map(image: AnyArray, size: tuple[int, int], where: str) -> NDArray[np.uint16]:
@@ -98,15 +120,16 @@ def label_map(image: AnyArray, size: tuple[int, int], where: str) -> NDArray[np.
 class RegionPropagator:
     """Propagates all channels from frame to frame, forwards or backwards."""
 
-    def __init__(self, given: RegionKeys) -> None:
-        self.given = given
-        self.propagators = {channel: LabelPropagator() for channel in given.channels}
+    def __init__(self, given: RegionKeys, motion: GivenMotion, forwards: bool) -> None:
+        self.given, self.towards = given, 1 if forwards else -1
+        self.propagators = {channel: LabelPropagator(motion) for channel in given.channels}
 
     def step(self, number: int, frame: Frame) -> NDArray[np.uint8]:
         """Maps of the next frame: uint8 (channels, h, w), UNKNOWN before the first key of a channel."""
         out = np.full((len(self.propagators), *frame.shape[:2]), UNKNOWN, np.uint8)
         for plane, (channel, propagator) in zip(out, self.propagators.items(), strict=True):
-            found = propagator.step(frame, self.given.key(channel, number))
+            key = self.given.key(channel, number)
+            found = propagator.step(frame, key, number, number - self.towards, over=channel == CORRECTIONS)
             if found is not None:
                 plane[:] = found
         return out
@@ -158,7 +181,8 @@ def compose(
             inside = propagated.get(MASKS if region.label is not None else name, out) == index
         parts[name] = inside
         out[_within(design, name, parts) if region.of else inside] = index
-    return out
+    corrected = propagated.get(CORRECTIONS)
+    return out if corrected is None else np.where(corrected > 0, corrected - 1, out).astype(np.uint8)
 
 
 def _within(design: Design, name: str, parts: Mapping[str, NDArray[np.bool_]]) -> NDArray[np.bool_]:
@@ -173,11 +197,19 @@ def _within(design: Design, name: str, parts: Mapping[str, NDArray[np.bool_]]) -
 
 
 def _nearest_key_maps(given: RegionKeys, maps: Propagated) -> Iterator[tuple[str, RegionMap]]:
-    """Map of each channel, propagated from the nearer keyframe; before the first key of a shot, from the next one."""
+    """Map of each channel, propagated from the nearer keyframe; before the first key of a shot, from the next one.
+    Where the nearer keyframe has no correction, the other one's holds."""
     for index, (channel, keys) in enumerate(given.channels.items()):
         before = max((key for key in keys if maps.shot[0] <= key <= maps.number), default=None)
         after = min((key for key in keys if maps.number < key < maps.shot[1]), default=None)
         use_back = after is not None and (before is None or after - maps.number < maps.number - before)
         source = maps.back if use_back else maps.fore if before is not None else None
-        if source is not None:
-            yield channel, np.where(source[index] == UNKNOWN, 0, source[index]).astype(np.uint8)
+        if source is None:
+            continue
+        found = _known(source[index])
+        other = (maps.fore if use_back else maps.back) if channel == CORRECTIONS else None
+        yield channel, found if other is None else np.where(found > 0, found, _known(other[index])).astype(np.uint8)
+
+
+def _known(plane: RegionMap) -> RegionMap:
+    return np.where(plane == UNKNOWN, 0, plane).astype(np.uint8)

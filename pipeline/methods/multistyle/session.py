@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 
 from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Frame
+from pipeline.methods.live import References
 from pipeline.methods.multistyle.analysis import StrokeAnalysis
 from pipeline.methods.multistyle.analyzer import StrokeAnalyzer
 from pipeline.methods.multistyle.painter import Painter
@@ -36,7 +36,7 @@ class MultistyleSession:
 
     def reconfigure(
         self, params: MultistyleParams, size: tuple[int, int],
-        references: Mapping[str, Iterator[Frame]] | None = None, output_size: tuple[int, int] | None = None,
+        references: References | None = None, output_size: tuple[int, int] | None = None,
     ) -> MultistyleSession:  # fmt: skip
         """Continue with other parameters: strokes persist, accumulated paintings do not. Another size starts anew.
 

@@ -20,8 +20,8 @@ MOST_PAINTINGS = 12
 """Maximum number of paintings that wait; the oldest are dropped. Three runs of the style with most accumulated frames
 need as many."""
 
-Origin: TypeAlias = tuple[MultistyleParams, tuple[int, int], int, int]
-"""Parameters, size (width, height) in px, random seed, number of the frame's analysis."""
+Origin: TypeAlias = tuple[MultistyleParams, tuple[int, int], int, int, bool]
+"""Parameters, size (width, height) in px, random seed, number of the frame's analysis, whether it has 16 bits."""
 
 
 class SharedPaintings:

@@ -116,6 +116,10 @@ class Technique(BaseModel):
     streaks: float = _number(36, 0, 128, "Amplitude of lightness of the bristle texture.", "gray levels")
     dry: float = _number(0.6, 0, 1, "Paint missing between bristles at the end of a stroke.", "ratio")
     soft: float = _number(0.18, 0, 1, "Width over which stroke edges fade.", "radii")
+    bristles: float = _number(
+        5, 1, 20, "Density of the bristle texture: bristles from the centre to the side of a stroke, at most one a px.",
+        "bristles",
+    )  # fmt: skip
     ground_red: float = _number(235, 0, 255, "Colour of the ground.", "gray levels")
     ground_green: float = _number(226, 0, 255, "Colour of the ground.", "gray levels")
     ground_blue: float = _number(205, 0, 255, "Colour of the ground.", "gray levels")
@@ -132,7 +136,7 @@ class Technique(BaseModel):
 TECHNIQUE_FIELDS: tuple[str, ...] = tuple(Technique.model_fields)
 PIXEL_FIELDS: tuple[str, ...] = TECHNIQUE_FIELDS[TECHNIQUE_FIELDS.index("ground_red") :]
 """Technique parameters that the painter reads at every pixel; the others are read at the seeds of strokes."""
-PROFILE_FIELDS: tuple[str, ...] = ("taper_start", "taper_end", "streaks", "dry", "soft")
+PROFILE_FIELDS: tuple[str, ...] = ("taper_start", "taper_end", "streaks", "dry", "soft", "bristles")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import JsonValue
 
 from pipeline.arrays import Arrays, State
-from pipeline.frames import Frame
+from pipeline.frames import Flow, Frame
 from pipeline.methods.base import TaskResult
 
 COARSE: Mapping[str, float | str] = MappingProxyType({
@@ -49,9 +49,18 @@ class TubeTracker:
 
         self.session = AbstractionSession(AbstractionParams.model_validate(COARSE), size, shot=shot)
 
-    def step(self, frame: Frame) -> tuple[NDArray[np.int64], TaskResult]:
-        """Segment the next frame: tube id of each pixel, int64 (h, w), and the statistics of the tubes."""
-        analysis = self.session.analyzer.step(frame)
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of given flows, px."""
+        return self.session.sizes.work
+
+    def step(self, frame: Frame, given: Flow | None = None) -> tuple[NDArray[np.int64], TaskResult]:
+        """Segment the next frame: tube id of each pixel, int64 (h, w), and the statistics of the tubes.
+
+        Args:
+            given: flow from the previous frame; None: it is estimated.
+        """
+        analysis = self.session.analyzer.step(frame, None, given)
         found = self.session.regions.step(analysis).regions
         pixels = np.asarray(found.ids[found.labels], np.int64)
         return pixels, _statistics(found.labels, found.ids, found.areas, found.means, analysis.flow)

@@ -30,12 +30,14 @@ from pipeline.methods.base import (
     InputFacts,
     InputSpec,
     LayerPart,
+    MadePass,
     Method,
     Params,
     PlanContext,
     Resources,
     Step,
     Studio,
+    TaskResult,
     checked,
     resources_per_pixel,
 )
@@ -43,11 +45,14 @@ from pipeline.methods.patches.artefacts import ARTEFACTS
 from pipeline.methods.patches.clustering import plan_cluster, run_cluster, stored_clusters
 from pipeline.methods.patches.compositing import plan_paint, run_paint
 from pipeline.methods.patches.correction import plan_correct, run_correct
+from pipeline.methods.patches.expected import expected_results
+from pipeline.methods.patches.frame_passes import MADE
 from pipeline.methods.patches.layer_parts import PARTS, STUDIO, solved_intervals
 from pipeline.methods.patches.params import CLUSTERED, PatchesParams
 from pipeline.methods.patches.patch_construction import plan_patch, run_patch
+from pipeline.methods.patches.patch_styles import label_styles
 from pipeline.methods.patches.registration import plan_register, run_register
-from pipeline.methods.patches.scan import label_intervals, label_styles, plan_scan, run_scan
+from pipeline.methods.patches.scan import label_intervals, plan_scan, run_scan
 from pipeline.methods.patches.window_flow import load_kernels
 
 __all__ = ["Patches", "PatchesParams"]
@@ -63,6 +68,7 @@ class Patches(Method):
     )
     paper: ClassVar[str] = "zhang2011patches"
     Params: ClassVar[type[Params]] = PatchesParams
+    passes = ("motion",)
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec("video", "video", True, "Video", "The video, image (still or animated) or zip of images to paint."),
         InputSpec(
@@ -85,35 +91,49 @@ class Patches(Method):
         ),
         InputSpec(
             "styles", "json", False, "Styles of patches",
-            'Styles of single patches, by label: {"background": "wash", "3": "circles"}.', "label_styles",
+            'Styles of single patches, by label: {"background": "wash", "3": "circles"}, or parameters: '
+            '{"3": {"style": "circles", "stroke_size": 0.5}}.', "label_styles",
             applies_when=CLUSTERED,
         ),
     )  # fmt: skip
     steps: ClassVar[tuple[Step[PatchesParams], ...]] = (
-        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.02, version=2),
-        Step("cluster", "Cluster by motion", plan_cluster, run_cluster, weight=0.45, version=2),
+        Step("scan", "Find the shots", plan_scan, run_scan, weight=0.005, version=2),
+        Step("cluster", "Cluster by motion", plan_cluster, run_cluster, weight=1.0, version=2),
         Step("correct", "Apply corrections", plan_correct, run_correct, weight=0.0, version=2),
-        Step("register", "Register frames", plan_register, run_register, weight=0.3),
-        Step("patch", "Paint patches", plan_patch, run_patch, weight=0.2),
-        Step("paint", "Composite frames", plan_paint, run_paint),
+        Step("register", "Register frames", plan_register, run_register, weight=0.26),
+        Step("patch", "Paint patches", plan_patch, run_patch, weight=0.4, version=2),
+        Step("paint", "Composite frames", plan_paint, run_paint, version=2),
     )
     parts: ClassVar[tuple[LayerPart, ...]] = PARTS
     part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"label_intervals": solved_intervals}
     artefacts: ClassVar[tuple[str, ...]] = ARTEFACTS
+    makes_passes: ClassVar[tuple[MadePass, ...]] = MADE
+    passes_when: ClassVar[Mapping[str, Alternatives]] = dict.fromkeys((made.name for made in MADE), CLUSTERED)
     studio: ClassVar[Studio] = STUDIO
     input_checks: ClassVar[Mapping[str, InputCheck]] = {
         "styles": checked(label_styles), "label_intervals": checked(label_intervals),
     }  # fmt: skip
     artefacts_when: ClassVar[Mapping[str, Alternatives]] = dict.fromkeys(ARTEFACTS, CLUSTERED)
     clusters_step: ClassVar[str] = "cluster"
+    task_threads: ClassVar[Mapping[str, float]] = {"cluster/flow": 3.4, "cluster/run": 1.4, "paint/run": 1.7}
     clusters_params: ClassVar[Mapping[str, JsonValue]] = {"temporal": "on"}
     reads_again: ClassVar[bool] = True
+    task_params: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "cluster/flow": ("flow", "window", "temporal", "colour_scale")
+    }
+    depth_bits: ClassVar[int] = 16
     cpu_s_per_megapixel: ClassVar[float] = 1.2
     cpu_growth: ClassVar[float] = 0.5
     examples: ClassVar[tuple[Example, ...]] = (
         Example("circles", "Round dabs of colour", {"style": "circles"}),
         Example("threes", "On threes: ten paintings per second", {"frames_per_painting": 3}),
         Example("broad", "Broad strokes", {"stroke_size": 1.6, "threshold": 40}),
+        Example(
+            "small",
+            "Complex motion in many small patches of fine strokes",
+            {"smallest_cluster": 0.3, "table_area": "mean"},
+        ),
+        Example("pan", "The same strokes over a long pan", {"longest_travel": 10, "longest_patch": 480}),
         Example("wash", "A washed background", {"background_style": "wash"}),
     )
 
@@ -131,6 +151,10 @@ class Patches(Method):
             for place, row in enumerate(rows) if row.get("frame", -1) not in labels.numbers
         ]  # fmt: skip
 
+    def expected_results(self, step: str, context: PlanContext[PatchesParams]) -> Mapping[str, TaskResult]:
+        """A background and one moving cluster, and no energies."""
+        return expected_results(step, context)
+
     def load(self) -> None:
         """Load the kernels of the first tasks."""
         load_kernels()
@@ -144,5 +168,7 @@ class Patches(Method):
         return stored_clusters(arrays)
 
     def resources(self, step: str, context: PlanContext[PatchesParams]) -> Resources:
-        """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %."""
-        return resources_per_pixel(context.video, 60 if step == "scan" else 500)
+        """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %; paintings of 16 bit take
+        60 bytes a pixel more."""
+        each = 570 if context.deep else 500
+        return resources_per_pixel(context.video, 60 if step == "scan" else each)

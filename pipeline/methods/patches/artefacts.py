@@ -94,7 +94,7 @@ def overlay(labels: Labels, frame: Frame) -> Frame:
 
 
 def save_patch_artefact(
-    context: TaskContext[PatchesParams], key: str, number: int, panorama: Frame, painting: Frame
+    context: TaskContext[PatchesParams], key: str, number: int, panorama: Frame, painting: AnyArray
 ) -> None:
     """Save panorama and painting of period `number` of a patch, if the job requests the artefact "patches"."""
     if context.wants("patches"):

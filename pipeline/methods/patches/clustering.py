@@ -18,9 +18,11 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Labels
+from pipeline.kernels.ahead import ahead, helpers
+from pipeline.kernels.executors import INLINE, FrameExecutor, Pending
 from pipeline.methods.base import FrameClusters, PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.face_tracking import faces_key, run_faces
-from pipeline.methods.patches.motion_clustering import ClusterState, cluster_frame
+from pipeline.methods.patches.motion_clustering import ClusterState, FrameFeatures, cluster_frame
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import LabelRow, add_label_statistics
 from pipeline.methods.patches.scan import RUN, WorkingGrid, mask_map, run_key, run_start, runs
@@ -35,7 +37,7 @@ def plan_cluster(context: PlanContext[PatchesParams]) -> list[Task]:
     tasks, chain = list[Task](), list[Task]()
     for start, stop, begin, end in runs(context):
         args = {"start": start, "stop": stop, "begin": begin, "end": end}
-        tasks.append(Task(flow_key(start), args, weight=0.3 * (stop - start)))
+        tasks.append(Task(flow_key(start), args, weight=0.57 * (stop - start)))
         tasks += chain
         chain = [_label_task(args)]
         if params.face_detail > 0:
@@ -46,13 +48,13 @@ def plan_cluster(context: PlanContext[PatchesParams]) -> list[Task]:
 def _faces_task(args: dict[str, int]) -> Task:
     start, previous = args["start"], args["start"] - RUN
     after = [flow_key(start)] + ([flow_key(previous), faces_key(previous)] if start > args["begin"] else [])
-    return Task(faces_key(start), args, tuple(after), weight=0.02 * (args["stop"] - start))
+    return Task(faces_key(start), args, tuple(after), weight=0.08 * (args["stop"] - start))
 
 
 def _label_task(args: dict[str, int]) -> Task:
     start, previous = args["start"], args["start"] - RUN
     after = [flow_key(start)] + ([flow_key(previous), run_key(previous)] if start > args["begin"] else [])
-    return Task(run_key(start), args, tuple(after), weight=0.15 * (args["stop"] - start))
+    return Task(run_key(start), args, tuple(after), weight=0.31 * (args["stop"] - start))
 
 
 def run_cluster(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
@@ -74,29 +76,40 @@ def run_labels(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     arrays: State = {}
     statistics: dict[str, LabelRow] = {}
     uncertainty: dict[str, dict[str, float]] = {}
-    for index in range(start, stop):
-        with context.clock("cluster"):
-            labels = next_frame_labels(state, flow, index, masks, context)
-        arrays |= label_arrays(index, labels, state)
-        uncertainty[str(index)] = {str(label): value for label, value in state.uncertainty.items()}
-        add_label_statistics(statistics, labels, flow, index)
-        context.progress((index + 1 - start) / (stop - start))
+
+    def features(index: int) -> FrameFeatures:
+        with context.clock("features"):
+            return FrameFeatures.of(flow, index, begin, context.params)
+
+    with helpers(1, "impasto-labels") as threads, ahead(features, range(start, stop), 1, "impasto-features") as known:
+        background, counted = FrameExecutor(threads), list[Pending[None]]()
+        for own in known:
+            with context.clock("cluster"):
+                labels = next_frame_labels(state, own, masks, context, background)
+            arrays |= label_arrays(own.index, labels, state)
+            uncertainty[str(own.index)] = {str(label): value for label, value in state.uncertainty.items()}
+            counted.append(background(add_label_statistics, statistics, labels, own.motion.forward, own.index))
+            context.progress((own.index + 1 - start) / (stop - start))
+        for each in counted:
+            each.result()
     arrays["next"] = np.array([state.next_label, state.begin])
     context.save(task.key, arrays)
     return {"labels": statistics, "uncertainty": uncertainty}
 
 
 def next_frame_labels(
-    state: ClusterState, flow: WindowFlow, index: int, masks: Mapping[int, AnyArray],
-    context: TaskContext[PatchesParams],
+    state: ClusterState, features: FrameFeatures, masks: Mapping[int, AnyArray], context: TaskContext[PatchesParams],
+    background: FrameExecutor = INLINE,
 ) -> Labels:  # fmt: skip
-    """Labels of frame `index`, int32 (h, w), from the state after the frame before it.
+    """Labels of a frame, int32 (h, w), from the state after the frame before it.
 
     Args:
         masks: the user's foreground masks by frame, as stored.
+        background: its helper takes a part of the work.
     """
+    index = features.index
     mask = mask_map(masks[index], WorkingGrid.of(context.size), index) if index in masks else None
-    return cluster_frame(state, flow, index, context.params, mask)
+    return cluster_frame(state, features, context.params, mask, background)
 
 
 def previous_state(context: TaskContext[PatchesParams], step: str, key: str, task: Task) -> ClusterState:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TypeAlias
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Plane
+from pipeline.kernels.ahead import ahead, helpers
+from pipeline.kernels.executors import FrameExecutor
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.artefacts import LabelPictures
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes
+from pipeline.methods.patches.frame_passes import FramePasses, PatchTrace
 from pipeline.methods.patches.mattes import LabelMattes
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
 from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted, blended
@@ -24,7 +30,8 @@ from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, FirstPainting, ResidualLayer
 from pipeline.methods.patches.scan import RUN, WorkingGrid, painting_runs, run_key
 from pipeline.methods.patches.window_flow import WindowFlow
-from pipeline.strokes.steepen import steepened_wide
+from pipeline.strokes.steepen import steepen_wide, steepened_wide
+from pipeline.video.depth import as_float, as_uint16
 from pipeline.warp.panorama import Placement, full_map
 
 CUBIC_REACH = 2
@@ -46,17 +53,16 @@ def plan_paint(context: PlanContext[PatchesParams]) -> list[Task]:
     """
     every = patch_tracks(context) if context.params.temporal == "on" else []
     fades = cross_fades(context.params)
-    tasks: list[Task] = []
+    tasks: dict[str, Task] = {}
     for start, stop, begin, end in painting_runs(context):
-        after = list[str]()
-        if fades and start > begin:
-            after.append(first_key(start))
-        if fades and stop < end:
-            tasks.append(Task(first_key(stop), _task_args(every, (stop, stop + 1, begin, end), context), weight=1))
-            after.append(first_key(stop))
+        edges = [edge for edge in (start, stop) if fades and begin < edge < end]
+        for edge in edges:
+            first = Task(first_key(edge), _task_args(every, (edge, edge + 1, begin, end), context), weight=1)
+            tasks.setdefault(first.key, first)
         args = _task_args(every, (start, stop, begin, end), context)
-        tasks.append(Task(run_key(start), args, tuple(after), (start, stop), weight=stop - start))
-    return tasks
+        after = tuple(map(first_key, edges))
+        tasks[run_key(start)] = Task(run_key(start), args, after, (start, stop), weight=stop - start)
+    return list(tasks.values())
 
 
 def _task_args(
@@ -64,8 +70,9 @@ def _task_args(
 ) -> TaskResult:
     """Arguments of a task that paints frames [start, stop) of the shot [begin, end)."""
     start, stop, begin, end = run
+    kind = context.params.table_area
     tracks = [
-        track.args() for track in every if track.begin == begin and track.start < stop and track.stop > start
+        track.args(kind) for track in every if track.begin == begin and track.start < stop and track.stop > start
     ]  # fmt: skip
     results = [context.results["patch"][track["key"]] for track in tracks]
     return {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks, "results": results}
@@ -84,20 +91,11 @@ def first_key(start: int) -> str:
 def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     """Paint and emit frames [start, stop), and save the artefacts of label maps; or paint a run's first frame."""
     start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
-    if task.key == first_key(start):
-        _paint_first(task, context)
-        return {}
-    paint, painting = _frame_painter(task, context), np.empty((0, 0, 3), np.uint8)
-    for index, frame in frames_to_paint(context, task):
-        with context.clock("composite"):
-            if index == start and first_key(start) in task.after:
-                painting = _sharpened(_first_painting(paint, start, context), context.params)
-            elif frame is not None:
-                painting = _sharpened(paint(index, frame), context.params)
-            if index == _fade_from(task, context.params):
-                _prepare_cross_fade(paint, stop, context)
-        context.emit(index, painting)
-        context.progress((index + 1 - start) / (stop - start))
+    with helpers(1, "impasto-layers") as threads:
+        if task.key == first_key(start):
+            _paint_first(task, context, FrameExecutor(threads))
+            return {}
+        _paint_frames(task, context, FrameExecutor(threads))
     pictures = LabelPictures(context)
     if context.params.temporal == "on" and pictures.requested:
         maps = LabelMaps(context, begin)
@@ -107,30 +105,69 @@ def run_paint(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     return {}
 
 
-def _sharpened(painting: Frame, params: PatchesParams) -> Frame:
+def _paint_frames(task: Task, context: TaskContext[PatchesParams], background: FrameExecutor) -> None:
+    start, stop, begin = task.args["start"], task.args["stop"], task.args["begin"]
+    paint = _frame_painter(task, context, background)
+    painting: AnyArray = np.empty((0, 0, 3), np.uint8)
+    passes = FramePasses(context, begin)
+    if isinstance(paint, PatchCompositor):
+        paint.traced = passes.traces
+    known = first_key(start) in task.after
+
+    def prepared(given: tuple[int, Frame, bool]) -> tuple[int, Frame, Callable[[], AnyArray] | None]:
+        index, frame, is_painted = given
+        if not is_painted or (known and index == start and not passes.traces):
+            return index, frame, None
+        with context.clock("cover"):
+            return index, frame, paint.prepare(index, frame)
+
+    with ahead(prepared, frames_to_paint(context, task), 1, "impasto-cover", most=1) as frames:
+        for index, frame, painted in frames:
+            with context.clock("composite"):
+                if known and index == start:
+                    painting = _sharpened(_first_painting(paint, start, context), context.params)
+                    if painted is not None:
+                        painted()  # for its trace
+                        _first_painting(paint, start, context)
+                elif painted is not None:
+                    painting = _sharpened(painted(), context.params)
+                if index == _fade_from(task, context.params):
+                    _prepare_cross_fade(paint, stop, context)
+            passes.emit(index, frame, paint.trace if isinstance(paint, PatchCompositor) else None)
+            context.emit(index, painting)
+            context.progress((index + 1 - start) / (stop - start))
+
+
+def _sharpened(painting: AnyArray, params: PatchesParams) -> AnyArray:
     """A frame as it is emitted. Patches and residual layer are sampled between pixels, again in every frame, and faded
     into each other, which makes edges wider from the first to the last frame of a run."""
     fewest, full = SHARPENED_LINES
     share = SHARPENING * min((min(painting.shape[:2]) - fewest) / (full - fewest), 1.0)
-    return steepened_wide(painting, SHARPENING_STEPS, share) if params.temporal == "on" and share > 0 else painting
+    if params.temporal == "off" or share <= 0:
+        return painting
+    if painting.dtype == np.uint8:
+        return steepened_wide(painting, SHARPENING_STEPS, share)
+    colours = as_float(painting) * np.float32(255)
+    steepen_wide(colours, SHARPENING_STEPS, share)
+    return as_uint16(colours / np.float32(255))
 
 
-def frames_to_paint(context: TaskContext[PatchesParams], task: Task) -> Iterator[tuple[int, Frame | None]]:
-    """Frames of a run; None where the previous painting is repeated."""
+def frames_to_paint(context: TaskContext[PatchesParams], task: Task) -> Iterator[tuple[int, Frame, bool]]:
+    """Frames of a run: number, frame, and whether it is painted; else the previous painting is repeated."""
     start, stop = task.args["start"], task.args["stop"]
     for index, frame in enumerate(context.frames("video", start, stop), start=start):
-        yield index, frame if (index - start) % context.params.frames_per_painting == 0 else None
+        yield index, frame, (index - start) % context.params.frames_per_painting == 0
 
 
-def _paint_first(task: Task, context: TaskContext[PatchesParams]) -> None:
+def _paint_first(task: Task, context: TaskContext[PatchesParams], background: FrameExecutor) -> None:
     """Paint the first frame of a run, and save it and the state after it."""
-    start, paint = task.args["start"], PatchCompositor(task, context)
+    start, paint = task.args["start"], PatchCompositor(task, context, background)
     for frame in context.frames("video", start, start + 1):
         with context.clock("composite"):
             context.save(task.key, paint.first(start, frame).state())
 
 
-def _first_painting(paint: FramePainter, start: int, context: TaskContext[PatchesParams]) -> Frame:
+def _first_painting(paint: FramePainter, start: int, context: TaskContext[PatchesParams]) -> AnyArray:
     """The painting of a run's first frame that its own task has made; `paint` continues after it."""
     assert isinstance(paint, PatchCompositor)
     return paint.continue_after(FirstPainting.of(start, context.load("paint", first_key(start))))
@@ -148,15 +185,16 @@ def _prepare_cross_fade(paint: FramePainter, stop: int, context: TaskContext[Pat
         paint.prepare_cross_fade(FirstPainting.of(stop, context.load("paint", first_key(stop))))
 
 
-def _frame_painter(task: Task, context: TaskContext[PatchesParams]) -> FramePainter:
+def _frame_painter(task: Task, context: TaskContext[PatchesParams], background: FrameExecutor) -> FramePainter:
     if context.params.temporal == "off":
-        return IndependentFrames(frame_painter(context.params, context.size, context.seed), context.params.face_detail)
-    return PatchCompositor(task, context)
+        painter = frame_painter(context.params, context.size, context.seed, context.deep)
+        return IndependentFrames(painter, context.params.face_detail)
+    return PatchCompositor(task, context, background)
 
 
-def frame_painter(params: PatchesParams, size: tuple[int, int], seed: int) -> HertzmannPainter:
+def frame_painter(params: PatchesParams, size: tuple[int, int], seed: int, deep: bool = False) -> HertzmannPainter:
     """Painter of whole frames of (width, height) px: the brush sizes of the largest regions."""
-    return HertzmannPainter.of(params.style, size[0] * size[1], min(size), params, seed)
+    return HertzmannPainter.of(params.style, size[0] * size[1], min(size), params, seed, deep)
 
 
 @dataclass(frozen=True)
@@ -166,8 +204,11 @@ class IndependentFrames:
     painter: HertzmannPainter
     face_detail: float = 0.0
 
-    def __call__(self, index: int, frame: Frame) -> Frame:
-        """Paint frame `index`: uint8 (h, w, 3)."""
+    def prepare(self, index: int, frame: Frame) -> Callable[[], AnyArray]:
+        """A function that paints frame `index`: uint8 (h, w, 3), or uint16."""
+        return partial(self._paint, frame)
+
+    def _paint(self, frame: Frame) -> AnyArray:
         gray = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY), np.uint8)
         return self.painter.paint_picture(frame, single_frame_planes(gray, self.face_detail))
 
@@ -179,16 +220,19 @@ class PaintedPatch:
     Attributes:
         track: frames and label of the patch.
         periods: frames [start, stop) of each period of similar appearance.
-        renderings: panorama and painting, uint8 (h, w, 3), of the loaded periods, by number.
+        renderings: panorama and painting of the loaded periods, by number.
         origin: (x, y) of the panorama's top left pixel, px; the same for all periods.
         placements: placement in the panorama, by frame.
+        strokes: number of the stroke at each pixel of a painting, uint32 (h, w), by number of the period; empty: that
+            pass is not wanted.
     """
 
     track: PatchTrack
     periods: list[list[int]]
-    renderings: dict[int, tuple[Frame, Frame]]
+    renderings: dict[int, Rendering]
     origin: tuple[int, int]
     placements: dict[int, Placement]
+    strokes: dict[int, NDArray[np.uint32]] = field(default_factory=dict)
 
     @classmethod
     def load(
@@ -199,27 +243,38 @@ class PaintedPatch:
         Args:
             result: result of the patch's task in the step "patch".
         """
-        placements, renderings = load_placements(context, track, start, stop), {}
+        placements, renderings, strokes = load_placements(context, track, start, stop), {}, {}
         for number, (first, last) in enumerate(result["periods"]):
             if first - PERIOD_FADE_FRAMES < stop and last + PERIOD_FADE_FRAMES > start:
                 arrays = context.load("patch", period_artefact(track, number))
                 renderings[number] = arrays["panorama"], arrays["painting"]
+                if "strokes" in arrays:
+                    strokes[number] = np.asarray(arrays["strokes"], np.uint32)
         x, y = result["origin"]
-        return cls(track, result["periods"], renderings, (x, y), placements)
+        return cls(track, result["periods"], renderings, (x, y), placements, strokes)
 
     def sample(self, index: int, x: Plane, y: Plane) -> Rendering:
-        """Sample panorama and painting for frame `index`: uint8 (2, h, w, 3). Successive periods are cross-faded.
+        """Sample panorama and painting for frame `index`: (h, w, 3) each. Successive periods are cross-faded.
 
         Args:
             x, y: float32 (h, w), positions in the panorama, px.
         """
-        out = np.empty((2, *x.shape, 3), np.uint8)
         (picture, painting), (x, y) = self._shown(index, x, y)
+        out = np.empty((*x.shape, 3), np.uint8), np.empty((*x.shape, 3), painting.dtype)
         cv2.remap(picture, x, y, cv2.INTER_LINEAR, dst=out[0], borderMode=cv2.BORDER_REPLICATE)
         cv2.remap(painting, x, y, cv2.INTER_CUBIC, dst=out[1], borderMode=cv2.BORDER_REPLICATE)
         return out
 
-    def _shown(self, index: int, x: Plane, y: Plane) -> tuple[tuple[Frame, Frame], tuple[Plane, Plane]]:
+    def stroke_numbers(self, index: int, x: Plane, y: Plane) -> NDArray[np.uint32]:
+        """Numbers of the strokes at positions in the panorama that frame `index` shows most, uint32 (h, w)."""
+        if not self.strokes:
+            return np.zeros(x.shape, np.uint32)
+        number, _ = max(self._period_weights(index), key=lambda one: one[1])
+        height, width = self.strokes[number].shape
+        rows, columns = (np.rint(p).clip(0, n - 1).astype(np.intp) for p, n in ((y, height), (x, width)))
+        return self.strokes[number][rows, columns]
+
+    def _shown(self, index: int, x: Plane, y: Plane) -> tuple[Rendering, tuple[Plane, Plane]]:
         """Panorama and painting that frame `index` shows, and the positions in them.
 
         Of two periods, the part around the positions is blended: to sample it once takes less than to sample both.
@@ -230,10 +285,10 @@ class PaintedPatch:
         (other, rest), (height, width) = before_or_after[0], self.renderings[number][0].shape[:2]
         rows, columns = _around(y, height), _around(x, width)
         picture, painting = (
-            np.asarray(cv2.addWeighted(own[rows, columns], weight, its[rows, columns], rest, 0), np.uint8)
+            cv2.addWeighted(own[rows, columns], weight, its[rows, columns], rest, 0)
             for own, its in zip(self.renderings[number], self.renderings[other], strict=True)
         )
-        return (picture, painting), (x - np.float32(columns.start), y - np.float32(rows.start))
+        return (np.asarray(picture, np.uint8), painting), (x - np.float32(columns.start), y - np.float32(rows.start))
 
     def _period_weights(self, index: int) -> list[tuple[int, float]]:
         """Numbers of the periods shown at frame `index`, and their cross-fade weights."""
@@ -256,10 +311,30 @@ def _around(positions: Plane, length: int) -> slice:
     return slice(start, max(min(high, length), start + 1))
 
 
-class PatchCompositor:
-    """Composites the frames of a run from patches and the residual layer."""
+@dataclass(frozen=True)
+class PatchCover:
+    """What the patches paint of a frame: the weighted sum of pictures and paintings, and `covered`, the sum of the
+    weights, float32 (h, w); with the tolerated RGB distance `limit`, float32 (h, w)."""
 
-    def __init__(self, task: Task, context: TaskContext[PatchesParams]) -> None:
+    index: int
+    frame: Frame
+    total: WeightedSum
+    covered: Plane
+    limit: Plane
+    trace: PatchTrace | None
+
+
+class PatchCompositor:
+    """Composites the frames of a run from patches and the residual layer.
+
+    Attributes:
+        traced: whether the `trace` of the last painted frame is kept.
+
+    Args:
+        background: its helper takes a part of the work.
+    """
+
+    def __init__(self, task: Task, context: TaskContext[PatchesParams], background: FrameExecutor) -> None:
         begin = task.args["begin"]
         self._params: PatchesParams = context.params
         self._grid, self._size = WorkingGrid.of(context.size), context.size
@@ -269,25 +344,31 @@ class PatchCompositor:
             PaintedPatch.load(PatchTrack(**args), result, start, stop, context)
             for args, result in zip(task.args["tracks"], task.args["results"], strict=True)
         ]
-        painter = frame_painter(context.params, context.size, context.seed)
+        painter = frame_painter(context.params, context.size, context.seed, context.deep)
         self._faces = ShotFaces(context, begin)
-        self._residual = ResidualLayer(painter, WindowFlow(context, begin), self._grid)
+        self._residual = ResidualLayer(painter, WindowFlow(context, begin), self._grid, background)
+        self.traced = False
+        self.trace: PatchTrace | None = None
 
     @property
     def uses_residual_layer(self) -> bool:
         """Whether a frame had a visible residual layer."""
         return self._residual.used
 
-    def __call__(self, index: int, frame: Frame) -> Frame:
-        """Paint frame `index`: uint8 (h, w, 3)."""
-        return self._composite(index, frame)[1]
+    def prepare(self, index: int, frame: Frame) -> Callable[[], AnyArray]:
+        """Compute what patches paint of frame `index`, which does not depend on the frames before it.
+
+        Returns: a function that paints the frame, uint8 (h, w, 3) or uint16, after the frames before it.
+        """
+        cover = self._cover(index, frame)
+        return lambda: self._composite(cover)[1]
 
     def first(self, index: int, frame: Frame) -> FirstPainting:
         """Paint frame `index`, the first of its run."""
-        picture, painting = self._composite(index, frame)
+        picture, painting = self._composite(self._cover(index, frame))
         return FirstPainting(index, picture, painting, self._residual.known_opacity, self._residual.used)
 
-    def continue_after(self, first: FirstPainting) -> Frame:
+    def continue_after(self, first: FirstPainting) -> AnyArray:
         """Continue after a first frame that was painted before; returns its painting."""
         self._residual.restore(first)
         return first.painting
@@ -296,39 +377,48 @@ class PatchCompositor:
         """Prepare the residual layer's cross-fade to the first frame of the next run."""
         self._residual.prepare_cross_fade(following, self._params.frames_per_painting)
 
-    def _composite(self, index: int, frame: Frame) -> tuple[Frame, Frame]:
-        """Source picture and painting, uint8 (h, w, 3) each: weighted means of patches and residual layer."""
+    def _cover(self, index: int, frame: Frame) -> PatchCover:
         limit = np.float32(self._params.misfit) * error_tolerance(frame, self._grid.unit)
         if (at_features := self._faces.tolerance(index)) is not None:
             limit = limit * at_features
-        total = np.zeros((2, *frame.shape), np.float32)
-        covered = np.zeros(frame.shape[:2], np.float32)
+        trace = PatchTrace.of(self._size) if self.traced else None
+        shape = frame.shape[:2]
+        cover = PatchCover(
+            index, frame, np.zeros((2, *shape, 3), np.float32), np.zeros(shape, np.float32), limit, trace
+        )
         mattes = LabelMattes(self._maps.require(index), frame)
         for patch in self._patches:
             if (placement := patch.placements.get(index)) is not None:
-                self._add_patch(total, covered, patch, placement, mattes, index, limit)
-        residual = self._residual
-        opacity = residual.limited_opacity(index, 1 - covered)
+                self._add_patch(cover, patch, placement, mattes)
+        return cover
+
+    def _composite(self, cover: PatchCover) -> Rendering:
+        """Source picture and painting: weighted means of patches and residual layer."""
+        index, residual, self.trace = cover.index, self._residual, cover.trace
+        opacity = residual.limited_opacity(index, 1 - cover.covered)
         if (opacity > VISIBLE_OPACITY).any():
-            layer = residual.paint(index, frame, opacity, limit, self._faces(index))
+            layer = residual.paint(index, cover.frame, opacity, cover.limit, self._faces(index))
         else:
-            layer, opacity = total, np.zeros_like(covered)
-        picture, painting = blended(total, covered, layer, opacity)
+            layer, opacity = cover.total, np.zeros_like(cover.covered)
+        if self.trace is not None:
+            self.trace.finish(cover.covered, opacity)
+        picture, painting = blended(cover.total, cover.covered, layer, opacity, residual.painter.deep)
         residual.store(index, picture, painting)
         return picture, painting
 
     def _add_patch(
-        self, total: WeightedSum, covered: Plane, patch: PaintedPatch, placement: Placement, mattes: LabelMattes,
-        index: int, limit: Plane,
+        self, cover: PatchCover, patch: PaintedPatch, placement: Placement, mattes: LabelMattes
     ) -> None:  # fmt: skip
-        """Add a patch, weighted by its matte, its cross-fade and its fit, to `total`, and the weight to `covered`."""
+        """Add a patch, weighted by its matte, its cross-fade and its fit, to the sums."""
         (left, top, right, bottom), x, y = full_map(placement, self._grid.ratio, self._size, patch.origin)
         box = slice(top, bottom), slice(left, right)
-        rendering = patch.sample(index, x, y)
-        weight = mattes.normalized(patch.track.label, box) * np.float32(patch.track.fade_weight(index))
-        weight *= patch_weight(mattes.frame[box], rendering, limit[box], self._grid)
-        add_weighted(total[:, *box], rendering, weight)
-        covered[box] += weight
+        rendering = patch.sample(cover.index, x, y)
+        weight = mattes.normalized(patch.track.label, box) * np.float32(patch.track.fade_weight(cover.index))
+        weight *= patch_weight(mattes.frame[box], rendering, cover.limit[box], self._grid)
+        add_weighted(cover.total[:, *box], rendering, weight)
+        cover.covered[box] += weight
+        if cover.trace is not None:
+            cover.trace.add(patch.track.key, box, weight, (x, y), patch.stroke_numbers(cover.index, x, y))
 
 
 FramePainter: TypeAlias = PatchCompositor | IndependentFrames

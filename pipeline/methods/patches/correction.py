@@ -33,7 +33,13 @@ from pipeline.methods.patches.clustering import (
     previous_state,
     stored_uncertainty,
 )
-from pipeline.methods.patches.motion_clustering import edge_weights, frame_motion, uncertainty_of, warp_labels
+from pipeline.methods.patches.motion_clustering import (
+    FrameFeatures,
+    edge_weights,
+    frame_motion,
+    uncertainty_of,
+    warp_labels,
+)
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import LabelRow, add_label_statistics
 from pipeline.methods.patches.scan import RUN, WorkingGrid, label_map, run_key, run_start, runs, shots
@@ -103,14 +109,14 @@ def _shot_tasks(context: PlanContext[PatchesParams], found: list[FrameSpan], beg
                 before = _key("front", span.start, start - RUN)
                 tasks[_key("front", span.start, start)] = Task(
                     _key("front", span.start, start), _pass_args(span, start, stop, begin, end),
-                    (before,) if before in tasks else (), weight=0.15 * (stop - start),
+                    (before,) if before in tasks else (), weight=0.33 * (stop - start),
                 )  # fmt: skip
         for start, stop in reversed(touched):
             if start <= span.keys[-1] or span.stop < end:
                 behind = _key("back", span.start, start + RUN)
                 tasks[_key("back", span.start, start)] = Task(
                     _key("back", span.start, start), _pass_args(span, start, stop, begin, end),
-                    (behind,) if behind in tasks else (), weight=0.05 * (stop - start),
+                    (behind,) if behind in tasks else (), weight=0.1 * (stop - start),
                 )  # fmt: skip
     for start, stop, _, _ in shot:
         inside = [span for span in found if start < span.stop and stop > span.start]
@@ -120,7 +126,7 @@ def _shot_tasks(context: PlanContext[PatchesParams], found: list[FrameSpan], beg
             names = [_key(which, span.start, at) for span in inside for which in ("front", "back")
                      for at in (start - RUN, start, start + RUN)]  # fmt: skip
             after = tuple(name for name in names if name in tasks)
-            tasks[run_key(start)] = Task(run_key(start), args, after, weight=0.05 * (stop - start))
+            tasks[run_key(start)] = Task(run_key(start), args, after, weight=0.1 * (stop - start))
     return list(tasks.values())
 
 
@@ -177,7 +183,8 @@ def _run_forward(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
             if index in keys:
                 labels = state.restart(index, label_map(corrected[index], grid, index))
             else:
-                labels = next_frame_labels(state, flow, index, masks, context)
+                features = FrameFeatures.of(flow, index, state.begin, context.params)
+                labels = next_frame_labels(state, features, masks, context)
         arrays |= label_arrays(index, labels, state)
         context.progress((index + 1 - start) / (stop - start))
     arrays["next"] = np.array([state.next_label, state.begin])
@@ -234,7 +241,7 @@ def _run_blend(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
                 labels, doubt = _solved(mine, flow, index, context.params)
         arrays |= label_arrays(index, labels, uncertainty=doubt)
         uncertainty[str(index)] = {str(label): value for label, value in doubt.items()}
-        add_label_statistics(statistics, labels, flow, index)
+        add_label_statistics(statistics, labels, flow.forward(index), index)
         context.progress((index + 1 - start) / (stop - start))
     context.save(task.key, arrays)
     return {"labels": statistics, "uncertainty": uncertainty}

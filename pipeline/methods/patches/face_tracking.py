@@ -69,7 +69,7 @@ def run_faces(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
 
 
 class ShotFaces:
-    """Reads the faces of a shot that `run_faces` has stored.
+    """Reads the faces of a shot that `run_faces` has stored. Safe for several threads.
 
     Args:
         begin: first frame of the shot.
@@ -100,9 +100,10 @@ class ShotFaces:
         if self._context.params.face_detail <= 0:
             return NO_FACES
         start = run_start(index, self._begin)
-        if start not in self._runs:
-            self._runs = {start: self._context.load("cluster", faces_key(start))}
-        return faces_of_state({"faces": self._runs[start][str(index)]})
+        runs = self._runs
+        if start not in runs:
+            self._runs = runs = {start: self._context.load("cluster", faces_key(start))}
+        return faces_of_state({"faces": runs[start][str(index)]})
 
 
 def frame_planes(faces: Faces, detail: float, size: tuple[int, int]) -> FacePlanes:

@@ -58,6 +58,6 @@ STUDIO = Studio(
             overlay=Overlay("labels", "Show the clusters", "clusters", (SCRIBBLES,), LABELS, UNCERTAINTY),
         ),
     ),
-    tools=("brush", "eraser", "label"),
+    tools=("brush", "eraser", "object", "label"),
     cuts="cut_sensitivity",
 )  # fmt: skip

@@ -8,27 +8,27 @@ new clusters  trackable pixels without a label are grouped by motion, seeded at 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Labels, Mask, Plane
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.patch_styles import BACKGROUND
 from pipeline.methods.patches.window_flow import WindowFlow, textured
 from pipeline.regions.components import absorb_specks
 from pipeline.regions.foreground import FOREGROUND, propagate_foreground
-from pipeline.regions.motion_groups import motion_groups
+from pipeline.regions.motion_groups import GROUPS, motion_groups
 from pipeline.regions.random_walk import Edges, motion_edges, vote
 from pipeline.warp.homography import deviation, dominant, fit
 
-BACKGROUND = 1
-"""Label of the background; objects are 2, 3, ..."""
-UNCLUSTERED_WEIGHT = 0.25
-"""Weight of a link to an unclustered pixel, relative to a labelled one. It is low, so that labels can spread there."""
 COLOUR_UNIT = 12.0
 """Colour difference, gray levels, that separates pixels as much as a motion difference of 1 px, at full weight."""
 MOTION_EDGE_WINDOW_PX = 7
@@ -43,6 +43,8 @@ TOLERANCE_FACTOR = 3.0
 """Tolerance, as a multiple of the background's median deviation from its homography."""
 FLAT_WEIGHT = 0.01
 """Weight of the background vote where motion is not visible: above the random walk's leak, below any neighbour."""
+USUAL_CLUSTER = 3.0
+"""Smallest cluster, per mille of the frame, below which new clusters may also be narrower, in proportion."""
 MIN_UNTRACKABLE_PX = 9
 """Untrackable areas narrower than this, working px, are rims of moving objects and take the label around them."""
 
@@ -126,33 +128,68 @@ def edge_weights(motion: WindowMotion, params: PatchesParams) -> Edges:
     return motion_edges(forward, backward, motion.small, unit)
 
 
+@dataclass(frozen=True)
+class FrameFeatures:
+    """The inputs of a frame's labels, except the labels of the frames before it.
+
+    Attributes:
+        index: number of the frame.
+        edges: edge weights of the random walk.
+        links: (earlier frame of the window, flow to it, float32 (h, w, 2), weights of the links, float32 (h, w)). Links
+            with reliability R of at least `params.reliable` have weight lambda R; all others have weight 0.
+        near_edges: bool (h, w), pixels near motion discontinuities.
+        untrackable: bool (h, w), areas without reliable links to a neighbouring frame.
+    """
+
+    index: int
+    motion: WindowMotion
+    edges: Edges
+    links: tuple[tuple[int, Flow, Plane], ...]
+    near_edges: Mask
+    untrackable: Mask
+
+    @classmethod
+    def of(cls, flow: WindowFlow, index: int, begin: int, params: PatchesParams) -> FrameFeatures:
+        """The features of frame `index`; the flow from it to frames before `begin` is only a link."""
+        motion = frame_motion(flow, index, begin)
+        pairs = ((gap, flow.backward(index, gap)) for gap in range(1, params.window))
+        least, most = np.float32(params.reliable), np.float32(params.interframe)
+        links = tuple(
+            (index - gap, pair[0], np.where(pair[1] >= least, most * pair[1], np.float32(0)))
+            for gap, pair in pairs if pair is not None
+        )  # fmt: skip
+        edges = edge_weights(motion, params)
+        return cls(index, motion, edges, links, near_motion_edges(motion), _untrackable(motion, params))
+
+
 def cluster_frame(
-    state: ClusterState, flow: WindowFlow, index: int, params: PatchesParams, user_mask: Plane | None = None
-) -> Labels:
-    """Compute the labels of frame `index`, int32 (h, w), 0 = unclustered, and store them in the state.
+    state: ClusterState, features: FrameFeatures, params: PatchesParams, user_mask: Plane | None = None,
+    background: FrameExecutor = INLINE,
+) -> Labels:  # fmt: skip
+    """Compute the labels of a frame, int32 (h, w), 0 = unclustered, and store them in the state.
 
     Args:
         user_mask: float32 (h, w), foreground mask of this frame: 1, 0, or NaN = unknown; None = no mask.
+        background: its helper takes a part of the work.
     """
-    motion = frame_motion(flow, index, state.begin)
-    edges = edge_weights(motion, params)
-    votes = link_votes(state.maps, flow, index, motion, params)
-    foreground = _foreground(state, flow, index, motion, edges, params, user_mask)
+    motion, edges = features.motion, features.edges
+    votes = link_votes(state.maps, features)
+    foreground = _foreground(state, features, user_mask)
     if foreground is None:
-        votes = _with_background_votes(votes, background_agreement(motion, votes, params))
+        votes = _with_background_votes(votes, background_agreement(motion, votes, params, background))
     choices, weights = votes
-    _damp(choices, near_motion_edges(motion), np.float32(MOTION_EDGE_WEIGHT), weights)
+    _damp(choices, features.near_edges, np.float32(MOTION_EDGE_WEIGHT), weights)
     if foreground is not None:
         choices, weights = _with_mask_votes((choices, weights), foreground)
-    labels, probability = vote(choices, weights, edges)
-    labels[_untrackable(motion, params) & (foreground is None or foreground)] = 0
+    labels, probability = vote(choices, weights, edges, background=background)
+    labels[features.untrackable & (foreground is None or foreground)] = 0
     area = int(labels.size * params.smallest_cluster / 1000)
     labels = absorb_specks(labels, max(area // 12, 4), max(area // 3, 8))
     labels = _with_new_clusters(state, labels, motion, edges, params, area, foreground)
-    state.maps[index] = absorb_specks(labels, 4, max(area // 3, 8))
-    state.uncertainty = uncertainty_of(state.maps[index], probability)
-    state.trim(index, params.window)
-    return state.maps[index]
+    labels = absorb_specks(labels, 4, max(area // 3, 8))
+    state.maps[features.index], state.uncertainty = labels, uncertainty_of(labels, probability)
+    state.trim(features.index, params.window)
+    return labels
 
 
 def uncertainty_of(labels: Labels, probability: Plane) -> dict[int, float]:
@@ -181,27 +218,20 @@ def _with_new_clusters(
     free = (labels == 0) & (motion.textured & reliable if foreground is None else foreground)
     flows = [flow for flow, _ in motion.available]
     existing = labels if foreground is None else np.where(labels == BACKGROUND, 0, labels)
-    new = motion_groups(free, existing, flows, edges, motion.small, area, state.next_label)
+    narrow = min(1.0, math.sqrt(params.smallest_cluster / USUAL_CLUSTER)) * GROUPS.min_half_width_px
+    new = motion_groups(free, existing, flows, edges, motion.small, area, state.next_label, narrow)
     labels = np.where(new > 0, new, labels).astype(np.int32)
     state.next_label = max(state.next_label, int(labels.max(initial=0)) + 1)
     return labels
 
 
-def _foreground(
-    state: ClusterState,
-    flow: WindowFlow,
-    index: int,
-    motion: WindowMotion,
-    edges: Edges,
-    params: PatchesParams,
-    user_mask: Plane | None,
-) -> Mask | None:
+def _foreground(state: ClusterState, features: FrameFeatures, user_mask: Plane | None) -> Mask | None:
     """Foreground of the frame, bool (h, w), stored in the state; None if the shot has had no user mask so far."""
     if user_mask is None and not state.foregrounds:
         return None
-    choices, weights = link_votes(state.foregrounds, flow, index, motion, params)
-    foreground = propagate_foreground(choices, weights, motion.small, edges, user_mask)
-    state.foregrounds[index] = np.where(foreground, 2, 1).astype(np.int32)
+    choices, weights = link_votes(state.foregrounds, features)
+    foreground = propagate_foreground(choices, weights, features.motion.small, features.edges, user_mask)
+    state.foregrounds[features.index] = np.where(foreground, 2, 1).astype(np.int32)
     return foreground
 
 
@@ -214,39 +244,21 @@ def _with_mask_votes(votes: Votes, foreground: Mask) -> Votes:
     return choices, weights
 
 
-def link_votes(
-    maps: Mapping[int, Labels], flow: WindowFlow, index: int, motion: WindowMotion, params: PatchesParams
-) -> Votes:
-    """Votes of the preceding frames for the labels of frame `index`.
+def link_votes(maps: Mapping[int, Labels], features: FrameFeatures) -> Votes:
+    """Votes of the preceding frames for the labels of a frame.
 
-    Plane 0 is empty, for the background's vote; each further plane is one gap of the window. Links with reliability R
-    of at least `params.reliable` vote with weight lambda R; all others have weight 0.
+    Plane 0 is empty, for the background's vote; each further plane is one gap of the window.
 
     Args:
         maps: label maps of preceding frames, int32 (h, w), by frame number.
     """
-    found: list[tuple[Labels, Flow, Plane]] = []
-    for gap in range(1, params.window):
-        before, pair = maps.get(index - gap), flow.backward(index, gap)
-        if before is not None and pair is not None:
-            found.append((before, *pair))
-    shape = len(found) + 1, *motion.small.shape[:2]
+    found = [(maps[earlier], flow, weight) for earlier, flow, weight in features.links if earlier in maps]
+    shape = len(found) + 1, *features.near_edges.shape
     choices, weights = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
-    least, most = np.float32(params.reliable), np.float32(params.interframe)
-    for plane, (before, vectors, reliable) in enumerate(found, start=1):
-        _warp_labels(before, vectors, 0, 0, choices[plane])
-        _weigh(choices[plane], reliable, least, most, weights[plane])
+    for plane, (before, flow, weight) in enumerate(found, start=1):
+        _warp_labels(before, flow, 0, 0, choices[plane])
+        weights[plane] = weight
     return choices, weights
-
-
-@kernel
-def _weigh(choices: Labels, reliable: Plane, least: np.float32, most: np.float32, out: Plane) -> None:
-    """Weights of links with reliability R: `most` times R, 0 below `least`; lower for links to unclustered pixels."""
-    unclustered = np.float32(UNCLUSTERED_WEIGHT)
-    for y in range(out.shape[0]):
-        for x in range(out.shape[1]):
-            weight = most * reliable[y, x] if reliable[y, x] >= least else np.float32(0)
-            out[y, x] = weight if choices[y, x] > 0 else weight * unclustered
 
 
 def warp_labels(labels: Labels, flow: Flow, at: tuple[int, int] = (0, 0)) -> Labels:
@@ -285,7 +297,9 @@ class BackgroundAgreement:
     deviates_strongly: Mask
 
 
-def background_agreement(motion: WindowMotion, votes: Votes, params: PatchesParams) -> BackgroundAgreement:
+def background_agreement(
+    motion: WindowMotion, votes: Votes, params: PatchesParams, executor: FrameExecutor = INLINE
+) -> BackgroundAgreement:
     """Compare the reliable flow with the background's motion.
 
     The background's motion is the homography fitted to the pixels with a background vote, or in the first frame the
@@ -294,15 +308,20 @@ def background_agreement(motion: WindowMotion, votes: Votes, params: PatchesPara
     """
     choices, weights = votes
     background = ((choices == BACKGROUND) & (weights > 0)).any(axis=0)
-    agrees, deviates, strongly = (np.zeros(background.shape, np.bool_) for _ in range(3))
-    for flow, reliable in motion.available:
+
+    def compared(flow: Flow, reliable: Plane) -> tuple[Mask, Mask, Mask]:
         linked = reliable >= params.reliable
         textured_links = linked & motion.textured
         off, tolerance = _background_deviation(flow, textured_links, background, params.motion_tolerance)
         smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
-        agrees |= linked & (smooth <= tolerance)
-        deviates |= textured_links & (smooth > tolerance)
-        strongly |= textured_links & (smooth > STRONG_DEVIATION * tolerance)
+        limits = (smooth <= tolerance, smooth > tolerance, smooth > STRONG_DEVIATION * tolerance)
+        return linked & limits[0], textured_links & limits[1], textured_links & limits[2]
+
+    pending = [executor.submit_parallel(partial(compared, *pair)) for pair in motion.available[:-1]]
+    found = [compared(*pair) for pair in motion.available[-1:]] + [each.result() for each in pending]
+    agrees, deviates, strongly = (np.zeros(background.shape, np.bool_) for _ in range(3))
+    for more, less, least in found:
+        agrees, deviates, strongly = agrees | more, deviates | less, strongly | least
     return BackgroundAgreement(agrees & ~deviates, deviates, strongly)
 
 

@@ -14,6 +14,8 @@ hertzmann2000video, section 3, which uses only the difference to the previous fr
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from pipeline.gaussian import sigma_in_cells, upscale_cells, wide_gaussian
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.scan import WorkingGrid
 from pipeline.methods.patches.window_flow import vector_norm
+from pipeline.video.depth import as_uint8
 
 DETAIL_OF_MAX_TOLERANCE = 16.0
 """Mean detail, gray levels, at which the error tolerance reaches its maximum (foliage)."""
@@ -54,8 +57,8 @@ SPECK_PX, MIN_MEAN_WEIGHT = 6.0, 0.7
 """Isolated specks are removed where the mean weight of a Gaussian neighbourhood is low: its sigma, px of a frame 344 px
 high, and that mean weight."""
 
-Rendering = NDArray[np.uint8]
-"""uint8 (2, h, w, 3): a picture and its painting, RGB."""
+Rendering: TypeAlias = tuple[Frame, AnyArray]
+"""A picture, uint8 (h, w, 3), and its painting, uint8 or uint16 (h, w, 3), RGB."""
 
 
 def error_tolerance(picture: Frame, unit: float) -> Plane:
@@ -131,7 +134,7 @@ def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, wh
     tolerated: AnyArray = cv2.resize(limit, (columns, rows), interpolation=cv2.INTER_LINEAR)
     coverage = np.empty((rows, columns), np.float32)
     every = np.ones(limit.shape, np.bool_) if where is None else where
-    _mean_differences(frame, rendering, every, cell, means, coverage)
+    _mean_differences(frame, (rendering[0], as_uint8(rendering[1])), every, cell, means, coverage)
     if where is not None:
         tolerated = tolerated * np.maximum(cv2.GaussianBlur(coverage, (0, 0), sigma), np.float32(LEAST_COVERAGE))
     changed, wrong = (vector_norm(cv2.GaussianBlur(plane, (0, 0), sigma)) for plane in means)
@@ -140,7 +143,7 @@ def misfit(frame: Frame, rendering: Rendering, limit: Plane, sigma_px: float, wh
 
 @kernel
 def _mean_differences(
-    frame: Frame, rendering: Rendering, where: Mask, cell: int, out: NDArray[np.float32], coverage: Plane
+    frame: Frame, rendering: tuple[Frame, Frame], where: Mask, cell: int, out: NDArray[np.float32], coverage: Plane
 ) -> None:
     """Mean difference between the frame and picture and painting in each cell, 0 outside `where`; and the share of the
     cell inside `where`."""
@@ -157,9 +160,9 @@ def _mean_differences(
                     for x in range(column * cell, right):
                         if where[y, x]:
                             inside += 1
-                            red += int(frame[y, x, 0]) - int(rendering[k, y, x, 0])
-                            green += int(frame[y, x, 1]) - int(rendering[k, y, x, 1])
-                            blue += int(frame[y, x, 2]) - int(rendering[k, y, x, 2])
+                            red += int(frame[y, x, 0]) - int(rendering[k][y, x, 0])
+                            green += int(frame[y, x, 1]) - int(rendering[k][y, x, 1])
+                            blue += int(frame[y, x, 2]) - int(rendering[k][y, x, 2])
                 out[k, row, column, 0] = share * np.float32(red)
                 out[k, row, column, 1] = share * np.float32(green)
                 out[k, row, column, 2] = share * np.float32(blue)

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.arrays import AnyArray
+from pipeline.frames import Flow, Mask, Plane
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.paint_error import Rendering
 from pipeline.methods.patches.scan import WorkingGrid
@@ -32,11 +33,12 @@ REMAP_ROW = 512
 """Row length of the tables given to `cv2.remap`, which limits each side of an image to 32767."""
 NO_SOURCE = -1
 """Frame number of a pixel without a source."""
+_NOTHING: Rendering = np.empty(0, np.uint8), np.empty(0, np.uint8)
 
 Positions = NDArray[np.float32]
 """float32 (h, w, 2): positions (x, y), px."""
-Paintings = Mapping[int, tuple[Frame, Frame]]
-"""Frame number -> source picture and its painting, both uint8 (h, w, 3)."""
+Paintings = Mapping[int, Rendering]
+"""Frame number -> source picture and its painting."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +81,11 @@ class PaintSource:
         return out
 
     def sample(self, paintings: Paintings, where: Mask) -> Rendering:
-        """Sample the source pictures and their paintings at the stored positions: uint8 (2, h, w, 3).
+        """Sample the source pictures and their paintings at the stored positions.
 
         Pixels outside `where` are 0.
         """
-        out = np.zeros((2, *where.shape, 3), np.uint8)
+        out = tuple(np.zeros((*where.shape, 3), each.dtype) for each in next(iter(paintings.values()), _NOTHING))
         first, last = min(paintings, default=0), max(paintings, default=0)
         pixels, positions = np.empty(where.size, np.int32), np.empty((where.size, 2), np.float32)
         bounds = np.zeros(last - first + 2, np.int64)
@@ -93,7 +95,7 @@ class PaintSource:
                 for which, plane in enumerate(out):
                     found = _sampled(paintings[source][which], positions[start:stop], bicubic=which == 1)
                     _scatter(found, pixels[start:stop], plane)
-        return out
+        return out[0], out[1]
 
     def frames(self) -> list[int]:
         """Sorted numbers of the source frames."""
@@ -125,8 +127,8 @@ def _flag(frames: NDArray[np.int32], first: int, flags: Mask) -> None:
             flags[frames[y, x] - first] = True
 
 
-def _sampled(picture: Frame, positions: Positions, *, bicubic: bool) -> Frame:
-    """Sample a picture at float32 (n, 2) positions: uint8 (n, 3). Bilinear unless `bicubic`."""
+def _sampled(picture: AnyArray, positions: Positions, *, bicubic: bool) -> AnyArray:
+    """Sample a picture at float32 (n, 2) positions: (n, 3). Bilinear unless `bicubic`."""
     rows = -(-len(positions) // REMAP_ROW)
     table = np.empty((2, rows * REMAP_ROW), np.float32)
     table[:, : len(positions)] = positions.T
@@ -134,7 +136,7 @@ def _sampled(picture: Frame, positions: Positions, *, bicubic: bool) -> Frame:
     x, y = table.reshape(2, rows, REMAP_ROW)
     interpolation = cv2.INTER_CUBIC if bicubic else cv2.INTER_LINEAR
     found = cv2.remap(picture, x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found.reshape(-1, 3)[: len(positions)], np.uint8)
+    return found.reshape(-1, 3)[: len(positions)]
 
 
 @kernel
@@ -177,7 +179,7 @@ def _group(
 
 
 @kernel
-def _scatter(colours: NDArray[np.uint8], pixels: NDArray[np.int32], out: Frame) -> None:
+def _scatter(colours: AnyArray, pixels: NDArray[np.int32], out: AnyArray) -> None:
     width = out.shape[1]
     for k in range(len(pixels)):
         y, x = pixels[k] // width, pixels[k] % width

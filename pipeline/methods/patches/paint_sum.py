@@ -7,12 +7,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frames import Frame, Plane
+from pipeline.arrays import AnyArray
+from pipeline.frames import Plane
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.paint_error import Rendering
+from pipeline.video.depth import FULL
 
 WeightedSum: TypeAlias = NDArray[np.float32]
-"""float32 (2, h, w, 3): weighted sum of pictures and of their paintings, RGB."""
+"""float32 (2, h, w, 3): weighted sum of pictures and of their paintings, RGB, in the levels of their types."""
 
 
 def add_weighted(total: WeightedSum, rendering: Rendering, weight: Plane) -> None:
@@ -21,21 +23,24 @@ def add_weighted(total: WeightedSum, rendering: Rendering, weight: Plane) -> Non
         _add(one, plane, weight)
 
 
-def blended(total: WeightedSum, covered: Plane, layer: WeightedSum, opacity: Plane) -> tuple[Frame, Frame]:
-    """The mean of `total` under `layer`: picture and painting, uint8 (h, w, 3) each.
+def blended(
+    total: WeightedSum, covered: Plane, layer: WeightedSum, opacity: Plane, deep: bool = False
+) -> Rendering:  # fmt: skip
+    """The mean of `total` under `layer`: picture and painting.
 
     Args:
         covered: float32 (h, w), sum of the weights in `total`.
         opacity: float32 (h, w), 0..1, opacity of `layer`.
+        deep: whether paintings are uint16.
     """
-    out = np.empty(total.shape, np.uint8)
+    out = [np.empty(total.shape[1:], dtype) for dtype in (np.uint8, np.uint16 if deep else np.uint8)]
     for one, plane, over in zip(out, total, layer, strict=True):
-        _blend(plane, covered, over, opacity, one)
+        _blend(plane, covered, over, opacity, np.float32(FULL[one.dtype]), one)
     return out[0], out[1]
 
 
 @kernel
-def _add(total: NDArray[np.float32], picture: Frame, weight: Plane) -> None:
+def _add(total: NDArray[np.float32], picture: AnyArray, weight: Plane) -> None:
     height, width = weight.shape
     for y in range(height):
         for x in range(width):
@@ -48,14 +53,15 @@ def _add(total: NDArray[np.float32], picture: Frame, weight: Plane) -> None:
 
 @kernel
 def _blend(
-    total: NDArray[np.float32], covered: Plane, layer: NDArray[np.float32], opacity: Plane, out: Frame
+    total: NDArray[np.float32], covered: Plane, layer: NDArray[np.float32], opacity: Plane, white: np.float32,
+    out: AnyArray,
 ) -> None:  # fmt: skip
     height, width = covered.shape
-    least, most, half = np.float32(0), np.float32(255), np.float32(0.5)
+    least, half = np.float32(0), np.float32(0.5)
     for y in range(height):
         for x in range(width):
             over = opacity[y, x]
             scale = (np.float32(1) - over) / max(covered[y, x], np.float32(1e-6))
             for c in range(3):
                 value = scale * total[y, x, c] + over * layer[y, x, c]
-                out[y, x, c] = np.uint8(min(max(value, least), most) + half)
+                out[y, x, c] = np.int32(min(max(value, least), white) + half)

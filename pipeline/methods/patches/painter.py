@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Mask, Plane
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.face_strokes import (
     FACE_BLUR,
@@ -37,7 +39,7 @@ from pipeline.strokes.layers import (
     spacing_px,
     wanted,
 )
-from pipeline.strokes.raster import paint
+from pipeline.strokes.raster import StrokeTrace, paint
 from pipeline.strokes.seeds import Seeds, place
 from pipeline.strokes.steepen import steepen, steepen_wide
 from pipeline.strokes.trace import TraceRules, trace
@@ -73,6 +75,8 @@ class HertzmannPainter:
         threshold: approximation threshold T, RGB distance.
         seed: random seed.
         unit: pixels of the frame per pixel of a frame 344 px high.
+        deep: whether paintings are uint16.
+        trace: of the strokes of one painting, which `paint_picture` fills; None: it is not wanted.
     """
 
     style: StrokeStyle
@@ -82,15 +86,20 @@ class HertzmannPainter:
     threshold: float
     seed: int
     unit: float
+    deep: bool = False
+    trace: StrokeTrace | None = None
 
     @classmethod
-    def of(cls, name: str, area_px: float, side: int, params: PatchesParams, seed: int) -> HertzmannPainter:
+    def of(
+        cls, name: str, area_px: float, side: int, params: PatchesParams, seed: int, deep: bool = False
+    ) -> HertzmannPainter:  # fmt: skip
         """Make the painter for a region.
 
         Args:
             name: name of the style, a key of `STROKE_STYLES`.
             area_px: area of the region summed over all its frames, px.
             side: shorter side of the frames, px.
+            deep: whether paintings are uint16.
 
         Source: zhang2011patches, table 1. Departure: the table's sizes are scaled from a shorter side of 344 px, so
         that a painting looks the same at any resolution.
@@ -106,7 +115,7 @@ class HertzmannPainter:
             2 * radius, high * scale * style.length, style.opacity, 0.0, style.saturation_shift, 0.0,
             min(params.jitter + style.jitter, 1.0), 1.2 * params.relief * min(unit, 1.5), 0.55,
         )  # fmt: skip
-        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed, unit)
+        return cls(style, brush, low / high, layers, params.threshold * style.threshold, seed, unit, deep)
 
     @property
     def scheme(self) -> LayerScheme:
@@ -129,34 +138,41 @@ class HertzmannPainter:
     def _steepened(self, picture: Frame) -> Frame:
         return steepen(picture, min(round(STEEPENING * self.unit), MOST_STEPS))
 
-    def paint_picture(self, picture: Frame, faces: FacePlanes | None = None) -> Frame:
-        """Paint a picture, with lighting: uint8 (h, w, 3).
+    def paint_picture(
+        self, picture: Frame, faces: FacePlanes | None = None, background: FrameExecutor = INLINE
+    ) -> AnyArray:
+        """Paint a picture, with lighting: uint8 (h, w, 3), or uint16.
 
         Args:
             faces: where strokes are added on faces; None = nowhere.
+            background: its helper prepares a layer while the one before it is painted.
         """
         every = np.ones(picture.shape[:2], np.bool_)
-        return self._painting(picture, [every] * self.layers, (slice(None), slice(None)), faces)
+        return self._painting(picture, [every] * self.layers, (slice(None), slice(None)), faces, background)
 
-    def paint_part(self, picture: Frame, where: Mask, faces: FacePlanes | None = None) -> Frame:
+    def paint_part(
+        self, picture: Frame, where: Mask, faces: FacePlanes | None = None, background: FrameExecutor = INLINE
+    ) -> AnyArray:
         """Paint the pixels of `where`, bool (h, w), by the strokes that start in them or near them.
 
         "Near" is a quarter of a stroke's reach, which differs from layer to layer. The result has the size of the
         picture; it is undefined outside `where`.
 
         Args:
-            faces: as for `paint_picture`.
+            faces, background: as for `paint_picture`.
         """
         own, near = where.astype(np.uint8), list[Mask]()
         for index in range(self.layers):
             side = 2 * int(reach_px(layer_brush(self.brush, self.scheme.ratio, index)) * START_REACH) + 1
             near.append(cv2.dilate(own, np.ones((side, side), np.uint8)) > 0)
         box = _bounding_box(near[0], int(reach_px(self.brush)))
-        out = np.zeros_like(picture)
-        out[box] = self._painting(np.ascontiguousarray(picture[box]), near, box, faces)
+        out = np.zeros(picture.shape, np.uint16 if self.deep else np.uint8)
+        out[box] = self._painting(np.ascontiguousarray(picture[box]), near, box, faces, background)
         return out
 
-    def _painting(self, picture: Frame, where: Sequence[Mask], box: Box, faces: FacePlanes | None) -> Frame:
+    def _painting(
+        self, picture: Frame, where: Sequence[Mask], box: Box, faces: FacePlanes | None, background: FrameExecutor
+    ) -> AnyArray:
         """Paint a crop of the frame.
 
         Args:
@@ -166,9 +182,16 @@ class HertzmannPainter:
         """
         base, tolerance = self.reference(picture, self.brush), error_tolerance(picture, self.unit)
         canvas, shape = blank(base), (where[0].shape[0], where[0].shape[1])
-        for index, starts in enumerate(where):
-            brush, inside = layer_brush(self.brush, self.scheme.ratio, index), np.ascontiguousarray(starts[box])
-            layer = self._layer_picture(picture, base, brush, index, inside)
+
+        def prepared(index: int) -> tuple[Brush, Mask, LayerPicture]:
+            brush, inside = layer_brush(self.brush, self.scheme.ratio, index), np.ascontiguousarray(where[index][box])
+            return brush, inside, self._layer_picture(picture, base, brush, index, inside)
+
+        following = background.submit_parallel(partial(prepared, 0))
+        for index in range(len(where)):
+            brush, inside, layer = following.result()
+            if index + 1 < len(where):
+                following = background.submit_parallel(partial(prepared, index + 1))
             seeds = self._seeds(brush, index, inside, shape, box)
             if index:
                 limit = self.error_limit(index, tolerance)
@@ -178,7 +201,7 @@ class HertzmannPainter:
             for width, group in faces.where(where[0]).groups(narrow_px(self.finest_px)):
                 self._paint_faces(canvas, picture, width, group, box, shape)
         steepen_wide(canvas, min(round(PAINT_STEEPENING * self.unit), MOST_STEPS))
-        return emboss(canvas)
+        return emboss(canvas, deep=self.deep)
 
     def _layer_picture(self, picture: Frame, base: Frame, brush: Brush, index: int, where: Mask) -> LayerPicture:
         """The picture of layer `index` for strokes that start in `where`; `base` is that of the coarsest layer."""
@@ -206,6 +229,9 @@ class HertzmannPainter:
         pad = int(max(float(self.brush.size_px), width_px * LAYERS[0].share * FACE_LENGTH))
         outer, inner = _around(faces, pad, box, shape)
         part, own = np.ascontiguousarray(picture[inner]), np.ascontiguousarray(canvas[inner])
+        seen = self.trace
+        trace = None if seen is None else StrokeTrace(seen.owners[inner].copy(), seen.cover[inner].copy())
+        painter = replace(self, trace=trace)
         near = faces.upscaled(outer, float(smallest_width(width_px)))
         where = near.weight > LEAST_WEIGHT
         for index, layer in enumerate(LAYERS, start=self.layers):
@@ -223,8 +249,10 @@ class HertzmannPainter:
             seeds = seeds[wanted(seeds, reference, own, brush.size_px, face.limit(near, self.threshold))]
             if len(seeds):
                 layer_picture = LayerPicture.of(reference, brush)
-                self.paint_layer(own, seeds, layer_picture, brush, index, edge=face.edge(width_px))
+                painter.paint_layer(own, seeds, layer_picture, brush, index, edge=face.edge(width_px))
         canvas[inner] = own
+        if seen is not None and trace is not None:
+            seen.owners[inner], seen.cover[inner] = trace
 
     def _seeds(self, brush: Brush, index: int, inside: Mask, shape: tuple[int, int], box: Box) -> Seeds:
         """Seeds of a layer in the mask `inside` of the crop `box`, and relative to it; `shape` is that of the frame."""
@@ -262,7 +290,7 @@ class HertzmannPainter:
         strokes = trace(seeds, layer.field, brush, targets, rules, self.seed)
         if presence is not None:
             strokes = fade(strokes, presence)
-        paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=layer.slopes)
+        paint(canvas, strokes, seed=self.seed, guide=reference, tolerance=edge, slopes=layer.slopes, trace=self.trace)
 
 
 def reach_px(brush: Brush) -> float:

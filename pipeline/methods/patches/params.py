@@ -11,6 +11,7 @@ from pipeline.methods.fields import FlowName, RemovedValues, choice, number
 
 Temporal = Literal["on", "off"]
 StyleName = Literal["hertzmann", "circles", "impressionist", "expressionist", "wash"]
+TableArea = Literal["all-frames", "mean"]
 BackgroundStyle = Literal["same", "hertzmann", "circles", "impressionist", "expressionist", "wash"]
 
 
@@ -53,8 +54,9 @@ STROKE_STYLES: dict[str, StrokeStyle] = {
 CLUSTERED: Alternatives = (When(params={"temporal": ("on",)}),)
 """Without temporal coherence there are no clusters."""
 _OF_CLUSTERS = (
-    "window", "flow", "longest_patch", "colour_scale", "reliable", "interframe", "colour_edges", "motion_tolerance",
-    "smallest_cluster", "stiffness", "rigidity", "misfit", "background_style",
+    "window", "longest_patch", "longest_travel", "table_area", "colour_scale", "reliable", "interframe",
+    "colour_edges", "motion_tolerance", "smallest_cluster", "stiffness", "rigidity", "misfit", "background_style",
+    "background_patches",
 )  # fmt: skip
 
 
@@ -62,7 +64,10 @@ class PatchesParams(Params):
     """Parameters of painterly video with painting patches (zhang2011patches)."""
 
     deprecated_names: ClassVar[Mapping[str, str]] = {"hold": "frames_per_painting"}
-    applies_when: ClassVar[Mapping[str, Alternatives]] = dict.fromkeys(_OF_CLUSTERS, CLUSTERED)
+    applies_when: ClassVar[Mapping[str, Alternatives]] = {
+        **dict.fromkeys(_OF_CLUSTERS, CLUSTERED),
+        "flow": (When(params={"temporal": ("on",)}, without_passes=("motion",)),),
+    }
     removed_values: ClassVar[RemovedValues] = {
         "temporal": {"strokes": "Use temporal=on, or temporal=off for independent frames."}
     }
@@ -77,6 +82,12 @@ class PatchesParams(Params):
     background_style: BackgroundStyle = choice(
         "same", "Style of the background",
         "Stroke style of the background patches; same = the style of all other patches.", "Painting",
+    )  # fmt: skip
+    background_patches: int = number(
+        1, 1, 8, "Background patches",
+        "Number of patches of a shot that count as background: the one that moves as most of the frame does, and the "
+        "largest others of at least a twentieth of the frame, such as a nearer wall that a camera passes.", "patches",
+        "Painting",
     )  # fmt: skip
     stroke_size: float = number(
         1.0, 0.25, 4, "Stroke size",
@@ -105,6 +116,12 @@ class PatchesParams(Params):
         "Height of the paint under the simulated light. Larger values show thicker strokes; 0 = flat.",
         "ratio", "Painting",
     )  # fmt: skip
+    table_area: TableArea = choice(
+        "all-frames", "Area for stroke sizes",
+        "Area of a patch that determines the size of its strokes, by the paper's table 1: all-frames = the sum over "
+        "all its frames, as in the paper; mean = of one frame, so that small objects have finer strokes: radius 2 up "
+        "to 64 px, 4 up to 512 px, 8 above, in px of a frame 344 px high.", "Painting",
+    )  # fmt: skip
     frames_per_painting: int = number(
         1, 1, 6, "Frames per painting",
         "Number of frames that show the same painting. 3 = on threes, about 10 paintings per second, as the paper "
@@ -132,6 +149,12 @@ class PatchesParams(Params):
         120, 8, 480, "Longest patch",
         "Longest duration of one painting of an object; then it cross-fades to a new one. Larger values keep the same "
         "strokes for longer, but fit changing light less well.", "frames", "Time",
+    )  # fmt: skip
+    longest_travel: float = number(
+        2.5, 0.5, 12, "Longest travel",
+        "Distance that one painting of an object, or of the background, may move before it cross-fades to a new one. "
+        "Larger values keep the same strokes over a longer pan, and need memory for a wider panorama.",
+        "longer sides of the frame", "Time",
     )  # fmt: skip
     cut_sensitivity: float = number(
         1, 0, 3, "Cut sensitivity",
@@ -169,8 +192,8 @@ class PatchesParams(Params):
     )  # fmt: skip
     smallest_cluster: float = number(
         3, 0.1, 50, "Smallest cluster",
-        "Area below which a cluster stays unclustered. Larger values give fewer patches.", "per mille of the frame",
-        "Clusters",
+        "Area below which a cluster stays unclustered. Larger values give fewer patches; 0.3 divides complex motion "
+        "into many small ones.", "per mille of the frame", "Clusters",
     )  # fmt: skip
 
     # -- patches

@@ -4,9 +4,9 @@ The warps of a patch are concatenated from the master frame outward and relaxed 
 panorama. The colours are averaged there, and the mean is painted.
 
     <patch>-placement   relaxed placement in each frame, rectangle of the panorama, and faces in it
-    <patch>-sum-<n>     colour sum of the n-th span of frames
+    <patch>-sum-<n>     colour sums of the n-th span of frames and of some after it
     <patch>             division into periods of similar appearance
-    <patch>-period-<n>  mean and painting of the period that begins with the n-th span, if there is one
+    <patch>-period-<n>  mean and painting of the periods that begin with these spans
 
 Small patches do all of this in a single task, <patch>. Large ones, such as backgrounds, are divided as listed.
 
@@ -15,12 +15,17 @@ Source: zhang2011patches, section 5.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+import math
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pipeline.arrays import State
 from pipeline.frames import Frame, Mask
+from pipeline.kernels.ahead import helpers
+from pipeline.kernels.executors import FrameExecutor
 from pipeline.kernels.float16 import to_half, to_single
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.patches.appearance import (
@@ -34,18 +39,24 @@ from pipeline.methods.patches.appearance import (
 )
 from pipeline.methods.patches.artefacts import save_energy_artefact, save_patch_artefact
 from pipeline.methods.patches.clustering import LabelMaps
+from pipeline.methods.patches.frame_passes import STROKE_IDS
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.panorama_faces import Weights, as_planes, load_weights, panorama_weights, save_weights
 from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.patch_styles import label_styles, params_of
 from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.registration import FrameWarp, load_warps, save_warps
-from pipeline.methods.patches.scan import WorkingGrid, document, label_styles, run_key, run_start, style_of
+from pipeline.methods.patches.scan import WorkingGrid, document, run_key, run_start
+from pipeline.strokes.raster import StrokeTrace
 from pipeline.warp.homography import IDENTITY, Homography
 from pipeline.warp.panorama import Placement
 from pipeline.warp.springs import Relaxed, Sheet, distortion, relax
 
 SINGLE_TASK_AREA = 6.0
 """Area of a patch summed over its frames, in frame areas, below which it is a single task."""
+MOST_PARTS = 12
+"""Largest number of tasks that sum the colours of a large patch, and that paint it: each costs a claim and loads the
+sum of all frames."""
 STRIDE = 2
 """Subsampling of pixels in the joint relaxation."""
 MAX_SHEETS = 24
@@ -63,9 +74,9 @@ def plan_patch(context: PlanContext[PatchesParams]) -> list[Task]:
     width, height = WorkingGrid.of((context.video.width, context.video.height)).size
     pairs, tasks = _pair_energies(context), list[Task]()
     for track in patch_tracks(context):
-        args = {"track": track.args(), "pairs": pairs.get(track.key, [0.0, 0.0, 0, 0])}
+        args = {"track": track.args(context.params.table_area), "pairs": pairs.get(track.key, [0.0, 0.0, 0, 0])}
         if track.area < SINGLE_TASK_AREA * width * height:
-            tasks.append(Task(track.key, args, weight=0.1 * (track.stop - track.start) + 1))
+            tasks.append(Task(track.key, args, weight=0.07 * (track.stop - track.start) + 0.7))
         else:
             tasks += _part_tasks(track, args)
     return sorted(tasks, key=lambda task: len(task.after))
@@ -74,17 +85,22 @@ def plan_patch(context: PlanContext[PatchesParams]) -> list[Task]:
 def _part_tasks(track: PatchTrack, args: TaskResult) -> list[Task]:
     """Tasks of a large patch. Each task has more dependencies than any task that it depends on."""
     key, count = track.key, len(colour_spans(track))
-    placement = Task(f"{key}-placement", {**args, "part": "placement"}, weight=0.04 * (track.stop - track.start))
-    sums = [_part_task(track, "sum", n, (placement.key,), 0.4) for n in range(count)]
+    placement = Task(f"{key}-placement", {**args, "part": "placement"}, weight=0.03 * (track.stop - track.start))
+    size = math.ceil(count / MOST_PARTS)
+    groups = [range(first, min(first + size, count)) for first in range(0, count, size)]
+    sums = [_part_task(key, args["track"], "sum", group, (placement.key,), 0.3) for group in groups]
     needs = (placement.key, *(task.key for task in sums))
-    periods = Task(key, {"track": args["track"], "part": "periods"}, needs, weight=0.05 * count)
-    paintings = [_part_task(track, "period", n, (*needs, key), 1 / count) for n in range(count)]
+    periods = Task(key, {"track": args["track"], "part": "periods"}, needs, weight=0.035 * count)
+    paintings = [_part_task(key, args["track"], "period", group, (*needs, key), 0.7 / count) for group in groups]
     return [placement, *sums, periods, *paintings]
 
 
-def _part_task(track: PatchTrack, part: str, number: int, after: tuple[str, ...], weight: float) -> Task:
-    args = {"track": track.args(), "part": part, "number": number}
-    return Task(f"{track.key}-{part}-{number}", args, after, weight=weight)
+def _part_task(
+    key: str, track: TaskResult, part: str, spans: Sequence[int], after: tuple[str, ...], weight: float
+) -> Task:  # fmt: skip
+    """A task for spans with these numbers; `weight` of each."""
+    args = {"track": track, "part": part, "spans": list(spans)}
+    return Task(f"{key}-{part}-{spans[0]}", args, after, weight=weight * len(spans))
 
 
 def _pair_energies(context: PlanContext[PatchesParams]) -> dict[str, list[float]]:
@@ -137,10 +153,12 @@ def _run_placement(task: Task, track: PatchTrack, context: TaskContext[PatchesPa
 
 
 def _run_sum(task: Task, track: PatchTrack, context: TaskContext[PatchesParams]) -> TaskResult:
-    span, rect = colour_spans(track)[task.args["number"]], PanoramaRect.load(context, track)
-    placements, maps = load_placements(context, track, *span), LabelMaps(context, track.begin)
-    with context.clock("mean"):
-        colour_sum(span, track, placements, maps, rect, context).save(context, task.key)
+    rect, maps = PanoramaRect.load(context, track), LabelMaps(context, track.begin)
+    for number in task.args["spans"]:
+        span = colour_spans(track)[number]
+        placements = load_placements(context, track, *span)
+        with context.clock("mean"):
+            colour_sum(span, track, placements, maps, rect, context).save(context, f"{track.key}-sum-{number}")
     return {}
 
 
@@ -154,10 +172,10 @@ def _run_periods(task: Task, track: PatchTrack, context: TaskContext[PatchesPara
 
 
 def _run_period(task: Task, track: PatchTrack, context: TaskContext[PatchesParams]) -> TaskResult:
-    span_start = colour_spans(track)[task.args["number"]][0]
+    starts = {colour_spans(track)[number][0] for number in task.args["spans"]}
     periods, rect = AppearancePeriods.load(context, track), PanoramaRect.load(context, track)
     for number, (start, stop) in enumerate(periods.spans):
-        if start == span_start:
+        if start in starts:
             sums, faces = _load_sums(track, start, stop, context), load_weights(context, track)
             _paint_period(number, sums, periods.overall, faces, track, rect, context)
     return {}
@@ -214,23 +232,31 @@ def _paint_period(
     """Compute and save panorama and painting of one period."""
     with context.clock("mean"):
         panorama: Frame = period_picture(sums, overall, rect, WorkingGrid.of(context.size), context.params.misfit)
-    with context.clock("paint"):
-        painting = patch_painter(track, context).paint_picture(panorama, as_planes(faces))
-    context.save(period_artefact(track, number), {"panorama": panorama, "painting": painting})
+    painter, size = patch_painter(track, context), panorama.shape[:2]
+    if context.wants_pass(STROKE_IDS):
+        painter = replace(painter, trace=StrokeTrace(np.zeros(size, np.uint32), np.zeros(size, np.float32)))
+    with context.clock("paint"), helpers(1, "impasto-layers") as threads:
+        painting = painter.paint_picture(panorama, as_planes(faces), FrameExecutor(threads))
+    arrays: State = {"panorama": panorama, "painting": painting}
+    if painter.trace is not None:
+        own = np.uint32(zlib.crc32(period_artefact(track, number).encode()))
+        arrays["strokes"] = np.where(painter.trace.owners > 0, painter.trace.owners ^ own, 0).astype(np.uint32)
+    context.save(period_artefact(track, number), arrays)
     save_patch_artefact(context, track.key, number, panorama, painting)
 
 
 def period_artefact(track: PatchTrack, number: int) -> str:
-    """Name of the artefact with "panorama" and "painting" of a period, uint8 (h, w, 3) each."""
+    """Name of the artefact with "panorama", uint8 (h, w, 3), and "painting" of a period, uint8 or uint16 (h, w, 3);
+    and "strokes", uint32 (h, w), the number of the stroke at each pixel, if that pass is wanted."""
     return f"{track.key}-period{number}"
 
 
 def patch_painter(track: PatchTrack, context: TaskContext[PatchesParams]) -> HertzmannPainter:
-    """Painter of a patch: brush sizes from table 1 by the patch's area over all frames, and the patch's style."""
-    own = label_styles(document(context, "styles", {}))
-    style, ratio = style_of(track.label, context.params, own), WorkingGrid.of(context.size).ratio
-    area_px = track.area * ratio[0] * ratio[1]
-    return HertzmannPainter.of(style, area_px, min(context.size), context.params, context.seed)
+    """Painter of a patch: brush sizes from table 1 by the patch's area, and the patch's own parameters."""
+    styles, ratio = label_styles(document(context, "styles", {})), WorkingGrid.of(context.size).ratio
+    own = params_of(track.label, context.params, styles, track.background)
+    area_px = track.table_area(own.table_area) * ratio[0] * ratio[1]
+    return HertzmannPainter.of(own.style, area_px, min(context.size), own, context.seed, context.deep)
 
 
 # -- placement of the frames in the panorama

@@ -9,21 +9,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from pipeline.frames import Labels
+from pipeline.frames import Flow, Labels, Plane
 from pipeline.methods.base import PlanContext, TaskResult
-from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.params import PatchesParams, TableArea
+from pipeline.methods.patches.patch_styles import BACKGROUND
 from pipeline.methods.patches.scan import WorkingGrid, shots
-from pipeline.methods.patches.window_flow import WindowFlow
 
+LEAST_BACKGROUND = 0.05
+"""Mean area of a further patch of the background over the frames of its shot, as a fraction of the frame."""
 FADE_FRAMES = 6
 """Length of the cross-fade between successive tracks of a cluster, frames."""
-MAX_TRAVEL = 2.5
-"""Largest distance that a track may travel, in lengths of the frame's longer side. It bounds the panorama."""
+LARGE_AREA = 20_000
+"""Area of a track, working px, from which brushes do not depend on it (table 1 of zhang2011patches ends at 512 px of a
+frame 344 px high, which are fewer on every grid)."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,7 @@ class PatchTrack:
         master: frame whose coordinates the panorama uses.
         fade_in, fade_out: whether the first or last `FADE_FRAMES` frames are shared with another track of the cluster.
         area: sum of the cluster's areas over all frames, working px.
+        background: whether it is a patch of the background.
     """
 
     key: str
@@ -49,6 +53,7 @@ class PatchTrack:
     fade_in: bool
     fade_out: bool
     area: int
+    background: bool
 
     def fade_weight(self, index: int) -> float:
         """Cross-fade weight of this track at a frame, 0..1; the tracks of a cluster sum to 1."""
@@ -59,9 +64,15 @@ class PatchTrack:
             weight = min(weight, (self.stop - index) / (FADE_FRAMES + 1))
         return max(weight, 0.0)
 
-    def args(self) -> TaskResult:
-        """The attributes as JSON values for the arguments of a task."""
-        return dict(self.__dict__)
+    def table_area(self, kind: TableArea) -> float:
+        """Area that determines the size of the strokes, working px: summed over all frames, or the mean of a frame."""
+        return self.area if kind == "all-frames" else self.area / (self.stop - self.start)
+
+    def args(self, kind: TableArea) -> TaskResult:
+        """The attributes as JSON values for the arguments of a task. An area that is too large to decide anything is
+        not told exactly: a correction of other frames of its last run then leaves the track's tasks as they are."""
+        frames = 1 if kind == "all-frames" else self.stop - self.start
+        return self.__dict__ | {"area": min(self.area, LARGE_AREA * frames)}
 
 
 LabelRow = list[float]
@@ -69,16 +80,18 @@ LabelRow = list[float]
 distance. Areas and distance in working px."""
 
 
-def add_label_statistics(rows: dict[str, LabelRow], labels: Labels, flow: WindowFlow, index: int) -> None:
+def add_label_statistics(
+    rows: dict[str, LabelRow], labels: Labels, forward: tuple[Flow, Plane] | None, index: int
+) -> None:
     """Update the statistics of a run by frame `index`, in place.
 
     Args:
         rows: statistics of each label of the run so far, by the label's decimal digits.
         labels: int32 (h, w), labels of the frame; 0 is not counted.
-        flow: its forward flow determines how far a label travels: |u| + |v|, working px.
+        forward: flow to the next frame, which determines how far a label travels, |u| + |v|, working px, and its
+            reliability; None at the end of the shot.
     """
-    pair = flow.forward(index)
-    speed = np.zeros(labels.shape) if pair is None else np.abs(pair[0][..., 0]) + np.abs(pair[0][..., 1])
+    speed = np.zeros(labels.shape) if forward is None else np.abs(forward[0][..., 0]) + np.abs(forward[0][..., 1])
     areas, travel = np.bincount(labels.ravel()), np.bincount(labels.ravel(), weights=speed.ravel())
     for label in np.flatnonzero(areas[1:]) + 1:
         area, distance = int(areas[label]), round(float(travel[label] / areas[label]), 3)
@@ -105,9 +118,28 @@ def patch_tracks(context: PlanContext[PatchesParams]) -> list[PatchTrack]:
     results = {**context.results["cluster"], **context.results.get("correct", {})}
     found = []
     for begin, end in shots(context):
-        for label, rows in sorted(_shot_statistics(results, begin, end).items()):
-            found += list(_divide(label, rows, begin, end, context))
+        table = _shot_statistics(results, begin, end)
+        background = background_labels(table, end - begin, context)
+        for label, rows in sorted(table.items()):
+            found += [
+                replace(track, background=label in background) for track in _divide(label, rows, begin, end, context)
+            ]
     return found
+
+
+def background_labels(
+    table: Mapping[int, list[_RunStatistics]], frames: int, context: PlanContext[PatchesParams]
+) -> set[int]:
+    """Labels of a shot's background: `BACKGROUND`, and the largest of those that cover enough of its frames.
+
+    Args:
+        table: statistics of each label; frames: number of frames of the shot.
+    """
+    width, height = WorkingGrid.of((context.video.width, context.video.height)).size
+    areas = {label: sum(row.area for row in rows) / frames for label, rows in table.items() if label != BACKGROUND}
+    large = [label for label, area in areas.items() if area >= LEAST_BACKGROUND * width * height]
+    chosen = sorted(large, key=lambda label: (-areas[label], label))[: context.params.background_patches - 1]
+    return {BACKGROUND, *chosen}
 
 
 def _shot_statistics(results: Mapping[str, TaskResult], begin: int, end: int) -> dict[int, list[_RunStatistics]]:
@@ -132,7 +164,7 @@ def _divide(
     if last - first < 2:
         return
     side = max(WorkingGrid.of((context.video.width, context.video.height)).size)
-    by_travel = math.ceil(sum(row.travel for row in rows) / (MAX_TRAVEL * side))
+    by_travel = math.ceil(sum(row.travel for row in rows) / (context.params.longest_travel * side))
     by_duration = math.ceil((last - first) / context.params.longest_patch)
     count = max(1, by_duration, min(by_travel, (last - first) // (2 * FADE_FRAMES)))
     bounds = [first + (last - first) * part // count for part in range(count + 1)]
@@ -143,7 +175,8 @@ def _divide(
             continue
         master, area = chosen
         key = f"s{begin:07d}-l{label:05d}-f{start:07d}"
-        yield PatchTrack(key, label, begin, end, faded_start, faded_stop, master, start > first, stop < last, area)
+        fades = start > first, stop < last
+        yield PatchTrack(key, label, begin, end, faded_start, faded_stop, master, *fades, area, label == BACKGROUND)
 
 
 def _master(rows: list[_RunStatistics], start: int, stop: int) -> tuple[int, int] | None:

@@ -47,14 +47,14 @@ def plan_register(context: PlanContext[PatchesParams]) -> list[Task]:
             if track.begin == begin and track.start < stop and track.stop > start
         ]  # fmt: skip
         args = {"start": start, "stop": stop, "begin": begin, "end": end, "tracks": tracks}
-        tasks.append(Task(run_key(start), args, weight=0.3 * (stop - start)))
+        tasks.append(Task(run_key(start), args, weight=0.26 * (stop - start)))
     return tasks
 
 
 def _near(track: PatchTrack, start: int, stop: int, window: int) -> TaskResult:
     """The track as far as the registration of frames [start, stop) sees it: a run that a correction of other frames
     does not touch keeps its result."""
-    return track.args() | {
+    return track.args("all-frames") | {
         "start": max(track.start, start - window), "stop": min(track.stop, stop + window), "area": 0
     }  # fmt: skip
 
@@ -256,7 +256,7 @@ class PatchRegion:
         arrives = warp_labels(patch.astype(np.int32), flow, self.rect[:2]) > 0
         reliable = textured & (reliability >= min_reliability) & arrives
         sources = lattice(textured.shape, self.rect[:2])[reliable]
-        matrix = fit(sources, sources + flow[reliable], weights=reliability[reliable])
+        matrix = fit(sources, sources + flow[reliable], weights=reliability[reliable], over=self.rect)
         return flow, reliable.astype(np.float32), matrix
 
     def inverted(
@@ -270,7 +270,7 @@ class PatchRegion:
         """
         reliable = target_mask & (reliability >= min_reliability)
         targets = lattice(target_mask.shape)[reliable]
-        matrix = fit(targets + flow[reliable], targets, weights=reliability[reliable])
+        matrix = fit(targets + flow[reliable], targets, weights=reliability[reliable], over=self.rect)
         return *self.without_flow()[:2], matrix
 
     def without_flow(self) -> tuple[Flow, Plane, Homography]:

@@ -26,9 +26,10 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from pipeline.arrays import Arrays, State
+from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.gaussian import upscale_cells
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.methods.patches.face_strokes import FacePlanes
 from pipeline.methods.patches.paint_error import Rendering, cell_px, fine_sigma_px, misfit
@@ -56,22 +57,22 @@ class FirstPainting:
 
     Attributes:
         index: number of the frame.
-        picture, painting: uint8 (h, w, 3), source colours and paint, patches included.
+        picture, painting: source colours, uint8 (h, w, 3), and paint, patches included, uint8 or uint16 (h, w, 3).
         opacity: float32, 0..1, opacity of the residual layer, at the working size.
         used: whether the residual layer was visible.
     """
 
     index: int
     picture: Frame
-    painting: Frame
+    painting: AnyArray
     opacity: Plane
     used: bool
 
     @classmethod
     def of(cls, index: int, arrays: Arrays) -> FirstPainting:
         """The painting whose method `state` returned these arrays."""
-        picture, painting = (np.asarray(arrays[name], np.uint8) for name in ("picture", "painting"))
-        return cls(index, picture, painting, np.asarray(arrays["opacity"], np.float32), bool(arrays["used"]))
+        picture = np.asarray(arrays["picture"], np.uint8)
+        return cls(index, picture, arrays["painting"], np.asarray(arrays["opacity"], np.float32), bool(arrays["used"]))
 
     def state(self) -> State:
         """The arrays by name."""
@@ -86,6 +87,7 @@ class ResidualLayer:
 
     Attributes:
         painter: paints new pixels.
+        background: its helper takes a part of the work.
         last: number of the previous painted frame; None before the first.
         opacity: opacity of the residual layer in that frame, float32, 0..1, at the working size.
         source: source of each pixel's paint in that frame.
@@ -98,11 +100,12 @@ class ResidualLayer:
     painter: HertzmannPainter
     flow: WindowFlow
     grid: WorkingGrid
+    background: FrameExecutor = INLINE
     last: int | None = None
     opacity: Plane | None = None
     source: PaintSource = field(default_factory=lambda: PaintSource.identity(NO_SOURCE, (0, 0)))
-    paintings: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
-    next_painting: dict[int, tuple[Frame, Frame]] = field(default_factory=dict)
+    paintings: dict[int, Rendering] = field(default_factory=dict)
+    next_painting: dict[int, Rendering] = field(default_factory=dict)
     next_source: dict[int, tuple[PaintSource, float]] = field(default_factory=dict)
     used: bool = False
 
@@ -122,7 +125,8 @@ class ResidualLayer:
         old, weight = self._old_paint(self.source, self.paintings, frame, visible, limit)
         rendering, total = self._with_next_run(index, frame, visible, limit, old, weight)
         if (incomplete := visible & (total < 1)).any():
-            add_weighted(rendering, np.stack([frame, self.painter.paint_part(frame, incomplete, faces)]), 1 - total)
+            painting = self.painter.paint_part(frame, incomplete, faces, self.background)
+            add_weighted(rendering, (frame, painting), 1 - total)
         self.source, self.last = self.source.reset(index, ~visible | (weight < 1)), index
         return rendering
 
@@ -142,7 +146,7 @@ class ResidualLayer:
         self.opacity = np.asarray(cv2.resize(opacity, self.grid.size, interpolation=cv2.INTER_AREA), np.float32)
         return opacity
 
-    def store(self, index: int, picture: Frame, painting: Frame) -> None:
+    def store(self, index: int, picture: Frame, painting: AnyArray) -> None:
         """Store the complete painting of frame `index`, patches included, since they may lose pixels later.
 
         Args:
@@ -191,7 +195,7 @@ class ResidualLayer:
         self, index: int, frame: Frame, visible: Mask, limit: Plane, old: Rendering, weight: Plane
     ) -> tuple[WeightedSum, Plane]:
         """Weighted sum of old paint and the next run's paint, and the sum of the weights, float32 (h, w), 0..1."""
-        rendering = np.zeros(old.shape, np.float32)
+        rendering = np.zeros((2, *frame.shape), np.float32)
         if index not in self.next_source:
             add_weighted(rendering, old, weight)
             return rendering, weight

@@ -11,7 +11,7 @@ The centre of the top left working pixel is (0, 0), as in a frame. Strokes and c
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,8 +24,10 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
+from pipeline.methods.holds import first_scanned
 from pipeline.methods.masks import mask_plane
-from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams
+from pipeline.methods.patches.params import PatchesParams
+from pipeline.methods.patches.patch_styles import label_styles
 from pipeline.methods.scan import delivered_shots, scan_video
 
 RUN = 12
@@ -34,8 +36,6 @@ REFERENCE_AREA = 45_000
 """Reference frame area, px, from which the scale is derived; a frame of 640 x 344 px is reduced to 320 x 172."""
 PAPER_SIDE = 344
 """Shorter side of the paper's frames, px. Stroke sizes refer to it, so that a painting looks alike at any size."""
-MAX_LABEL = 65535
-"""Largest label: label maps are 16-bit images."""
 LABELLED = ("masks", "labels", "label_intervals", "styles")
 """Inputs that refer to clusters or propagate from frame to frame. With one, a piece of a film clusters its whole shots,
 so that labels are those of the film."""
@@ -45,8 +45,8 @@ def plan_scan(context: PlanContext[PatchesParams]) -> list[Task]:
     """One task for the video and one for the user's inputs, so that a change of inputs does not repeat the scan of the
     video."""
     return [
-        Task("video", weight=0.02 * max(context.video.frames, 1)),
-        Task("inputs", after=("video",), weight=0.02),
+        Task("video", weight=0.005 * max(context.video.frames, 1)),
+        Task("inputs", after=("video",), weight=0.005),
     ]
 
 
@@ -64,10 +64,13 @@ def run_scan(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
         keys = keyframes(context, "labels", count)
         return {"corrections": {str(key): list(intervals[key]) if key in intervals else None for key in keys}}
     numbered = context.video.is_piece and any(context.has(name) for name in LABELLED)
-    span = (0, context.video.total) if numbered else (None, None)
+    held = context.params.frames_per_painting if context.params.temporal == "off" else 1
+    first = 0 if numbered else first_scanned(context.video, held)
+    stop = context.video.total if numbered else context.video.stop
+    span = (first, stop) if context.video.is_piece else (None, None)
     count, cuts = scan_video(context, context.params.cut_sensitivity, span=span)
     context.save("video", {"frames": np.array(count)})
-    return {"first": 0 if numbered else context.video.first, "frames": count, "cuts": cuts}
+    return {"first": first, "frames": count, "cuts": cuts}
 
 
 # -- runs of frames
@@ -95,7 +98,7 @@ def painting_runs(context: PlanContext[PatchesParams]) -> Iterator[tuple[int, in
         else:
             starts = list(range(begin, end, RUN // shown * shown))
         for start, stop in pairwise([*starts, end]):
-            if not context.video.is_piece or (start < context.video.stop and stop > context.video.first):
+            if context.video.delivers_any(start, stop):
                 yield start, stop, begin, end
 
 
@@ -269,29 +272,6 @@ def _check_aspect(image: AnyArray, grid: WorkingGrid, field: str) -> None:
         )  # fmt: skip
 
 
-def label_styles(given: JsonValue) -> Mapping[int, str]:
-    """Styles of single labels from the document "styles": label -> style. The key "background" means label 1.
-
-    Raises:
-        BadParameter: a key is not a label, or a style is unknown; `field` is the JSON path.
-    """
-    if not isinstance(given, dict):
-        raise BadParameter("Styles must be an object: label -> style.", field="inputs.styles",
-                           value=type(given).__name__,
-                           remedy='For example {"background": "wash", "3": "circles"}.')  # fmt: skip
-    found = {}
-    for key, style in given.items():
-        if not isinstance(style, str) or style not in STROKE_STYLES:
-            raise BadParameter("Style not found.", field=f"inputs.styles.{key}", value=style,
-                               remedy=f"Use one of: {', '.join(STROKE_STYLES)}.")  # fmt: skip
-        number = 1 if key == "background" else int(key) if key.isdecimal() else 0
-        if not 0 < number <= MAX_LABEL:
-            raise BadParameter('A key must be a label, or "background".', field=f"inputs.styles.{key}", value=key,
-                               remedy="Labels are the gray values of the artefact `labels`, from 1.")  # fmt: skip
-        found[number] = style
-    return found
-
-
 def label_intervals(given: JsonValue) -> dict[int, tuple[int, int]]:
     """Frame -> how many frames before and after it its corrected label map changes, from the document
     "label_intervals".
@@ -311,12 +291,3 @@ def label_intervals(given: JsonValue) -> dict[int, tuple[int, int]]:
             )  # fmt: skip
         found[numbers[0]] = (numbers[1], numbers[2])
     return found
-
-
-def style_of(label: int, params: PatchesParams, own: Mapping[int, str]) -> str:
-    """Style of a patch: its own in `own`, else `background_style` for the background, else `style`."""
-    if label in own:
-        return own[label]
-    if label == 1 and params.background_style != "same":
-        return params.background_style
-    return params.style

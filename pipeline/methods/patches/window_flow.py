@@ -7,6 +7,7 @@ Section 4 of zhang2011patches: optical flow links the pixels of the current fram
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -15,20 +16,24 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, State
 from pipeline.frames import Flow, Frame, Plane
+from pipeline.kernels.ahead import ahead
 from pipeline.kernels.float16 import to_half, to_single
 from pipeline.kernels.jit import kernel
 from pipeline.methods.base import Task, TaskContext, TaskResult
+from pipeline.methods.given_motion import GivenMotion, given_motion
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.scan import WorkingGrid, run_start
 from pipeline.perception.flow import estimate
 from pipeline.perception.flow.dis import Preset, dis
 from pipeline.perception.flow.gray import Gray, to_gray
-from pipeline.perception.flow.warp import positions
+from pipeline.perception.flow.warp import positions, warp_back
 
 MIN_GRADIENT = 1.0
 """Root mean square of the gradient, gray levels per working px, above which a pixel counts as textured."""
 PRESETS: dict[str, tuple[Preset, Preset]] = {"dis-medium": ("medium", "sparse")}
 """Presets of DIS for neighbouring frames, and for frames further apart, whose flow only votes for labels."""
+FLOW_THREADS = 4
+"""Threads of a task that estimate the flow of different frames, on a machine with many processors."""
 MAX_CACHED_FLOWS = 10
 """Maximum number of decoded flow fields in memory, about as many as a frame's window has."""
 
@@ -50,20 +55,27 @@ def run_flow(task: Task, context: TaskContext[PatchesParams]) -> TaskResult:
     reach = (params.window if params.temporal == "on" else 2) - 1
     start, stop, begin, end = (task.args[name] for name in ("start", "stop", "begin", "end"))
     artefacts: dict[str, dict[str, np.ndarray]] = {flow_artefact(stop - 1, 1, begin): {}}
-    grid, queue = WorkingGrid.of(context.size), list[WindowFrame]()
+    grid = WorkingGrid.of(context.size)
+
+    def computed(window: _Window) -> tuple[int, Frame, list[State]]:
+        first, *later = window.frames
+        with context.clock("flow"):
+            pairs = (
+                flow_pair(first, other, gap, grid, params, given)
+                for gap, (other, given) in enumerate(zip(later, window.given, strict=True), start=1)
+            )
+            return window.index, first.small, [_stored_arrays(each, window.index, k) for k, each in enumerate(pairs, 1)]
+
     source = context.frames("video", start, min(stop + reach, end))
-    for index in range(start, stop):
-        while len(queue) <= reach and (frame := next(source, None)) is not None:
-            queue.append(WindowFrame.of(frame, grid))
-        artefacts.setdefault(flow_artefact(index, 0, begin), {})[f"small-{index}"] = queue[0].small
-        for gap in range(1, len(queue)):
-            with context.clock("flow"):
-                pair = flow_pair(queue[0], queue[gap], gap, grid, params)
-            for name, array in _stored_arrays(pair, index, gap).items():
-                where = flow_artefact(index, 0 if name.startswith(_FORWARD) else gap, begin)
-                artefacts.setdefault(where, {})[name] = array
-        queue.pop(0)
-        context.progress((index + 1 - start) / (stop - start))
+    windows = _windows(range(start, stop), source, reach, grid, _GivenFlow(given_motion(context), grid))
+    with ahead(computed, windows, FLOW_THREADS, "impasto-flow") as found:
+        for index, small, pairs in found:
+            artefacts.setdefault(flow_artefact(index, 0, begin), {})[f"small-{index}"] = small
+            for gap, stored in enumerate(pairs, start=1):
+                for name, array in stored.items():
+                    where = flow_artefact(index, 0 if name.startswith(_FORWARD) else gap, begin)
+                    artefacts.setdefault(where, {})[name] = array
+            context.progress((index + 1 - start) / (stop - start))
     for name, arrays in artefacts.items():
         context.save(name, arrays)
     return {}
@@ -94,6 +106,27 @@ class WindowFrame:
 
 
 @dataclass(frozen=True)
+class _Window:
+    """A frame and the later frames of its window, and the given flow, forward and backward, to each of these."""
+
+    index: int
+    frames: list[WindowFrame]
+    given: list[tuple[Flow, Flow] | None]
+
+
+def _windows(
+    indices: range, source: Iterator[Frame], reach: int, grid: WorkingGrid, motion: _GivenFlow
+) -> Iterator[_Window]:  # fmt: skip
+    """The window of each frame, from the frames of the video; `reach`: number of later frames, fewer at the end."""
+    queue = list[WindowFrame]()
+    for index in indices:
+        while len(queue) <= reach and (frame := next(source, None)) is not None:
+            queue.append(WindowFrame.of(frame, grid))
+        yield _Window(index, queue[:], [motion.between(index, gap) for gap in range(1, len(queue))])
+        queue.pop(0)
+
+
+@dataclass(frozen=True)
 class FlowPair:
     """Optical flow between frames i and j = i + gap, at the working size.
 
@@ -109,7 +142,40 @@ class FlowPair:
     backward_reliability: Plane
 
 
-def flow_pair(first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGrid, params: PatchesParams) -> FlowPair:
+class _GivenFlow:
+    """Flow over several frames, composed of the motion vectors of the video.
+
+    Args:
+        motion: between neighbouring frames.
+    """
+
+    def __init__(self, motion: GivenMotion, grid: WorkingGrid) -> None:
+        self._motion, self._grid = motion, grid
+        self._steps: dict[int, tuple[Flow, Flow] | None] = {}
+
+    def between(self, first: int, gap: int) -> tuple[Flow, Flow] | None:
+        """Flow from frame `first` to `first + gap` and back, working px; None: it has to be estimated."""
+        self._steps = {index: found for index, found in self._steps.items() if index >= first}
+        forward = backward = None
+        for index in range(first, first + gap):
+            if (step := self._step(index)) is None:
+                return None
+            forward = step[0] if forward is None else forward + warp_back(step[0], forward)
+            backward = step[1] if backward is None else step[1] + warp_back(backward, step[1])
+        return None if forward is None or backward is None else (forward, backward)
+
+    def _step(self, index: int) -> tuple[Flow, Flow] | None:
+        if index not in self._steps:
+            size = self._grid.size
+            forth, back = self._motion.flow(index, index + 1, size), self._motion.flow(index + 1, index, size)
+            self._steps[index] = None if forth is None or back is None else (forth, back)
+        return self._steps[index]
+
+
+def flow_pair(
+    first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGrid, params: PatchesParams,
+    given: tuple[Flow, Flow] | None = None,
+) -> FlowPair:  # fmt: skip
     """Forward and backward flow between two frames, and the reliability of each.
 
     Flow between consecutive frames is computed at full size, since it moves the strokes; over larger gaps, at the
@@ -117,15 +183,22 @@ def flow_pair(first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGr
 
     Args:
         gap: distance of the frames, frames.
+        given: forward and backward flow, working px; None: they are estimated.
     """
-    here, there = (first.gray, second.gray) if gap == 1 else (first.small_gray, second.small_gray)
-    forward, backward = _estimated(here, there, gap, params), _estimated(there, here, gap, params)
+    forward, backward = given or _estimated_pair(first, second, gap, grid, params)
     of_forward = None
     if gap == 1:
-        forward, backward = grid.downscale_flow(forward), grid.downscale_flow(backward)
         of_forward = reliability(first.colours, second.colours, forward, backward, params.colour_scale)
     of_backward = reliability(second.colours, first.colours, backward, forward, params.colour_scale)
     return FlowPair(forward, backward, of_forward, of_backward)
+
+
+def _estimated_pair(
+    first: WindowFrame, second: WindowFrame, gap: int, grid: WorkingGrid, params: PatchesParams
+) -> tuple[Flow, Flow]:
+    here, there = (first.gray, second.gray) if gap == 1 else (first.small_gray, second.small_gray)
+    forward, backward = _estimated(here, there, gap, params), _estimated(there, here, gap, params)
+    return (grid.downscale_flow(forward), grid.downscale_flow(backward)) if gap == 1 else (forward, backward)
 
 
 def _estimated(here: Gray, there: Gray, gap: int, params: PatchesParams) -> Flow:

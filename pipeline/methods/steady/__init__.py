@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pipeline.methods.base import (
@@ -9,6 +10,7 @@ from pipeline.methods.base import (
     Example,
     Fits,
     InputSpec,
+    MadePass,
     Method,
     Params,
     PlanContext,
@@ -20,6 +22,7 @@ from pipeline.methods.base import (
 from pipeline.methods.steady.filter import SteadyFilter
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.methods.steady.plan import plan_scan, plan_steady, run_scan, run_steady
+from pipeline.passes.made import FLOW
 
 __all__ = ["Steady", "SteadyFilter", "SteadyParams"]
 
@@ -32,6 +35,7 @@ class Steady(Method):
     summary: ClassVar[str] = "Removes the flicker of a video that any other tool stylised frame by frame."
     paper: ClassVar[str] = "bonneel2015blind"
     Params: ClassVar[type[Params]] = SteadyParams
+    passes = ("motion",)
     inputs: ClassVar[tuple[InputSpec, ...]] = (
         InputSpec("video", "video", True, "Video", "The video as it was before it was stylised."),
         InputSpec(
@@ -49,7 +53,17 @@ class Steady(Method):
         Step("scan", "Compare the videos", plan_scan, run_scan, weight=0.2, version=2),
         Step("steady", "Remove the flicker", plan_steady, run_steady, version=2),
     )
+    makes_passes: ClassVar[tuple[MadePass, ...]] = (
+        FLOW,
+        MadePass(
+            "occlusion",
+            "1 where a pixel has no known past, because it was hidden, outside or moves uncertainly; 0 where it has.",
+            ("Y",),
+        ),
+    )
+    depth_bits: ClassVar[int] = 32
     cpu_s_per_megapixel: ClassVar[float] = 0.21
+    task_threads: ClassVar[Mapping[str, float]] = {"steady/run": 3.7}
     task_cpus = 2.0  # the motion of a frame is estimated while the frame before it is steadied
     studio: ClassVar[Studio] = Studio(cuts="cut_sensitivity")
     examples: ClassVar[tuple[Example, ...]] = (
@@ -63,7 +77,9 @@ class Steady(Method):
         return SteadyFilter(params, size)
 
     def resources(self, step: str, context: PlanContext[SteadyParams]) -> Resources:
-        """The filter takes 180 bytes a pixel, measured at 2560x1440; the decoders of two videos need more. A frame of
-        the second pass takes 18 bytes a pixel, and 24 in it."""
-        ahead = 3 * 18 * context.params.look_ahead + 24 * bool(context.params.look_ahead)
-        return resources_per_pixel(context.video, 60 if step == "scan" else 260 + ahead)
+        """Peaks measured at 3840x2160 (`python -m benchmarks.task_memory`), decoders included, plus 20 %: 390 bytes a
+        pixel, and 510 of frames in floating point. A frame of the second pass takes 18 bytes a pixel (27), and 24 in
+        it."""
+        each, kept = (610, 27) if context.deep else (470, 18)
+        ahead = 3 * kept * context.params.look_ahead + 24 * bool(context.params.look_ahead)
+        return resources_per_pixel(context.video, 60 if step == "scan" else each + ahead)

@@ -7,6 +7,7 @@ strongest at half of the Nyquist frequency.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import cv2
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Plane
 from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
@@ -57,23 +59,30 @@ middle band of the result, and those of the styled frame. Without rows before th
 NO_AMOUNTS: Amounts = np.empty((4, 0, 0), np.float32)
 
 
-def amounts_of(result: Picture, styled: Picture, before: Amounts, buffers: Buffers) -> Amounts:
+def amounts_of(
+    result: Picture, styled: Picture, before: Amounts, buffers: Buffers, background: FrameExecutor = INLINE
+) -> Amounts:  # fmt: skip
     """Amounts at a frame, averaged with those at the last frame, `before`.
 
     Args:
         result, styled: float32 (h, w, 3), 0..255.
         buffers: working memory.
+        background: may take rows of the pictures.
     """
     laplacian, middle = (buffers.get(name, result.shape[:2]) for name in ("laplacian", "middle"))
     planes = []
     for picture in (result, styled):
-        _strengths(np.asarray(cv2.transform(picture, _LUMA), np.float32), laplacian, middle)
+        light = np.asarray(cv2.transform(picture, _LUMA), np.float32)
+        background.rows(partial(_strengths, light, laplacian, middle), len(light))
         planes += [_around_cells(laplacian), _around_cells(middle)]
     amounts = np.stack(planes)
     return DETAIL.memory * before + (1 - DETAIL.memory) * amounts if before.size else amounts
 
 
-def sharpen(moved: Picture, back: TrustedMotion, amounts: Amounts, share: float, out: Picture) -> None:
+def sharpen(
+    moved: Picture, back: TrustedMotion, amounts: Amounts, share: float, out: Picture,
+    background: FrameExecutor = INLINE,
+) -> None:  # fmt: skip
     """Fill `out` with the moved previous result, sharpened as far as results have less texture than the styled frames.
 
     An average of n frames with independent texture keeps 1/sqrt(n) of its contrast, and each interpolation weakens the
@@ -89,10 +98,13 @@ def sharpen(moved: Picture, back: TrustedMotion, amounts: Amounts, share: float,
         amounts: amounts at the previous frame; may be empty.
         share: of the missing texture that is restored, 0..1.
         out: float32 (h, w, 3).
+        background: may take rows of it.
     """
     height, width = moved.shape[:2]
     fine, middle = (_resized(np.float32(share) * gain, (width, height)) for gain in _gains(amounts))
-    _sharpen(moved.reshape(height, -1), *back.to, back.trust, fine, middle, HALF_PIXEL, out.reshape(height, -1))
+    wide, sharp = moved.reshape(height, -1), out.reshape(height, -1)
+    bands = fine, middle, HALF_PIXEL
+    background.rows(partial(_sharpen, wide, back.to, back.trust, bands, sharp), height)
 
 
 def resized_amounts(amounts: Amounts, size: tuple[int, int]) -> Amounts:
@@ -141,11 +153,11 @@ def _extend(row: Any, channels: int, out: Any) -> None:
 
 
 @kernel
-def _strengths(light: Any, laplacian: Any, middle: Any) -> None:
-    """Fill the planes with the absolute values of u and of u - q, added along both axes."""
+def _strengths(light: Any, laplacian: Any, middle: Any, first_row: int, end_row: int) -> None:
+    """Fill rows of the planes with the absolute values of u and of u - q, added along both axes."""
     height, width = light.shape
     wide = np.empty(width + 4, np.float32)
-    for y in range(height):
+    for y in range(first_row, end_row):
         _extend(light[y], 1, wide)
         above, below = light[max(y - 1, 0)], light[min(y + 1, height - 1)]
         top, bottom = light[max(y - 2, 0)], light[min(y + 2, height - 1)]
@@ -159,14 +171,16 @@ def _strengths(light: Any, laplacian: Any, middle: Any) -> None:
 
 
 @kernel
-def _sharpen(moved: Any, xs: Any, ys: Any, trust: Any, fine: Any, middle: Any, half_pixel: Any, out: Any) -> None:
-    """See `sharpen`; rows of `moved` and `out` are interleaved channels, `fine` and `middle` are planes of gains."""
+def _sharpen(moved: Any, to: Any, trust: Any, bands: Any, out: Any, first_row: int, end_row: int) -> None:
+    """Fill rows of `out`, see `sharpen`; rows of `moved` and `out` are interleaved channels, `bands` are the planes of
+    gains of the fine and of the middle band, and the gains half-way between pixels."""
+    (xs, ys), (fine, middle, half_pixel) = to, bands
     height, width = trust.shape
     values = 3 * width
     wide = np.empty(values + 12, np.float32)
     gains = np.empty((4, values), np.float32)
     fine_x, middle_x, fine_y, middle_y = gains[0], gains[1], gains[2], gains[3]
-    for y in range(height):
+    for y in range(first_row, end_row):
         for x in range(width):
             power = trust[y, x] * trust[y, x] * trust[y, x]
             across, along = xs[y, x] - np.floor(xs[y, x]), ys[y, x] - np.floor(ys[y, x])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
 from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
 from pipeline.methods.steady.equation import LARGEST_AGE, add_clipped, age_weights, equation_terms, remember, show
@@ -18,6 +20,9 @@ from pipeline.methods.steady.params import SteadyParams
 from pipeline.perception.cuts import is_cut, thumbnail
 from pipeline.perception.flow.warp import positions
 from pipeline.solvers.screened import solve_screened
+
+_LEVELS = {np.dtype(np.uint16): 255 / 65535, np.dtype(np.float32): 255.0}
+"""Factors from the values of styled frames to gray levels, 0..255."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +68,17 @@ class SteadyFilter:
           every later frame, and fades.
     """
 
-    def __init__(self, params: SteadyParams, size: tuple[int, int]) -> None:
+    def __init__(
+        self, params: SteadyParams, size: tuple[int, int], deep: bool = False, background: FrameExecutor = INLINE
+    ) -> None:  # fmt: skip
         """
         Args:
             size: (width, height) of the frames, px.
+            deep: whether results are float32 with white at 1, not rounded, instead of uint8.
+            background: may take rows of the results.
         """
-        self.params, self.size = params, size
+        self._background = background
+        self.params, self.size, self._deep = params, size, deep
         self._source: Frame | None = None
         self._memory = self._result = np.empty((0, 0, 3), np.float32)
         self._age = np.empty((0, 0), np.float32)
@@ -129,38 +139,57 @@ class SteadyFilter:
         onward = onward_motion(before, source, (back, forth), alpha, buffers) if two_sided else None
         return SourceAnalysis(TrustedMotion(there, trust), weight, onward)
 
-    def apply(self, analysis: SourceAnalysis | None, styled: Frame, mask: Plane | None = None) -> Frame:
-        """Second half of `step`. Raises: BadFrame."""
+    def apply(self, analysis: SourceAnalysis | None, styled: AnyArray, mask: Plane | None = None) -> AnyArray:
+        """Second half of `step`. `styled`: uint8, or uint16 or float32 if the filter is deep. Raises: BadFrame."""
         same_size(styled, self.size, "styled")
+        levels = styled if styled.dtype == np.uint8 else styled.astype(np.float32) * np.float32(_LEVELS[styled.dtype])
         if analysis is None:
-            self._result, self._amounts = styled.astype(np.float32), NO_AMOUNTS
-            return styled.copy()
+            self._result, self._amounts = levels.astype(np.float32), NO_AMOUNTS
+            return self._result / np.float32(255) if self._deep else styled.copy()
         buffers, shape = self._applying, styled.shape
         target = buffers.get("target", shape)
-        np.copyto(target, styled)
+        np.copyto(target, levels)
         mask = self._everywhere if mask is None else mask
         self._solve(analysis, target, mask)
         if self.params.detail > 0:
-            self._amounts = amounts_of(self._result, target, self._amounts, buffers)
+            self._amounts = amounts_of(self._result, target, self._amounts, buffers, self._background)
+        if self._deep:
+            return (target + mask[..., None] * (self._result - target)) / np.float32(255)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
-        show(self._result, target, mask, shown)
+        self._rows(lambda rows: show(self._result[rows], target[rows], mask[rows], shown[rows]), shape[0])
         return shown
+
+    def _rows(self, work: Callable[[slice], object], height: int) -> None:
+        """Call `work` for all rows of a picture, on several threads if there are any."""
+
+        def span(first: int, last: int) -> None:
+            work(slice(first, last))
+
+        self._background.rows(span, height)
 
     def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane) -> None:
         """Replace the previous result by the solution of the equation for the styled frame `target`."""
         buffers, back = self._applying, analysis.back
         moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
         blurred = buffers.get("blurred", target.shape)
-        cv2.remap(self._result, *back.to, cv2.INTER_CUBIC, dst=blurred, borderMode=cv2.BORDER_REPLICATE)
-        sharpen(blurred, back, self._amounts, self.params.detail, moved)
+        (xs, ys), height = back.to, len(target)
+
+        def move(rows: slice) -> None:
+            cv2.remap(
+                self._result, xs[rows], ys[rows], cv2.INTER_CUBIC, dst=blurred[rows], borderMode=cv2.BORDER_REPLICATE
+            )
+
+        self._rows(move, height)
+        sharpen(blurred, back, self._amounts, self.params.detail, moved, self._background)
         weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
         np.multiply(analysis.weight, mask, out=weight)
         equation_terms(moved, target, back.trust, weight, self._return, (absorb, source))
-        add_clipped(target, solve_screened(absorb, source, buffers), self._result)
+        found = solve_screened(absorb, source, buffers, self._background)
+        self._rows(lambda rows: add_clipped(target[rows], found[rows], self._result[rows]), height)
 
     def reconfigure(self, params: SteadyParams, size: tuple[int, int]) -> SteadyFilter:
         """Continue with other parameters or another frame size: the state is resized. See `LiveFilter`."""
-        after = SteadyFilter(params, size)
+        after = SteadyFilter(params, size, self._deep, self._background)
         if self._source is not None:
             resized = {name: _resized(plane, size) for name, plane in self.state().items() if name != "amounts"}
             after.restore({**resized, "amounts": resized_amounts(self._amounts, size)})

@@ -17,11 +17,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.frames import Frame, Plane
+from pipeline.arrays import AnyArray
+from pipeline.frames import Plane
 from pipeline.methods.steady.confidence import Picture, TrustedMotion
 
 SHARE = np.float32(0.8)
 """Weight of the next result in a result where the motion is certain. The result k frames ahead has SHARE^k."""
+WINDOW, COMPLETE = 3, 2
+"""Frames of a window, and those of them that are complete, as multiples of the frames ahead."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +32,16 @@ class FilteredFrame:
     """A frame after the first pass, forwards in time."""
 
     index: int
-    result: Frame
+    result: AnyArray
+    """uint8, or float32 with white at 1."""
     mask: Plane | None
     """1 = steady, 0 = as it is, float32 (h, w); None = 1 everywhere."""
     from_previous: TrustedMotion | None
     """Motion from the previous frame to this one; None at the first frame of a shot, and without `look_ahead`."""
 
 
-def average_backwards(frames: Iterator[FilteredFrame], ahead: int) -> Iterator[tuple[int, Frame]]:
-    """Average frames with later ones; yields (frame number, uint8 (h, w, 3)) in order.
+def average_backwards(frames: Iterator[FilteredFrame], ahead: int) -> Iterator[tuple[int, AnyArray]]:
+    """Average frames with later ones; yields (frame number, frame (h, w, 3) of the type of the results) in order.
 
     Args:
         frames: consecutive frames of one shot.
@@ -46,15 +50,15 @@ def average_backwards(frames: Iterator[FilteredFrame], ahead: int) -> Iterator[t
     window: list[FilteredFrame] = []
     for frame in frames:
         window.append(frame)
-        if len(window) == 3 * ahead:
-            yield from _averaged(window)[: 2 * ahead]
-            del window[: 2 * ahead]
+        if len(window) == WINDOW * ahead:
+            yield from _averaged(window)[: COMPLETE * ahead]
+            del window[: COMPLETE * ahead]
     yield from _averaged(window)
 
 
-def _averaged(window: list[FilteredFrame]) -> list[tuple[int, Frame]]:
+def _averaged(window: list[FilteredFrame]) -> list[tuple[int, AnyArray]]:
     """All frames of a window, averaged with those that follow in it."""
-    made: list[tuple[int, Frame]] = []
+    made: list[tuple[int, AnyArray]] = []
     later: Picture | None = None
     onward: TrustedMotion | None = None
     for frame in reversed(window):
@@ -65,5 +69,6 @@ def _averaged(window: list[FilteredFrame]) -> list[tuple[int, Frame]]:
             share = share if frame.mask is None else share * frame.mask
             now += share[..., None] * (moved - now)
         later, onward = now, frame.from_previous
-        made.append((frame.index, np.asarray(np.rint(now.clip(0, 255)), np.uint8)))
+        deep = frame.result.dtype == np.float32
+        made.append((frame.index, now if deep else np.asarray(np.rint(now.clip(0, 255)), np.uint8)))
     return made[::-1]

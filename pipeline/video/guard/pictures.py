@@ -60,7 +60,7 @@ def guarded_planes(data: bytes, name: str) -> PlaneImage:
     width, height = answer["size"]
     found = dict(zip(map(str, answer["names"]), planes, strict=True))
     return PlaneImage((int(width), int(height)), found, float(answer["aspect"]), tuple(map(str, answer["views"])),
-                      tuple(map(tuple, answer["to_709"])))  # fmt: skip
+                      tuple(map(tuple, answer["to_709"])), dict(answer["attributes"]))  # fmt: skip
 
 
 def _decoded(kind: str, data: bytes, name: str) -> tuple[Message, AnyArray]:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.frames import Frame, Plane
+from pipeline.arrays import AnyArray
+from pipeline.frames import Plane
 from pipeline.video.guard.decoder_process import DecoderDied, DecoderProcess, start_decoder
 from pipeline.video.guard.wire import Message
 from pipeline.video.index import FrameReader, Index
@@ -36,8 +37,9 @@ class GuardedReader(FrameReader):
     def __init__(self, path: Path, limits: Limits | None = None, options: SourceOptions | None = None) -> None:
         limits = limits or Limits()
         self._task = {"path": str(Path(path).absolute()), "limits": asdict(limits)}
-        self._task["options"] = (options or SourceOptions()).as_json()
-        self._shared_bytes = 3 * limits.pixels
+        options = options or SourceOptions()
+        self._task["options"] = options.as_json()
+        self._shared_bytes = 3 * limits.pixels * (4 if options.deep else 1)
         self._child = self._begin()
         about, data = self._child.began
         width, height = about["size"]
@@ -67,7 +69,7 @@ class GuardedReader(FrameReader):
         """Notes on what was chosen, corrected or assumed when the file was opened."""
         return self._index.notes
 
-    def read(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+    def read(self, start: int = 0, stop: int | None = None) -> Iterator[AnyArray]:
         """Frames [start, stop) in order; fewer if the video ends earlier. Start another read only after this one."""
         if start < 0 or (stop is not None and stop < start):
             raise ValueError(f"no frames [{start}, {stop})")
@@ -90,7 +92,7 @@ class GuardedReader(FrameReader):
     def _begin(self) -> DecoderProcess:
         return start_decoder("video", self._task, self._shared_bytes)
 
-    def _frames(self, start: int, stop: int) -> Iterator[Frame]:
+    def _frames(self, start: int, stop: int) -> Iterator[AnyArray]:
         question: Message = {"start": start, "stop": stop}
         while True:
             answer = self._asked(question, {"start": start, "stop": stop})
@@ -98,7 +100,7 @@ class GuardedReader(FrameReader):
             self._note(answer)
             if answer.get("end"):
                 return
-            yield np.asarray(self._child.array(tuple(answer["shape"]), "u1"), np.uint8)
+            yield self._child.array(tuple(answer["shape"]), str(answer["dtype"]))
 
     def _note(self, answer: Message) -> None:
         self.position = answer["position"]

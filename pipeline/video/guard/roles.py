@@ -23,7 +23,6 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, Cancelled, MediaTooLarge
 from pipeline.formats.base import Encoding
 from pipeline.formats.decoding import decode_planes, decode_raw
-from pipeline.frames import Frame
 from pipeline.kernels.allocator import keep_freed_memory, limit_arenas
 from pipeline.perception.cuts import thumbnail
 from pipeline.video.guard.wire import ConnectionBroken, Message, receive, send
@@ -122,13 +121,13 @@ class _Faults:
 class _Read(NamedTuple):
     """A frame, or None after the last one; and the reader's state when the frame had been read."""
 
-    frame: Frame | None
+    frame: AnyArray | None
     position: int | None
     errors: int
     unreadable: int
 
 
-def _read_next(reader: VideoReader, frames: Iterator[Frame]) -> _Read:
+def _read_next(reader: VideoReader, frames: Iterator[AnyArray]) -> _Read:
     frame = next(frames, None)
     return _Read(frame, reader.position, len(reader.errors), len(reader.unreadable))
 
@@ -161,7 +160,8 @@ def _pictures(connection: ChildConnection) -> None:
                 image = decode_planes(path.read_bytes(), limits, name)
                 shared = connection.share(np.stack(list(image.planes.values())))
                 facts = {"size": image.size, "aspect": image.pixel_aspect, "views": image.views}
-                connection.answer(shared | facts | {"names": list(image.planes), "to_709": image.to_709})
+                facts |= {"to_709": image.to_709, "attributes": dict(image.attributes)}
+                connection.answer(shared | facts | {"names": list(image.planes)})
         except BadInput as error:  # only this picture is bad; the next one may be sound
             connection.answer({"error": _described(error)})
 

@@ -12,7 +12,7 @@ from aiortc.mediastreams import MediaStreamError, MediaStreamTrack
 from av.stream import Stream
 from starlette.concurrency import run_in_threadpool
 
-from service.live.viewers import ViewedFrame, Viewer, Viewers, ViewFormat
+from service.live.viewers import ViewedFrame, ViewedSound, Viewer, Viewers, ViewFormat
 from service.live.webrtc.peers import Peer
 from workers.live.codecs import BUILT_ON, Decoder, decoder
 
@@ -44,6 +44,8 @@ class PaintingTrack(MediaStreamTrack):
         while (item := await self._viewer.next()) is not None:
             if isinstance(item, ViewedFrame):
                 return await self._made(item)
+            if isinstance(item, ViewedSound):
+                continue
             if self._passed and item.codec != self._passed:
                 break
             self._decoder = None if self._passed else decoder(item.codec, self._max_side_px)

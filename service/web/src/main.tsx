@@ -8,10 +8,13 @@ import "./css/home.css";
 import "./css/jobs.css";
 import "./css/clusters.css";
 import "./css/studio.css";
+import "./css/film.css";
+import "./css/drawing.css";
 import type { VNode } from "preact";
 import * as api from "./api/api";
-import type { Asset } from "./api/schemas";
+import type { Asset, Schemas } from "./api/schemas";
 import { type Draft, draftHash, readDraft } from "./forms/draft";
+import { AccountPage, readAccount } from "./home/account-page";
 import { ProjectList } from "./home/project-list";
 import { QuickPage } from "./home/quick-page";
 import { readShared, SharedPage } from "./home/shared-page";
@@ -21,6 +24,8 @@ import { JobList } from "./jobs/job-list";
 import { JobPage } from "./jobs/job-page";
 import { createProject } from "./studio/document/api";
 import { addAsset, changeLayer, newDocument, type ProjectDocument } from "./studio/document/document";
+import { addClips, renameShot } from "./studio/document/shots";
+import { byId } from "./ui/dom";
 import { ProblemBlock } from "./ui/notices";
 import { preparePage } from "./ui/page";
 
@@ -40,6 +45,16 @@ async function route(): Promise<void> {
   for (const link of document.querySelectorAll<HTMLElement>("[data-route]")) mark(link, link.dataset.route === place);
   const next = await make(place, id, query).catch((error) => <Failure error={error} />);
   if (mine === turn) show(next);
+  if (place !== "shared") offerAccount();
+}
+
+/** Show the way to the account, in a group with its name; who works without a key, or looks at a link, has none. */
+async function offerAccount(): Promise<void> {
+  const link = byId("account");
+  if (!link.hidden) return;
+  const me = await api.get<Schemas["MeOut"]>("/v1/me").catch(() => null);
+  link.hidden = !me?.user;
+  link.textContent = me?.groups.find(({ group }) => group === me.owner)?.name ?? "Account";
 }
 
 function mark(link: HTMLElement, here: boolean): void {
@@ -61,6 +76,7 @@ async function make(place: string, id: string | undefined, query: string): Promi
     document.title = `${shared.project.name} · Impasto`;
     return <SharedPage {...shared} />;
   }
+  if (place === "account") return <AccountPage {...(await readAccount())} />;
   if (place === "projects" && id) return studio(decodeURIComponent(id), query);
   const draft = readDraft(query);
   if (!draft.video) return <Home />;
@@ -69,16 +85,20 @@ async function make(place: string, id: string | undefined, query: string): Promi
 
 /** The studio, whose code is loaded when it is first opened. */
 async function studio(id: string, query = ""): Promise<VNode> {
-  const { StudioPage, openProject } = await import("./studio/shell/designer");
+  const [{ StudioPage, openSession }, { openProject }] = await Promise.all([
+    import("./studio/shell/studio-page"),
+    import("./studio/shell/saving"),
+  ]);
   const [project, methods] = await Promise.all([openProject(id), api.methods()]);
-  const shot = project.document.shots[0];
-  if (!shot) throw new api.Problem({ detail: "This project has no shot.", remedy: "Make a new one from a video." });
-  const asset = await api.asset(project.document.assets[shot.video]?.id ?? "");
+  if (!project.document.shots.length)
+    throw new api.Problem({ detail: "This project has no shot.", remedy: "Make a new one from a video." });
   const wanted = new URLSearchParams(query);
   const film = wanted.get("film");
   const take = film ? { film, frame: Number(wanted.get("frame")) } : undefined;
+  const shot = film ? (await api.job(film)).request.labels?.shot : undefined;
   if (take) history.replaceState(null, "", `#/projects/${encodeURIComponent(id)}`); // once, not at every reload
-  return <StudioPage project={project} asset={asset} methods={methods} reload={() => route()} take={take} />;
+  const opened = await openSession(project, methods, shot);
+  return <StudioPage project={project} {...opened} reload={() => route()} take={take} />;
 }
 
 /** Make a project of the quick page's settings, and open it. */
@@ -86,6 +106,16 @@ async function openInStudio(asset: Asset, draft: Draft): Promise<void> {
   const name = asset.filename.replace(/\.[^.]+$/, "");
   const project = await createProject(documentOf(name, asset, draft));
   location.hash = `#/projects/${project.id}`;
+}
+
+/** Make a project of clips, each a shot, and open it. */
+async function openFilm(clips: Asset[]): Promise<void> {
+  const [first, ...others] = clips.map(({ id, filename }) => ({ id, title: filename }));
+  if (!first) return;
+  const method = readDraft("").method || ((await api.methods())[0]?.name ?? "");
+  const document = addClips(newDocument("My film", first.id, method), others, method);
+  const named = renameShot(document, "s1", first.title.replace(/\.[^.]+$/, ""));
+  location.hash = `#/projects/${(await createProject(named)).id}`;
 }
 
 /** The first project: a clip of Impasto's own, and a list of what to do. */
@@ -127,7 +157,7 @@ function Home() {
   };
   return (
     <div class="home">
-      <Welcome onasset={arrived} onlearn={openLesson} />
+      <Welcome onasset={arrived} onfilm={openFilm} onlearn={openLesson} />
       <ProjectList />
       <section class="latest">
         <div class="latest-head">

@@ -30,7 +30,8 @@ def face(contrast: int) -> NDArray[np.uint8]:
 def ink(gray: NDArray[np.uint8], crops: list[FaceCrop]) -> NDArray[np.uint8]:
     params = AbstractionParams()
     extractor = LineExtractor(params, sizes_of(params, SIZE))
-    return extractor.step(gray, np.ones((12, 16), np.float32), None, crops)
+    neutral = np.full_like(gray, 128)
+    return extractor.step(np.stack([gray, neutral, neutral]), np.ones((12, 16), np.float32), None, crops).coverage
 
 
 @pytest.fixture

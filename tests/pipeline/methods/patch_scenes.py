@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,3 +109,21 @@ def rand_index(a: NDArray[Any], b: NDArray[Any]) -> float:
     both, rows, columns, every = pairs(table), pairs(table.sum(1)), pairs(table.sum(0)), pairs(np.array([a.size]))
     chance = rows * columns / every
     return (both - chance) / ((rows + columns) / 2 - chance)
+
+
+def swarm(frames: int = 8) -> list[Frame]:
+    """Eight textured squares of 12 px, each moving 2 px a frame in a direction of its own, before a textured wall."""
+
+    def grain(seed: int, shape: tuple[int, int], sigma: float) -> NDArray[np.float32]:
+        noise = np.random.default_rng(seed).normal(size=shape).astype(np.float32)
+        return np.asarray(cv2.GaussianBlur(noise, (0, 0), sigma) * 115, np.float32)
+
+    wall, made = grain(99, SIZE[::-1], 1.5) + 110, list[Frame]()
+    for number in range(frames):
+        frame = np.repeat(wall[..., None], 3, axis=2)
+        for k in range(8):
+            x = 30 + 55 * (k % 4) + round(2 * number * np.cos(2.4 * k))
+            y = 40 + 60 * (k // 4) + round(2 * number * np.sin(2.4 * k))
+            frame[y - 6 : y + 6, x - 6 : x + 6] = (200, 90 + 15 * k, 60) + grain(k, (12, 12), 1.2)[..., None]
+        made.append(np.clip(frame, 0, 255).astype(np.uint8))
+    return made

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.colour.scheme import learn
-from pipeline.colour.spaces import srgb_to_hsv
+from pipeline.colour.spaces import srgb_to_hsv, srgb_to_lab
 from pipeline.errors import BadFrame, BadInput
 from pipeline.frames import Flow, Frame, Mask, Plane
 from pipeline.methods import method
@@ -50,17 +50,21 @@ def stacked(paintings: list[CompositedFrame]) -> NDArray[np.uint8]:
 # -- the same bytes
 
 
+PALETTE = ("#101820", "#f4efe0", "#c0502a", "#2f6f8f", "#7aa05a")
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "each frame on its own": {"temporal": "off"},
     "cuts by residuals alone": {"cut_sensitivity": 0},
     "lines off": {"lines": "off", "boundary_smoothing": 0},
-    "lines along the flow": {"lines": "flow", "line_width": 6},
+    "broad red lines": {"line_colour": "#a02020", "line_width": 6},
     "the paper's own memory": {"steadiness": 0, "paint_memory": 0, "colour_half_life": 0, "importance_half_life": 0},
     "sharp edges": {"edges": "sharp"},
     "sharp edges, each frame on its own": {"edges": "sharp", "temporal": "off"},
     "sharp edges, cuts by residuals alone": {"edges": "sharp", "cut_sensitivity": 0},
-    "sharp edges, lines along the flow": {"edges": "sharp", "lines": "flow", "line_width": 6},
+    "sharp edges, broad red lines": {"edges": "sharp", "line_colour": "#a02020", "line_width": 6},
+    "as printed": {"algorithm": "printed", "cut_sensitivity": 0},
+    "a palette": {"palette": PALETTE},
+    "sharp edges, a palette": {"edges": "sharp", "palette": PALETTE},
     "sharp edges, no memory": {"edges": "sharp", "paint_memory": 0, "boundary_smoothing": 0},
 }
 
@@ -92,7 +96,7 @@ def test_runs_equal_one_session_with_reference_histogram_masks_and_svg(monkeypat
 
 
 @pytest.mark.parametrize("at", [1, CUT - 1, CUT, CUT + 2])
-@pytest.mark.parametrize("values", [{}, {"lines": "flow"}, {"edges": "sharp"}], ids=["dog", "flow", "sharp"])
+@pytest.mark.parametrize("values", [{}, {"edges": "sharp"}, {"algorithm": "printed"}], ids=["soft", "sharp", "printed"])
 def test_a_restored_session_continues_with_the_same_bytes(at: int, values: dict[str, Any]) -> None:
     params, scheme = AbstractionParams(**values), learn([reds()])
     one, two = (AbstractionSession(params, SIZE, scheme) for _ in range(2))
@@ -209,7 +213,7 @@ def pan() -> list[SceneFrame]:
     return [made.frame(index) for index in range(8)]
 
 
-@pytest.mark.parametrize(("lines", "at_most"), [("off", 0.4), ("dog", 0.6), ("flow", 0.6)])
+@pytest.mark.parametrize(("lines", "at_most"), [("off", 0.4), ("dog", 0.6)])
 def test_temporal_coherence_reduces_flicker(lines: str, at_most: float) -> None:
     """Differences along the exact motion, where a point is visible in both frames, on a noisy pan."""
     truth = pan()
@@ -272,6 +276,47 @@ def test_an_importance_mask_gives_finer_regions_from_its_frame_on() -> None:
     np.testing.assert_array_equal(masked[1].frame, fine.frame)
 
 
+def test_a_drawn_mask_moves_with_the_picture_and_leaves_the_rest_to_the_cues(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A textured square moves by 4 px a frame; what is drawn on it stays on it, in runs of any length."""
+    draw = np.random.default_rng(3)
+    ground, square = draw.integers(60, 90, (SIZE[1], SIZE[0], 3)), draw.integers(140, 250, (24, 24, 3))
+    frames = []
+    for k in range(8):
+        frame = cv2.GaussianBlur(ground.astype(np.uint8), (0, 0), 1)
+        frame[20:44, 6 + 4 * k : 30 + 4 * k] = cv2.GaussianBlur(square.astype(np.uint8), (0, 0), 1)
+        frames.append(frame)
+    drawing = np.zeros((SIZE[1], SIZE[0], 4), np.uint8)
+    drawing[22:42, 8:28] = 255
+    drawing[22:42, 70:90] = (0, 0, 0, 255)
+    alone = AbstractionParams(face_importance=0, saliency_importance=0, motion_importance=0)
+    made = []
+    for run_frames in (96, 3):
+        monkeypatch.setattr(plan, "RUN_FRAMES", run_frames)
+        context = LocalContext(alone, frames, {"importance": {1: drawing}})
+        context.passes_wanted = frozenset({"importance"})
+        run_plan(ABSTRACTION, context)
+        made.append((painted(context), [context.made_passes[k]["importance"] for k in range(8)]))
+    np.testing.assert_array_equal(made[0][0], made[1][0])
+    maps = [cv2.resize(plane, SIZE) for plane in made[0][1]]
+    assert maps[0].max() < 0.05 and maps[1][32, 18] > 0.95
+    assert maps[7][32, 42] > 0.9 and maps[7][32, 10] < 0.1, "it has moved by 24 px with the square"
+    assert maps[7][:, 60:].max() < 0.1 and maps[7][:10].max() < 0.1
+
+
+def test_a_drawing_does_not_hold_in_the_next_shot_and_a_full_mask_does() -> None:
+    opaque = np.full((SIZE[1], SIZE[0], 4), 255, np.uint8)
+    drawing = opaque.copy()
+    drawing[:, : SIZE[0] // 2, 3] = 0
+    films = []
+    for given in ({}, {"importance": {0: drawing}}, {"importance": {0: opaque}}):
+        context = LocalContext(AbstractionParams(), shots(), given)
+        run_plan(ABSTRACTION, context)
+        films.append(painted(context))
+    plain, drawn, full = films
+    assert (drawn[:CUT] != plain[:CUT]).any() and (full[CUT:] != plain[CUT:]).any()
+    np.testing.assert_array_equal(drawn[CUT:], plain[CUT:])
+
+
 def test_masks_are_decoded_at_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """One mask per frame must not keep a whole video of masks in memory in every run."""
     monkeypatch.setattr(plan, "RUN_FRAMES", 4)
@@ -297,7 +342,51 @@ def test_lines_are_drawn_at_edges_and_can_be_switched_off() -> None:
     assert 0.01 < inked.mean() < 0.4
     edge = cv2.dilate(cv2.Canny(frames[1], 60, 120), np.ones((5, 5), np.uint8)) > 0
     assert edge[inked].mean() > 0.8
-    assert not np.array_equal(drawn, paint(frames, lines="flow")[-1].frame)
+    red = paint(frames, line_colour="#ff0000")[-1].frame.astype(int)
+    redder = red[..., 0] - red[..., 1:].max(-1) > drawn[..., 0] - drawn[..., 1:].max(-1) + 50
+    assert redder[inked].mean() > 0.8
+
+
+def test_regions_have_the_colours_of_a_palette_and_the_nearest_ones() -> None:
+    plain, fixed = (paint(shots()[:1], lines="off", **values)[0] for values in ({}, {"palette": PALETTE}))
+    given = np.array([list(bytes.fromhex(colour[1:])) for colour in PALETTE], np.uint8)
+    assert {*map(tuple, fixed.colours)} <= {*map(tuple, given)}
+    exact = (fixed.frame[..., None, :] == given).all(axis=-1).any(axis=-1)
+    assert exact.mean() > 0.7, "only pixels at borders are mixed"
+    apart = np.linalg.norm(srgb_to_lab(plain.colours / 255)[:, None] - srgb_to_lab(given / 255), axis=-1)
+    np.testing.assert_array_equal(fixed.colours[1:], given[apart.argmin(axis=1)][1:])
+
+
+def test_a_region_keeps_its_colour_of_the_palette_while_its_light_flickers() -> None:
+    """A square whose lightness swings by 4 units about the middle of two colours of the palette."""
+
+    def with_square(gray: int) -> Frame:
+        frame = np.full((SIZE[1], SIZE[0], 3), 235, np.uint8)
+        frame[20:44, 30:60] = gray
+        return frame
+
+    flickering = [with_square(124 if k % 2 else 114) for k in range(8)]
+    values = {"lines": "off", "colour_half_life": 0, "stillness": 0, "steadiness": 0}
+    palette = ("#606060", "#a0a0a0", "#f0f0f0")
+    held, free = (
+        {int(painting.frame[32, 45, 0]) for painting in paint(flickering, palette=palette, temporal=temporal, **values)}
+        for temporal in ("on", "off")
+    )
+    assert free == {0x60, 0xA0} and len(held) == 1
+    darker = [*flickering[1:3], *[with_square(80)] * 4]
+    assert paint(darker, palette=palette, **values)[-1].frame[32, 45, 0] == 0x60, "it changes with the picture"
+
+
+def test_a_session_goes_on_with_another_palette() -> None:
+    session = AbstractionSession(AbstractionParams(palette=PALETTE, lines="off"), SIZE)
+    for frame in shots()[:3]:
+        session.step(frame)
+    for palette in (PALETTE[:2], (), PALETTE[2:]):
+        session = session.reconfigure(AbstractionParams(palette=palette, lines="off"), SIZE)
+        session.step(shots()[3])
+        if palette:
+            found = {*map(tuple, session.regions.palette.fixed.last)}  # type: ignore[union-attr, arg-type]
+            assert found <= {tuple(bytes.fromhex(colour[1:])) for colour in palette}
 
 
 def test_a_reference_changes_hues() -> None:

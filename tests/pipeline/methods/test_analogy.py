@@ -17,16 +17,9 @@ from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.analogy import Analogy, level_animation, synthesizer
 from pipeline.methods.analogy.guided_stills import guided_still_params, guided_still_schedule, stretch_of_guides
+from pipeline.methods.analogy.key_intervals import MAX_INTERVAL_FRAMES, interval_key, split_intervals
 from pipeline.methods.analogy.params import AnalogyParams
-from pipeline.methods.analogy.plan import (
-    MAX_INTERVAL_FRAMES,
-    SweepTask,
-    fine_levels,
-    interval_key,
-    plan_synthesis,
-    run_frames,
-    split_intervals,
-)
+from pipeline.methods.analogy.plan import SweepTask, fine_levels, plan_synthesis, run_frames
 from pipeline.methods.analogy.style_images import DEFAULT_PAIR, energy_of, paint_in_strokes
 from pipeline.methods.base import VideoInfo
 from pipeline.methods.local import LocalContext, run_plan
@@ -289,8 +282,8 @@ def test_a_gap_in_parts_has_exact_keyframes_and_reaches_the_far_one_without_a_ju
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     keys = {0: key(0, 1), 11: key(11, 2)}
-    monkeypatch.setattr("pipeline.methods.analogy.plan.MAX_INTERVAL_FRAMES", 5)
-    monkeypatch.setattr("pipeline.methods.analogy.plan._MIN_INTERVAL_FRAMES", 5)
+    monkeypatch.setattr("pipeline.methods.analogy.key_intervals.MAX_INTERVAL_FRAMES", 5)
+    monkeypatch.setattr("pipeline.methods.analogy.key_intervals._MIN_INTERVAL_FRAMES", 5)
     out = rendered({"keyframes": keys}, shot(12))
     for index, image in keys.items():
         np.testing.assert_array_equal(out[index], image)

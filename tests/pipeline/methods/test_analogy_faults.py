@@ -18,7 +18,8 @@ from pipeline.formats.exr import write_exr
 from pipeline.frames import Frame
 from pipeline.methods import method, parse_params
 from pipeline.methods.analogy.inputs import key_sources
-from pipeline.methods.analogy.plan import MAX_INTERVAL_FRAMES, plan_synthesis, split_intervals
+from pipeline.methods.analogy.key_intervals import MAX_INTERVAL_FRAMES, split_intervals
+from pipeline.methods.analogy.plan import plan_synthesis
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.synthesis.atlas import MAX_ROWS, atlas, relocated
 from pipeline.synthesis.distance import nearest, within_reach

@@ -187,7 +187,7 @@ def test_a_shot_without_layers_uses_its_vectors_and_emits_its_frames() -> None:
     context = rendered({**files, "style/output.png": png(red())})
     assert colours(painted(context)) <= colours(red())
     assert not [name for step, name in context.kept if name.startswith("paint")]
-    assert len(context.kept["scan", "tones"]["factors"]) == 3
+    assert len(context.kept["scan", "tones"]["factors"]) == 4
 
 
 def test_a_guide_of_a_shot_without_style_counterpart_is_rejected() -> None:

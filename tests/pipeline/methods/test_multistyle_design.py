@@ -38,7 +38,17 @@ def good() -> dict[str, Any]:
             {"region": "rest"},
         ],
         "directions": [
-            {"region": "water", "frame": 2, "edge_weight": 0.2, "elements": [{"pattern": "center", "at": [0.5, 0.5]}]},
+            {
+                "region": "water",
+                "frame": 2,
+                "edge_weight": 0.2,
+                "elements": [
+                    {"pattern": "center", "at": [0.5, 0.5]},
+                    {"pattern": "trisector", "at": [0.2, 1.5], "angle": 30, "reach": 0.4, "strength": 2},
+                    {"pattern": "regular", "at": [0, 0], "reach": "everywhere"},
+                ],
+                "follow": False,
+            },
             {"region": "trees", "free": True},
         ],
     }
@@ -80,7 +90,6 @@ BAD = {
     "an outline after the end": ("regions.beak.polygons.1.frame", 10, "regions.beak.polygons[1].frame"),
     "two keys at one frame": ("keys.1.frame", 0, "keys[1].frame"),
     "two directions at one frame": ("directions.1", {"region": "water", "frame": 2}, "directions[1].frame"),
-    "two outlines at one frame": ("regions.beak.polygons.1.frame", 0, "regions.beak.polygons[1].frame"),
     "an outline of two points": ("regions.beak.polygons.0.points", [[0, 0], [1, 1]], "regions.beak.polygons[0].points"),
     "a region of nothing": ("regions.trees", {}, "regions.trees"),
     "a region of two kinds": ("regions.trees", {"label": 2, "tubes": [1]}, "regions.trees"),
@@ -89,6 +98,7 @@ BAD = {
     "a part of what is not there": ("regions.beak.of", "goose", "regions.beak.of"),
     "a part of itself": ("regions.swan.of", "beak", "regions.swan.of"),
     "a rest of tubes": ("regions.rest", {"tubes": [9]}, "regions.rest"),
+    "a reach that is no length": ("directions.0.elements.0.reach", "far", "directions[0].elements[0].reach"),
     "an unknown pattern": ("directions.0.elements.0.pattern", "swirl", "directions[0].elements[0].pattern"),
     "an unknown key": ("keys.0.sytle", "mine", "keys[0].sytle"),
     "an unknown ease": ("keys.0.ease", "bouncy", "keys[0].ease"),

@@ -17,14 +17,16 @@ GRAY, DARKER, DARK, RED = (150, 128, 128), (138, 128, 128), (60, 128, 128), (140
 
 def regions(means: list[tuple[int, int, int]], previous: list[int], alpha: list[float]) -> Segmentation:
     rows = len(means) + 1
+    labels = np.repeat(np.arange(1, rows, dtype=np.int32)[:, None], 16, axis=1)
     return Segmentation(
-        labels=np.ones((16, 16), np.int32),
+        labels=labels,
         ids=np.arange(rows, dtype=np.int64),
         areas=np.full(rows, 100, np.int32),
         means=np.array([(0, 128, 128), *means], np.float32),
         previous=np.array([0, *previous], np.int32),
         alpha=np.array([0, *alpha], np.float32),
         residual=0,
+        propagated=np.array([0, *previous], np.int32)[labels],
     )
 
 
@@ -69,6 +71,16 @@ def test_a_new_region_has_its_target_colour_at_once() -> None:
     mixing.step(regions([GRAY, RED], [0, 0], [0, 0]), None)
     made = mixing.step(regions([RED, DARK, DARK], [2, 0, 1], [0.5, 0.0, 0.0]), None)
     np.testing.assert_array_equal(made[1:], rgb_of(np.stack([lab_of(RED), lab_of(DARK), lab_of(GRAY)])))
+
+
+def test_a_new_region_starts_from_what_was_painted_there() -> None:
+    """With a half-life of one frame, half of the old colour remains: the region was half `GRAY`, half `DARKER`."""
+    mixing = palette(colour_half_life=1)
+    mixing.step(regions([GRAY, DARKER], [0, 0], [0, 0]), None)
+    after = regions([GRAY], [0], [0])
+    after.labels[:], after.propagated[:] = 1, np.repeat([1, 2], 8)
+    made = srgb_to_lab(mixing.step(after, None)[1] / 255)
+    assert np.abs(made - (0.75 * lab_of(GRAY) + 0.25 * lab_of(DARKER))).max() < 0.4
 
 
 def test_the_half_life_parameter_is_the_half_life() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -16,15 +17,17 @@ from pipeline.errors import BadParameter
 from pipeline.frames import Frame
 from pipeline.methods import parse_params
 from pipeline.methods.base import PlanContext, VideoInfo
-from pipeline.methods.local import LocalContext, iterate_plan
+from pipeline.methods.local import LocalContext, iterate_plan, run_plan
 from pipeline.methods.patches import Patches, patch_construction
 from pipeline.methods.patches.clustering import plan_cluster
 from pipeline.methods.patches.correction import FrameSpan, spans
 from pipeline.methods.patches.motion_clustering import uncertainty_of
-from pipeline.methods.patches.painter import HertzmannPainter
-from pipeline.methods.patches.params import PatchesParams
-from pipeline.methods.patches.patch_track import FADE_FRAMES, PatchTrack, patch_tracks
-from pipeline.methods.patches.scan import WorkingGrid, label_map, label_styles, mask_map, style_of
+from pipeline.methods.patches.painter import TABLE_1, HertzmannPainter
+from pipeline.methods.patches.params import STROKE_STYLES, PatchesParams
+from pipeline.methods.patches.patch_construction import patch_painter
+from pipeline.methods.patches.patch_styles import label_styles, params_of
+from pipeline.methods.patches.patch_track import FADE_FRAMES, LARGE_AREA, PatchTrack, patch_tracks
+from pipeline.methods.patches.scan import PAPER_SIDE, WorkingGrid, label_map, mask_map
 from tests.pipeline.methods.frames import painted
 from tests.pipeline.methods.patch_scenes import (
     HIDDEN,
@@ -35,6 +38,7 @@ from tests.pipeline.methods.patch_scenes import (
     paint,
     painted_scene,
     rand_index,
+    swarm,
     truth,
 )
 
@@ -106,6 +110,21 @@ def test_uncertainty_is_derived_from_the_probability_of_the_random_walk() -> Non
 
 
 # -- painting
+
+
+@pytest.mark.parametrize("temporal", ["on", "off"])
+def test_deep_frames_are_those_of_the_film_before_they_are_rounded(temporal: str) -> None:
+    films = []
+    for deep in (False, True):
+        context = LocalContext(
+            parse_params(Patches(), {"temporal": temporal}), [s.image for s in truth()[:5]], deep=deep
+        )
+        run_plan(Patches(), context)
+        films.append(painted(context))
+    assert (films[0].dtype, films[1].dtype) == (np.uint8, np.uint16)
+    apart = np.abs(films[0] - films[1] / 257)
+    assert apart.mean() < 0.3 and np.percentile(apart, 99.5) < 1, "paint is replaced at few other pixels"
+    assert len(np.unique(films[1][0, ..., 1])) > 1000
 
 
 @cache
@@ -263,7 +282,7 @@ def test_scribbles_can_be_used_as_masks() -> None:
 def test_a_patch_can_have_its_own_style() -> None:
     params = PatchesParams(background_style="wash")
     own = label_styles({"3": "circles"})
-    assert [style_of(label, params, own) for label in (1, 2, 3)] == ["wash", "hertzmann", "circles"]
+    assert [params_of(label, params, own).style for label in (1, 2, 3)] == ["wash", "hertzmann", "circles"]
     frames = [shot.image for shot in truth()[:3]]
     plain, styled = paint(frames), paint(frames, {"styles": {"background": "circles"}})
     slab = cv2.erode((truth()[1].ids == SLAB).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
@@ -271,9 +290,29 @@ def test_a_patch_can_have_its_own_style() -> None:
     assert change[slab].mean() < 1 < change[truth()[1].ids == WALL].mean()
 
 
+def test_a_patch_can_have_its_own_parameters() -> None:
+    params = PatchesParams(stroke_size=2)
+    own = label_styles({"background": {"style": "wash", "jitter": 0.5}, "4": {"stroke_size": 0.5}})
+    wall, second_wall, slab = (params_of(label, params, own, label == 4) for label in (1, 4, 7))
+    assert (wall.style, wall.jitter, wall.stroke_size) == ("wash", 0.5, 2)
+    assert (second_wall.style, second_wall.jitter, second_wall.stroke_size) == ("wash", 0.5, 0.5)
+    assert slab == params
+    frames = [shot.image for shot in truth()[:3]]
+    plain, finer = paint(frames), paint(frames, {"styles": {"background": {"stroke_size": 0.25}}})
+    wall_at = truth()[1].ids == WALL
+    change = np.abs(painted(plain)[1].astype(float) - painted(finer)[1]).mean(axis=-1)
+    slab_at = cv2.erode((truth()[1].ids == SLAB).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    assert change[slab_at].mean() < 1 < change[wall_at].mean()
+    errors = [np.abs(painted(each)[1].astype(float) - frames[1])[wall_at].mean() for each in (plain, finer)]
+    assert errors[1] < errors[0]
+
+
 @pytest.mark.parametrize(
     ("styles", "field"),
     [
+        ({"2": {"stroke_size": 9}}, "inputs.styles.2.stroke_size"),
+        ({"2": {"window": 3}}, "inputs.styles.2.window"),
+        ({"2": {"style": "cubist"}}, "inputs.styles.2.style"),
         ([], "inputs.styles"),
         ({"2": "cubist"}, "inputs.styles.2"),
         ({"2": ["wash"]}, "inputs.styles.2"),
@@ -363,12 +402,14 @@ def test_patch_tracks_are_limited_in_length_and_cross_fade() -> None:
 def test_a_patch_has_the_same_bytes_in_one_task_and_in_many(monkeypatch: pytest.MonkeyPatch) -> None:
     frames = [shot.image for shot in truth()[:10]]
     made = []
-    for area in (0.0, 1e9):
+    for area, parts in ((0.0, 12), (0.0, 1), (1e9, 1)):
         monkeypatch.setattr(patch_construction, "SINGLE_TASK_AREA", area)
+        monkeypatch.setattr(patch_construction, "MOST_PARTS", parts)
         made.append(paint(frames))
-    (many, one), names = made, [{key for step, key in context.kept if step == "patch"} for context in made]
-    assert any("-sum-" in key for key in names[0]) and not any("-sum-" in key for key in names[1])
-    np.testing.assert_array_equal(painted(many), painted(one))
+    names = [{key for step, key in context.kept if step == "patch"} for context in made]
+    assert [any("-sum-1" in key for key in each) for each in names] == [True, True, False]
+    for other in made[1:]:
+        np.testing.assert_array_equal(painted(made[0]), painted(other))
 
 
 def test_flow_tasks_have_no_dependencies_and_label_tasks_depend_only_on_their_inputs() -> None:
@@ -385,9 +426,68 @@ def test_a_cluster_that_travels_far_has_more_tracks() -> None:
     assert len(patch_tracks(context(100, travel=5 * 320.0))) >= 2
 
 
-def test_a_patch_track_survives_json() -> None:
+def test_one_painting_can_survive_a_longer_pan() -> None:
+    """Figure 5c of zhang2011patches: a pan that three paintings show by turns is shown by one."""
+    given = context(100, travel=5 * 320.0)
+    counts = []
+    for limit in (1.0, 2.5, 5.0):
+        params = PatchesParams(longest_travel=limit)
+        counts.append(len(patch_tracks(replace(given, params=params))))
+    assert counts == [3, 2, 1]
+
+
+def test_small_objects_are_patches_of_finer_strokes() -> None:
+    """Eight squares of 12 px: none is a patch by default; with smaller clusters most are, and they have the strokes of
+    the second row of table 1 if the area of one frame counts."""
+    counts, radii = [], []
+    for values in ({}, {"smallest_cluster": 0.3}, {"smallest_cluster": 0.3, "table_area": "mean"}):
+        made = LocalContext(parse_params(Patches(), values), swarm())
+        tracks = [PatchTrack(**task.args["track"]) for task in run_plan(Patches(), made)["patch"]]
+        objects = [track for track in tracks if track.label > 1]
+        unit = SIZE[1] / PAPER_SIDE
+        counts.append(len(objects))
+        radii.append([patch_painter(track, made).brush.size_px / 2 / unit for track in objects])
+    assert counts[0] == 0 and counts[1] == counts[2] >= 6
+    assert set(np.round(radii[1])) <= {4, 8} and np.median(radii[1]) == pytest.approx(8)
+    assert np.median(radii[2]) == pytest.approx(4)
+
+
+def test_a_background_may_be_several_patches() -> None:
+    """A wall, and a nearer one that moves faster across the frame. The user divides them once, as in the paper."""
+    far, near = (
+        cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(144, 400)).astype(np.float32), (0, 0), 1.6) * 130
+        + mean
+        for seed, mean in ((1, 90), (2, 160))
+    )
+    frames, divided = [], np.ones((144, 240), np.uint8)
+    divided[:, 150:] = 7
+    for k in range(8):
+        frame = np.hstack([far[:, 2 * k : 150 - 3 * k], near[:, : 90 + 5 * k]])
+        frames.append(np.clip(np.repeat(frame[..., None], 3, axis=2), 0, 255).astype(np.uint8))
+    styles = []
+    for count in (1, 2):
+        values = {"background_style": "wash", "background_patches": count, "face_detail": 0}
+        made = LocalContext(parse_params(Patches(), values), frames, {"labels": {0: divided}})
+        tracks = [PatchTrack(**task.args["track"]) for task in run_plan(Patches(), made)["patch"]]
+        styles.append({track.label: patch_painter(track, made).style for track in tracks})
+    wash, hertzmann = STROKE_STYLES["wash"], STROKE_STYLES["hertzmann"]
+    assert styles == [{1: wash, 7: hertzmann}, {1: wash, 7: wash}]
+    last = made.kept["correct", "run-0000000"]["labels-7"]
+    assert (last[:, :105] == 1).mean() > 0.95 and (last[:, 125:] == 7).mean() > 0.9
+
+
+def test_a_patch_track_survives_json_but_for_an_area_that_decides_nothing() -> None:
     track = patch_tracks(context(50))[0]
-    assert PatchTrack(**json.loads(json.dumps(track.args()))) == track
+    told = PatchTrack(**json.loads(json.dumps(track.args("all-frames"))))
+    assert told == replace(track, area=LARGE_AREA) and track.area > LARGE_AREA
+    mean = PatchTrack(**json.loads(json.dumps(track.args("mean"))))
+    assert mean.table_area("mean") == min(track.table_area("mean"), LARGE_AREA)
+
+
+@pytest.mark.parametrize("size", [(16, 16), (640, 360), (7680, 4320), (7680, 7680)])
+def test_brushes_do_not_depend_on_areas_above_the_largest_that_is_told(size: tuple[int, int]) -> None:
+    grid = WorkingGrid.of(size)
+    assert LARGE_AREA * grid.ratio[0] * grid.ratio[1] / grid.unit**2 > TABLE_1[-2][0]
 
 
 @pytest.mark.parametrize(("area", "radius", "length"), [(64, 2, 16), (65, 4, 32), (512, 4, 32), (513, 8, 128)])

@@ -196,7 +196,7 @@ def test_a_run_loads_every_period_that_its_frames_show(change: int) -> None:
                 return {"panorama": picture, "painting": picture}
             return {"at": np.zeros((0, 6), np.int32), "matrix": np.zeros((0, 3, 3)), "shift": np.zeros((0, 2))}
 
-    track = PatchTrack("s0-l2-f0", 2, 0, 48, 0, 48, 20, False, False, 64)
+    track = PatchTrack("s0-l2-f0", 2, 0, 48, 0, 48, 20, False, False, 64, False)
     result = {"periods": [[0, change], [change, 48]], "origin": [0, 0]}
     patch = PaintedPatch.load(track, result, 12, 24, cast(Any, Artefacts()))
     for index in range(12, 24):

@@ -24,8 +24,8 @@ def test_lines_and_borders_of_abstraction_have_the_same_width(wide: tuple[int, i
         sizes, params = sizes_of(AbstractionParams(), size), AbstractionParams()
         lines, borders = LineExtractor(params, sizes), BorderCurves(params, sizes)
         found.append(
-            (sizes.curves, sizes.work == size, analysis_blur_px(sizes), lines.sigma_px, lines.limits, borders.sigma_px,
-             borders.limit_px, borders.reach_px)
+            (sizes.curves, sizes.work == size, analysis_blur_px(sizes), lines.sigma_px, lines.shortest_px,
+             borders.sigma_px, borders.limit_px, borders.reach_px)
         )  # fmt: skip
     assert found[0] == found[1]
 

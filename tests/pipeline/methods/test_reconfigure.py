@@ -92,7 +92,7 @@ def _ids(session: AbstractionSession) -> list[int]:
 
 @pytest.mark.parametrize(
     "params",
-    [{"lines": "off"}, {"lines": "flow"}, {"line_width": 6.0}, {"growing_limit": 30}, {"flow": "tvl1"},
+    [{"lines": "off"}, {"line_colour": "#ff0000"}, {"line_width": 6.0}, {"growing_limit": 30}, {"flow": "tvl1"},
      {"face_importance": 0.0}, {"temporal": "off"},
      {"edges": "sharp"}],
 )  # fmt: skip
@@ -111,7 +111,7 @@ def test_sharp_edges_continue_at_another_size() -> None:
     session = AbstractionSession(AbstractionParams(edges="sharp"), SIZE)
     whole = run(session, frames[:3])[-1]
     resized = session.reconfigure(AbstractionParams(edges="sharp"), HALF)
-    assert apart(resized.step(small(frames[2])), small(whole)) < 4
+    assert apart(resized.step(small(frames[2])), small(whole)) < 6, "the finest lines are relatively wider in 64 rows"
 
 
 @pytest.mark.parametrize("edges", ["soft", "sharp"])

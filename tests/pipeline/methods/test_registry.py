@@ -82,7 +82,7 @@ def test_the_schema_is_valid_and_accepts_the_defaults(chosen: Method) -> None:
     schema = chosen.Params.model_json_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["additionalProperties"] is False
-    jsonschema.validate(chosen.Params().model_dump(), schema)
+    jsonschema.validate(chosen.Params().model_dump(mode="json"), schema)
 
 
 @every_method
@@ -94,6 +94,10 @@ def test_every_parameter_has_what_a_form_shows(chosen: Method) -> None:
         if field.get("type") in ("number", "integer"):
             assert field["unit"], name
             assert field["minimum"] <= field["default"] <= field["maximum"], name
+        elif "pattern" in field:
+            assert re.fullmatch(field["pattern"], field["default"]), name
+        elif field.get("type") == "array":
+            assert field["maxItems"] and all(re.fullmatch(field["items"]["pattern"], one) for one in field["default"])
         else:
             assert field["default"] in field["enum"], name
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,7 +15,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.frames import Frame
 from pipeline.kernels.buffers import Buffers
-from pipeline.methods.base import Task
+from pipeline.methods.base import PlanContext, Task, VideoInfo
 from pipeline.methods.local import LocalContext, run_plan
 from pipeline.methods.steady import Steady, SteadyFilter, SteadyParams, plan
 from pipeline.methods.steady.confidence import TrustedMotion
@@ -116,6 +117,17 @@ def test_one_frame_of_low_confidence_does_not_end_a_long_past() -> None:
     np.testing.assert_allclose(weights[0], 40 * trust, rtol=1e-6)
     np.testing.assert_allclose(weights[1], 0.6 * 40 * trust**1.25, rtol=1e-6)
     np.testing.assert_allclose(long, [[40, 41 * 0.8**0.25, 41 * 0.1**0.25, 0]], rtol=1e-5)
+
+
+@pytest.mark.parametrize("params", [{}, {"look_ahead": 2}, {"detail": 0}], ids=str)
+def test_the_bytes_are_the_same_on_any_number_of_processors(
+    params: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    video, results = moving_square(7), []
+    for processors in (1, 16):
+        monkeypatch.setattr("pipeline.methods.steady.plan.usable_processors", lambda count=processors: count)
+        results.append(run(video, flickering(video), **params))
+    np.testing.assert_array_equal(*results)
 
 
 def test_a_cut_starts_afresh() -> None:
@@ -382,3 +394,9 @@ def test_the_second_pass_follows_the_mask() -> None:
     result = run(still(6), styled, {"mask": {0: mask}}, look_ahead=2)
     np.testing.assert_array_equal(result[:, :, 48:], np.asarray(styled)[:, :, 48:])
     assert change(result[:, :, :48]) < change(np.asarray(styled)[:, :, :48])
+
+
+def test_frames_in_floating_point_declare_more_memory() -> None:
+    plain = PlanContext(SteadyParams(), 0, VideoInfo(3840, 2160, 10, 25.0, 0.4))
+    needs = [Steady().resources("steady", replace(plain, deep=deep)).memory_bytes for deep in (False, True)]
+    assert needs[1] - needs[0] > 100 * 3840 * 2160

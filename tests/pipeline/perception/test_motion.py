@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from pipeline.colour.lab8 import Lab8, LabPlanes
 from pipeline.frames import Flow
-from pipeline.perception.backward_maps import backward_maps, warp_back_mapped
+from pipeline.perception.backward_maps import backward_maps
 from pipeline.perception.motion import (
     FADE_TOLERANCE,
     FAR,
-    blend_with_past,
     denoise,
     past_weights,
     zero_still_flow,
@@ -126,49 +125,9 @@ def unrest(frames: list[Lab8]) -> float:
 def test_inputs_are_not_modified() -> None:
     now, before, flow = noise(1), noise(2), uniform_flow(1, 0)
     kept = now.copy(), before.copy(), flow.copy()
-    _, residual = denoised_from(now, before, flow, 0.8)
-    blend_with_past(now, warp_back_mapped(before, backward_maps(flow)), residual, 0.8)
+    denoised_from(now, before, flow, 0.8)
     for array, copy in zip((now, before, flow), kept, strict=True):
         np.testing.assert_array_equal(array, copy)
-
-
-# -- fading paint
-
-
-def test_output_fades_where_the_source_agrees_with_its_past() -> None:
-    before, now = np.full((*SHAPE, 3), 40, np.uint8), np.full((*SHAPE, 3), 140, np.uint8)
-    residual = np.zeros(SHAPE, np.uint8)
-    residual[:, 4:8] = round(FADE_TOLERANCE * 4)
-    residual[:, 8:12] = 254
-    residual[:, 12:] = FAR
-    out = blend_with_past(now, before.copy(), residual, 0.6)
-    assert abs(int(out[0, 0, 0]) - 80) <= 1
-    assert abs(int(out[0, 5, 0]) - (140 - 60 / np.e)) <= 1
-    assert (out[:, 8:] == 140).all()
-
-
-def test_repeated_fading_converges() -> None:
-    now, picture = np.full((*SHAPE, 3), 140, np.uint8), np.full((*SHAPE, 3), 40, np.uint8)
-    for _ in range(20):
-        picture = blend_with_past(now, picture, np.zeros(SHAPE, np.uint8), 0.65)
-    assert np.abs(picture.astype(int) - 140).max() <= 1
-
-
-def test_output_fades_along_the_motion() -> None:
-    picture = noise(3)
-    out = blend_with_past(
-        np.zeros_like(picture),
-        warp_back_mapped(picture, backward_maps(uniform_flow(2, 0))),
-        np.zeros(SHAPE, np.uint8),
-        0.5,
-    )
-    assert np.abs(out[:, 2:].astype(int) - picture[:, :-2] / 2).max() <= 1
-
-
-def test_memory_zero_changes_nothing() -> None:
-    now = noise(4)
-    out = blend_with_past(now, noise(5), np.zeros(SHAPE, np.uint8), 0.0)
-    np.testing.assert_array_equal(out, now)
 
 
 def test_past_weights_fall_with_the_residual() -> None:

@@ -56,8 +56,8 @@ def test_a_taper_narrows_the_ends_only() -> None:
 
 def test_opacity_composites_exactly() -> None:
     canvas = blank(np.full((*ODD, 3), 40, np.uint8))
-    strokes = both(line([(20, 30), (60, 30)], 12, 0.25, 1), line([(40, 10), (40, 50)], 12, 0.5, 2))
-    paint(canvas, strokes, profile=PLAIN, order=np.array([0, 1]))
+    paint(canvas, line([(20, 30), (60, 30)], 12, 0.25, 1), profile=PLAIN)
+    paint(canvas, line([(40, 10), (40, 50)], 12, 0.5, 2), profile=PLAIN)
     once = 40 + 0.25 * (200 - 40)
     np.testing.assert_allclose(canvas[30, 25, :3], [80, 40 + 15, 40 + 2.5], atol=1e-4)
     assert canvas[30, 40, 0] == pytest.approx(once + 0.5 * (200 - once), abs=1e-4)
@@ -93,6 +93,16 @@ def test_bristles_leave_streaks_along_the_stroke() -> None:
     assert 0 < inside.min() < inside.max() <= 2
 
 
+def test_a_denser_texture_has_finer_bristles() -> None:
+    wide = replace(line([(10.0 + 6 * k, 30.0) for k in range(11)], 40), grain=np.ones(1, np.float32))
+    changes = []
+    for bristles in (1, 5):
+        profile = StrokeProfile(taper=(0, 0), streaks=40, dry=0, bristles=bristles)
+        across = paint(black(), wide, profile=profile)[14:46, 25:60, 0]
+        changes.append(np.abs(np.diff(across, axis=0)).mean() / across.std())
+    assert changes[0] < 0.5 * changes[1]
+
+
 @pytest.mark.parametrize("shape", [(16, 17), (61, 83), (17, 130)])
 def test_strokes_across_every_border_stay_inside(shape: tuple[int, int]) -> None:
     h, w = shape
@@ -121,6 +131,16 @@ def test_colour_shift_and_jitter() -> None:
     stray = tint(aims, seeds, Brush(jitter=0.5)) - aims
     assert np.abs(stray.mean(axis=0)).max() < 2.5 and 5 < stray.std() < 20
     assert stray.tobytes() != (tint(aims, seeds, Brush(jitter=0.5), seed=1) - aims).tobytes()
+
+
+def test_jitter_changes_the_lightness_of_grays_and_the_hue_of_colours() -> None:
+    seeds, brush = Seeds(np.zeros((400, 2), np.float32), np.arange(400, dtype=np.uint64)), Brush(jitter=0.5)
+    gray, grayish, coloured = (
+        tint(np.tile(np.array([[120, 120 - chroma, 120]], np.float32), (400, 1)), seeds, brush) for chroma in (0, 8, 16)
+    )
+    assert np.ptp(gray, axis=1).max() == 0 and gray[:, 0].std() > 5
+    strays = [np.ptp(colours - colours.mean(axis=1, keepdims=True), axis=1).std() for colours in (grayish, coloured)]
+    assert 0.3 * strays[1] < strays[0] < 0.7 * strays[1]
 
 
 def test_black_paint_has_no_jitter() -> None:

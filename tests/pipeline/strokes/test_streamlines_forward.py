@@ -133,3 +133,16 @@ def test_no_strokes_paint_nothing() -> None:
     none = Strokes(*(getattr(dots([(1, 1)], [(0, 0, 0)], Brush()), k)[:0] for k in Strokes.__dataclass_fields__))
     streamlines_forward(buffer, none, even(0), np.zeros(0, np.float32), np.zeros(0, np.intp))
     assert all((mine == theirs).all() for mine, theirs in zip(buffer, empty_buffer(SIZE), strict=True))
+
+
+def test_a_denser_texture_has_finer_bristles() -> None:
+    """Changes of lightness across a stroke of 40 px, relative to its variation."""
+    changes = []
+    for bristles in (1, 5, 15):
+        buffer, brush = empty_buffer(SIZE), Brush(size_px=40, grain=1.0)
+        options = RasterOptions(profile=StrokeProfile((0, 0), streaks=40, dry=0, soft=0, bristles=bristles))
+        strokes = dots([(55, 45)], [(120, 120, 120)], brush)
+        streamlines_forward(buffer, strokes, even(0), np.array([60], np.float32), np.array([0], np.intp), options)
+        across = buffer.paint[30:60, 40:70, 0]
+        changes.append(np.abs(np.diff(across, axis=0)).mean() / across.std())
+    assert changes[0] < 0.75 * changes[1] and changes[1] < 0.8 * changes[2]

@@ -289,6 +289,23 @@ def test_an_element_follows_its_object() -> None:
     assert (still.x, still.y) == pytest.approx((element.x, element.y))
 
 
+@pytest.mark.parametrize("pattern", WINDINGS)
+def test_a_pattern_is_stretched_as_its_object(pattern: Pattern) -> None:
+    """Directions at moved points are the moved directions: a pattern of circles becomes one of ellipses."""
+    key, now = Ellipse(200, 200, 0.3, 10, 5), Ellipse(200, 200, 1.1, 20, 5)
+    element = Element(pattern, 200, 200, 0.4, 0.005)
+    before, after = (basis_field(one, (401, 401)) for one in (element, follow(element, key, now)))
+    turns = [np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]) for a in (0.3, 1.1)]
+    moves = turns[1] @ np.diag([2, 1]) @ turns[0].T
+    for offset in ([70, 30], [-50, 60], [20, -80]):
+        x, y = 200 + np.array(offset)
+        own = float(angle_of(before)[y, x])
+        along = moves @ [math.cos(own), math.sin(own)]
+        x, y = (int(v) for v in np.rint(200 + moves @ offset))
+        found = angle_of(after)[y : y + 1, x : x + 1]
+        assert apart(found, math.atan2(along[1], along[0]) % math.pi)[0, 0] < 0.02, offset
+
+
 @pytest.mark.parametrize(
     ("change", "field"),
     [({"pattern": "swirl"}, "pattern"), ({"x": math.nan}, "x"), ({"strength": -1.0}, "strength")],

@@ -15,7 +15,8 @@ from pipeline.frames import Labels
 from pipeline.vector.borders import find_borders
 from pipeline.vector.outlines import rings, simplify, smooth, trace
 from pipeline.vector.smoothing import smooth_borders
-from pipeline.vector.svg import to_svg
+from pipeline.vector.stroke_outlines import stroke_outlines
+from pipeline.vector.svg import Lines, to_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 Polygon = NDArray[np.float64]
@@ -37,7 +38,7 @@ def confetti(size: tuple[int, int] = (17, 13), seed: int = 0) -> Labels:
 
 
 def elements(document: bytes) -> dict[str, ElementTree.Element]:
-    return {e.attrib["id"]: e for e in ElementTree.fromstring(document).iter(f"{SVG}path")}
+    return {e.attrib["id"]: e for e in ElementTree.fromstring(document).iter(f"{SVG}path") if "id" in e.attrib}
 
 
 def polygons(path: str, steps: int = 1) -> list[Polygon]:
@@ -213,21 +214,22 @@ def test_a_region_keeps_its_path_when_only_others_change() -> None:
     assert "r3" not in after
 
 
-def test_ink_lies_on_top_as_one_path() -> None:
+def test_lines_lie_on_top_as_outlines_of_strokes() -> None:
     labels = blobs()
-    ink = np.zeros(labels.shape, np.float32)
-    ink[10:12, 5:40] = 0.9
-    document = to_svg(labels, colours_for(labels), ink=ink, ink_colour=(10, 20, 30), tolerance_px=0, smoothing=0)
-    lines = elements(document)["lines"]
+    places = np.array([[5, 11], [40, 11], [10, 20], [10, 40], [30, 20], [30, 40]], np.float32)
+    opacities = np.array([1, 1, 0.5, 0.5, 0, 0], np.float32)
+    strokes = stroke_outlines(places, np.full(6, 1.5, np.float32), opacities, np.array([0, 2, 4, 6], np.int32))
+    document = to_svg(labels, colours_for(labels), lines=Lines(strokes, (10, 20, 30), 0.8))
+    lines = next(group for group in ElementTree.fromstring(document) if group.attrib["id"] == "lines")
     assert lines.attrib["fill"] == "#0a141e"
-    np.testing.assert_array_equal(filled(polygons(lines.attrib["d"]), (64, 48)), ink > 0.5)
-    assert list(elements(document))[-1] == "lines"
+    assert [path.attrib["fill-opacity"] for path in lines] == ["0.80", "0.40"], "invisible strokes have no path"
+    drawn = polygons(lines[0].attrib["d"], steps=8)
+    assert abs(area(drawn)) / 100 == pytest.approx(35 * 3 + 1.5 * 3, rel=0.05), "35 px long, 3 px wide, pointed ends"
 
 
-def test_no_ink_and_no_regions_give_an_empty_document() -> None:
+def test_no_lines_and_no_regions_give_an_empty_document() -> None:
     nothing = np.zeros((16, 16), np.int32)
-    document = to_svg(nothing, np.zeros((1, 3), np.uint8), ink=np.zeros((16, 16), np.float32))
-    assert elements(document) == {}
+    assert elements(to_svg(nothing, np.zeros((1, 3), np.uint8))) == {}
 
 
 def test_the_same_map_gives_the_same_bytes() -> None:
@@ -245,7 +247,6 @@ def test_the_same_map_gives_the_same_bytes() -> None:
         ({"colours": np.zeros((2, 3), np.float32)}, "colours"),
         ({"colours": np.zeros((2, 4), np.uint8)}, "colours"),
         ({"ids": np.arange(3)}, "ids"),
-        ({"ink": np.zeros((16, 17), np.float32)}, "ink"),
     ],
 )
 def test_inconsistent_arguments_are_rejected(change: dict[str, Any], field: str) -> None:

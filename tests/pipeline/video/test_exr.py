@@ -12,19 +12,9 @@ import pytest
 from pipeline.errors import MediaTooLarge, UnreadableMedia
 from pipeline.formats.base import PlaneImage
 from pipeline.formats.exr import EXR
-from pipeline.scenes import scene
+from pipeline.passes.find import depth, normals, object_ids
 from pipeline.video.media import Limits
-from pipeline.video.passes import (
-    depth,
-    factors_of,
-    normals,
-    object_ids,
-    picture,
-    raw_vectors,
-    signed,
-)  # fmt: skip
-
-SIZE = (96, 64)
+from pipeline.video.passes import picture
 
 
 def read_exr(source: bytes | Path, limits: Limits = Limits(), name: str = "image") -> PlaneImage:
@@ -87,51 +77,6 @@ def test_passes_are_found_by_their_names() -> None:
     found = normals(image)
     assert found is not None and found.shape == (2, 3, 3)
     assert depth(image) is not None and object_ids(image) is not None
-    assert raw_vectors(image) == ("named", None, None)
-
-
-def vectors(index: int, convention: str) -> tuple[PlaneImage, np.ndarray]:
-    """A scene's exact velocities as a renderer would write them."""
-    shot = scene("shapes", SIZE, frames=12, fps=12).frame(index)
-    minus, plus = shot.velocity_previous, shot.velocity_next
-    if convention == "nuke":
-        names = {"forward.u": plus[..., 0], "forward.v": plus[..., 1]}
-        names |= {"backward.u": -minus[..., 0], "backward.v": -minus[..., 1]}
-    else:
-        sign = -1 if convention == "cycles" else 1
-        names = {"V.Vector.X": sign * minus[..., 0], "V.Vector.Y": -sign * minus[..., 1]}
-        names |= {"V.Vector.Z": -plus[..., 0], "V.Vector.W": plus[..., 1]}
-    return PlaneImage(SIZE, names), shot.image
-
-
-@pytest.mark.parametrize("stated", [True, False], ids=["stated", "guessed"])
-@pytest.mark.parametrize("convention", ["cycles", "eevee", "nuke"])
-def test_velocities_have_the_right_sign_for_each_convention(convention: Any, stated: bool) -> None:
-    first, second = vectors(3, convention), vectors(4, convention)
-    factors, message = factors_of(convention if stated else "auto", first, second)
-    truth = scene("shapes", SIZE, frames=12, fps=12).frame(4)
-    _, forth, back = raw_vectors(second[0])
-    found = signed(forth, back, factors)
-    assert found.plus is not None and found.minus is not None and message
-    np.testing.assert_allclose(found.plus, truth.velocity_next, atol=1e-6)
-    np.testing.assert_allclose(found.minus, truth.velocity_previous, atol=1e-6)
-
-
-@pytest.mark.real("media")
-def test_velocities_of_a_rendered_box(media: Path) -> None:
-    """MANIFEST.md: exact velocities, px, y down; the box moves 6 px and more, so a wrong sign is far off."""
-
-    def read(index: int) -> tuple[PlaneImage, np.ndarray]:
-        folder = media / "cg_aov" / "box"
-        found = picture(read_exr(folder / f"beauty_{index:03d}.exr"))
-        assert found is not None
-        return read_exr(folder / f"velocity_{index:03d}.exr"), found
-
-    factors, message = factors_of("auto", read(2), read(3))
-    print(message)
-    _, forth, back = raw_vectors(read(3)[0])
-    found = signed(forth, back, factors)
-    assert found.plus is not None and found.minus is not None and factors[2] > 0
 
 
 def test_deep_pixels_are_refused_with_the_remedy(tmp_path: Path) -> None:

@@ -122,3 +122,13 @@ def test_a_placement_extends_beyond_its_rectangle() -> None:
     np.testing.assert_allclose(placement.positions()[0, 0], (3.5, 3.5))
     far = placement.at(np.array([[[40.0, 2.0]]], np.float32))
     np.testing.assert_allclose(far[0, 0], (41.5, 2.5))
+
+
+def test_points_in_a_corner_give_no_perspective_that_folds_the_rest() -> None:
+    """The scale grows across a corner of 40 px; continued as perspective, it turns the frame over at its other end."""
+    points = np.random.default_rng(0).uniform(0, 40, (400, 2))
+    target = points + 1 + 0.012 * points * points[:, :1]
+    right = np.array([[640.0, 0.0], [640.0, 360.0]])
+    assert apply(fit(points, target), right)[:, 0].max() < 0
+    bounded = apply(fit(points, target, over=(0, 0, 640, 360)), right)
+    assert np.abs(bounded - right).max() < 640

@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.errors import BadParameter
 from tests.workers.projects.documents import DESIGNED, asset_id, document, layer
+from workers.projects.checking import problems
 from workers.projects.faults import BadProject
 from workers.projects.materials import ImagesByFrame, JsonValue, Uploaded, write_material
 from workers.projects.parsing import parse_document
@@ -43,6 +44,35 @@ def test_a_design_is_assembled_from_the_layer() -> None:
     written = json.loads(design.text)
     assert written["version"] == 1 and written["keys"] == DESIGNED["parts"]["design"]["keys"]
     assert job.inputs["masks"] == ImagesByFrame(((0, asset_id("e")),))
+
+
+def test_one_layer_alone_is_a_job_of_that_layer_with_its_opacity() -> None:
+    value = document(layer("abstraction"), output={"format": "exr", "layer": "l1", "colour": "ACEScg"})
+    (shot,) = value["shots"]
+    shot["layers"] = [
+        shot["layers"][0] | {"id": "l0"},
+        shot["layers"][0] | {"id": "l1", "opacity": 0.4, "visible": False},
+    ]
+    (job,) = submissions(parse_document(value))
+    assert job.method == "layers" and job.params["alone"] and [row["opacity"] for row in job.params["layers"]] == [0.4]
+    assert (job.output.alpha, job.output.colour, job.output.format) == ("painted", "ACEScg", "exr")
+    shot["layers"].pop()
+    (fault,) = [each for each in problems(parse_document(value), {}) if each.path == "/output/layer"]
+    assert "l0" in fault.remedy
+
+
+def test_passes_are_those_of_the_layers_that_make_them() -> None:
+    value = document(layer("abstraction"), output={"passes": ["flow", "lines"], "passes_format": "png"})
+    (job,) = submissions(parse_document(value))
+    assert (job.output.passes, job.output.passes_format) == (("flow", "lines"), "png")
+    (shot,) = value["shots"]
+    shot["layers"].append({"id": "l2", "method": "multistyle", "opacity": 0.5})
+    (job,) = submissions(parse_document(value))
+    assert job.method == "layers" and job.output.passes == ("layer0.flow", "layer0.lines", "layer1.flow")
+    assert not [each for each in problems(parse_document(value), {}) if each.path.startswith("/output/passes")]
+    value["output"] = {"passes": ["flows"], "passes_format": "tif"}
+    faults = {each.path: each.remedy for each in problems(parse_document(value), {})}
+    assert "stroke-ids" in faults["/output/passes"] and "png" in faults["/output/passes_format"]
 
 
 def test_unsupported_parts_are_not_submitted() -> None:

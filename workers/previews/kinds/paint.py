@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pipeline.frames import Frame
 from pipeline.methods import method
 from workers.previews.context import PreviewContext
+from workers.previews.costs import cost_record
 from workers.previews.film import PreviewFilm
 from workers.previews.kinds.propagate import carried
 from workers.previews.kinds.regions import known_artefacts, layer_film
@@ -45,6 +46,7 @@ def paint(context: PreviewContext) -> Iterator[Record]:
     if stop - start > 1:
         for number, picture in film(context, range(start, stop, step), side):
             yield context.picture(number, picture, final=True)
+        yield from _costs(context, side)
         return
     if context.options.get("coarse", True) and (draft := _draft(context, start, side)) is not None:
         yield draft
@@ -54,6 +56,14 @@ def paint(context: PreviewContext) -> Iterator[Record]:
         _paint_one(context, start, side, put, check)
 
     yield from streamed(work, context.check)
+    yield from _costs(context, side)
+
+
+def _costs(context: PreviewContext, side_px: int) -> Iterator[Record]:
+    """What the layers' films cost, for estimates."""
+    for layer, film in zip(context.query.layers, _films(context, side_px), strict=True):
+        if (cost := film.cost()) is not None:
+            yield cost_record(layer, cost)
 
 
 def styles(context: PreviewContext) -> Iterator[Record]:

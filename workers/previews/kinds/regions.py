@@ -55,13 +55,17 @@ def _files(context: PreviewContext, layer: LayerSources) -> Files:
 
 
 def regions(context: PreviewContext) -> Iterator[Record]:
-    """The map of a frame as PNG, and every region and object in it. BadParameter if the method finds no regions."""
+    """The map of a frame as PNG, and every region and object in it; with the option `film`, the regions of the layer's
+    own design as the film has them. BadParameter if the method finds no regions."""
     layer = context.query.layers[0]
     artefact = method(layer.method).regions_artefact
     if not artefact:
         able = ", ".join(name for name, known in methods().items() if known.regions_artefact) or "none"
         raise BadParameter(f"The method {layer.method!r} finds no regions.", field="layer", value=layer.id,
                            remedy=f"Choose a method that does: {able}.")  # fmt: skip
+    if context.options.get("film"):
+        yield from _of_film(context, layer)
+        return
     files = context.cache.peek(_key(layer, artefact))
     if files is None:
         made: dict[str, bytes] = {}
@@ -69,6 +73,17 @@ def regions(context: PreviewContext) -> Iterator[Record]:
         files = made
         context.cache.put(_key(layer, artefact), made, sum(map(len, made.values())))
     yield from _shown(context, layer, files)
+
+
+def _of_film(context: PreviewContext, layer: LayerSources) -> Iterator[Record]:
+    """The number of each pixel's region as gray PNG, and the regions' names; nothing if the layer has no regions."""
+    number = context.options["frame"]
+    found = layer_film(context, layer, context.query.side_px).plane("regions", number, context.check)
+    if found is not None:
+        height, width = found.plane.shape
+        header = {"type": "map", "kind": "design", "frame": number, "width": width, "height": height,
+                  "media_type": "image/png", "colours": "gray8", "names": list(found.names)}  # fmt: skip
+        yield Record(header, cv2.imencode(".png", found.plane)[1].tobytes())
 
 
 def _key(layer: LayerSources, artefact: str) -> tuple[str, ...]:

@@ -85,7 +85,7 @@ export const mediaUrl = (path: string): Promise<string> => (key() ? objectUrl(pa
 /** Save a file of the service under the name that the service gives it. */
 export async function download(path: string): Promise<void> {
   const link = document.createElement("a");
-  link.href = under(`${path}?download=true`);
+  link.href = under(`${path}${path.includes("?") ? "&" : "?"}download=true`);
   link.download = "";
   if (key()) await pointAtBytes(link);
   link.click();

@@ -65,7 +65,8 @@ export const key = (): string | null => sessionStorage.getItem(KEY);
 /** Headers that every request carries. */
 export const authorisation = (): Record<string, string> => (key() ? { Authorization: `Bearer ${key()}` } : {});
 
-type AskForKey = (refused: boolean) => Promise<string>;
+/** `signIn`: the address where users sign in; empty: nowhere. */
+type AskForKey = (refused: boolean, signIn: string) => Promise<string>;
 let prompt: AskForKey | null = null;
 let asking: Promise<void> | null = null;
 
@@ -75,9 +76,9 @@ export function onKeyNeeded(ask: AskForKey): void {
 }
 
 /** Ask once, however many requests were refused meanwhile. `refused`: the key that the service did not accept. */
-export function renewKey(refused: string | null | undefined): Promise<void> {
+export function renewKey(refused: string | null | undefined, signIn = ""): Promise<void> {
   if ((key() && key() !== refused) || !prompt) return Promise.resolve();
-  asking ??= prompt(Boolean(refused))
+  asking ??= prompt(Boolean(refused), signIn)
     .then((given) => sessionStorage.setItem(KEY, given))
     .finally(() => {
       asking = null;
@@ -96,11 +97,18 @@ export async function request(target: string | Request, options: RequestOptions 
     throw isAbort(error) ? error : offline();
   });
   if (response.status === 401 && prompt) {
-    await renewKey(used);
+    await renewKey(used, signInAt(response));
     return request(target, options);
   }
   if (!response.ok) throw await problemOf(response);
   return response;
+}
+
+/** Where users sign in, as a refusal says; empty: nowhere. */
+function signInAt(response: Response): string {
+  const path = /sign_in="([^"]+)"/.exec(response.headers.get("WWW-Authenticate") ?? "")?.[1];
+  const { pathname, search, hash } = globalThis.location;
+  return path ? `${under(path)}?next=${encodeURIComponent(pathname + search + hash)}` : "";
 }
 
 /** A request that can be sent, with the present key; `target` can be sent again. */

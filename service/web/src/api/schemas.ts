@@ -42,8 +42,11 @@ export interface AssetInfo {
   fps?: number;
   duration_s?: number;
   rotation_deg?: number;
+  has_audio?: boolean;
   /** What is wrong with the file, one sentence; empty: nothing. */
   damage?: string;
+  /** Render passes of a sequence: `kinds` that methods may use, such as "motion". */
+  passes?: { kinds?: string[] };
 }
 
 /** Conditions under which a parameter or an input has an effect; all must hold. */
@@ -56,6 +59,8 @@ export interface When {
   inputs?: string[];
   /** Inputs of which none may be given. */
   without?: string[];
+  /** Kinds of render passes of which the video may have none. */
+  without_passes?: string[];
   /** film: not in streams; piece: only in a piece of a film. */
   way?: "" | "film" | "piece";
 }
@@ -80,6 +85,9 @@ export interface Schema {
   exclusiveMinimum?: number;
   exclusiveMaximum?: number;
   multipleOf?: number;
+  maxItems?: number;
+  /** "color": a text of the form #rrggbb; "colors": a list of such. */
+  format?: string;
   unit?: string;
   symbol?: string;
   group?: string;

@@ -10,6 +10,8 @@ export interface Situation {
   stream?: boolean;
   /** Whether a piece of a film is painted. */
   piece?: boolean;
+  /** Kinds of render passes that the video has. */
+  passes?: readonly string[];
 }
 
 /** `when`: alternatives, of which one must hold; none: always. `params`: every value, defaults included. */
@@ -17,13 +19,21 @@ export function applies(when: readonly When[] | undefined, params: Params, situa
   return !when?.length || when.some((one) => holds(one, params, situation));
 }
 
-function holds(when: When, params: Params, { inputs, stream, piece }: Situation): boolean {
-  const { params: values = {}, above = {}, inputs: needed = [], without = [], way = "" } = when;
+function holds(when: When, params: Params, { inputs, stream, piece, passes }: Situation): boolean {
+  const {
+    params: values = {},
+    above = {},
+    inputs: needed = [],
+    without = [],
+    without_passes: absent = [],
+    way = "",
+  } = when;
   return (
     Object.entries(values).every(([name, allowed]) => allowed.includes(String(params[name]))) &&
     Object.entries(above).every(([name, limit]) => Number(params[name] ?? 0) > limit) &&
     (!inputs || !needed.length || needed.some((name) => inputs.includes(name))) &&
     (!inputs || !without.some((name) => inputs.includes(name))) &&
+    !absent.some((kind) => passes?.includes(kind)) &&
     !(way && stream) &&
     !(way === "piece" && piece === false)
   );

@@ -1,12 +1,12 @@
-/** A place to drop one file on, or pick it; works by keyboard, since it is a label over a file input. */
+/** A place to drop files on, or pick them; works by keyboard, since it is a label over a file input. */
 
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { accept } from "../api/formats";
 import type { InputSpec } from "../api/schemas";
 
-/** Call `onfile(file)` for the first file dropped on `element`, until the returned function is called. */
-function acceptDrops(element: HTMLElement, onfile: (file: File) => void): () => void {
+/** Call `onfiles(files)` when files are dropped on `element`, until the returned function is called. */
+function acceptDrops(element: HTMLElement, onfiles: (files: File[]) => void): () => void {
   const controller = new AbortController();
   const on = (name: "dragenter" | "dragleave" | "dragover" | "drop", act: (event: DragEvent) => void) =>
     element.addEventListener(name, act, controller);
@@ -23,12 +23,12 @@ function acceptDrops(element: HTMLElement, onfile: (file: File) => void): () => 
   on("dragleave", (event) => carriesFile(event) && mark(-1));
   on("dragover", (event) => carriesFile(event) && event.preventDefault());
   on("drop", (event) => {
-    const file = event.dataTransfer?.files[0];
-    if (!file) return;
+    const files = [...(event.dataTransfer?.files ?? [])];
+    if (!files.length) return;
     event.preventDefault();
     event.stopPropagation();
     mark(0);
-    onfile(file);
+    onfiles(files);
   });
   return () => controller.abort();
 }
@@ -36,11 +36,11 @@ function acceptDrops(element: HTMLElement, onfile: (file: File) => void): () => 
 const carriesFile = (event: DragEvent): boolean => event.dataTransfer?.types.includes("Files") ?? false;
 
 /** A ref for an element that accepts dropped files. */
-export function useDrops<Target extends HTMLElement>(onfile: (file: File) => void) {
+export function useDrops<Target extends HTMLElement>(onfiles: (files: File[]) => void) {
   const element = useRef<Target>(null);
-  const latest = useRef(onfile);
-  latest.current = onfile;
-  useEffect(() => (element.current ? acceptDrops(element.current, (file) => latest.current(file)) : undefined), []);
+  const latest = useRef(onfiles);
+  latest.current = onfiles;
+  useEffect(() => (element.current ? acceptDrops(element.current, (files) => latest.current(files)) : undefined), []);
   return element;
 }
 
@@ -48,23 +48,34 @@ export interface DropzoneProps {
   /** As the attribute of a file input. */
   accept: string;
   label: string;
-  onfile(file: File): void;
+  /** More than one file only with `multiple`. */
+  onfiles(files: File[]): void;
+  multiple?: boolean;
   class?: string;
   hidden?: boolean;
   children: ComponentChildren;
 }
 
-export function Dropzone({ accept, label, onfile, class: name = "", hidden = false, children }: DropzoneProps) {
+export function Dropzone({
+  accept,
+  label,
+  onfiles,
+  multiple = false,
+  class: name = "",
+  hidden,
+  children,
+}: DropzoneProps) {
+  const take = (files: File[]) => files.length && onfiles(multiple ? files : files.slice(0, 1));
   return (
-    <label class={`drop ${name}`} hidden={hidden} ref={useDrops<HTMLLabelElement>(onfile)}>
+    <label class={`drop ${name}`} hidden={hidden ?? false} ref={useDrops<HTMLLabelElement>(take)}>
       <input
         type="file"
         accept={accept}
+        multiple={multiple}
         aria-label={label}
         class="drop-input"
         onChange={({ currentTarget: input }) => {
-          const file = input.files?.[0];
-          if (file) onfile(file);
+          take([...(input.files ?? [])]);
           input.value = "";
         }}
       />

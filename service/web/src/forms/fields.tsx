@@ -1,35 +1,9 @@
 /** One form control for each kind of field. */
 
-import type { FunctionComponent } from "preact";
 import { useState } from "preact/hooks";
+import { ColourBox, ColourList } from "./colour-fields";
+import { type Control, type ControlProps, described } from "./control";
 import { type Field, type FieldKind, snap } from "./schema";
-
-/** Element ids that tie label, help and error to the input. */
-export interface Ids {
-  input: string;
-  label: string;
-  help: string;
-  error: string;
-}
-
-interface ControlProps {
-  field: Field;
-  ids: Ids;
-  value: unknown;
-  /** Changes when the value was set from outside: then what the user has typed no longer counts. */
-  epoch: number;
-  wrong: boolean;
-  onChange(value: unknown): void;
-  /** What the user typed is no value of the field; `why`: a sentence. */
-  onFault(why: string): void;
-}
-
-type Control = FunctionComponent<ControlProps>;
-
-const described = ({ ids, wrong }: ControlProps) => ({
-  "aria-describedby": `${ids.help} ${ids.error}`,
-  "aria-invalid": wrong,
-});
 
 /** Equal as the form shows them: numbers to four digits. */
 export const same = (a: unknown, b: unknown): boolean => rounded(a) === rounded(b);
@@ -236,7 +210,9 @@ export const CONTROLS: Record<FieldKind, Control> = {
   choices: Choices,
   text: TextBox,
   json: JsonBox,
+  colour: ColourBox,
+  colours: ColourList,
 };
 
 /** Kinds whose control stands beside its label instead of below it. */
-export const INLINE: readonly FieldKind[] = ["switch", "onoff"];
+export const INLINE: readonly FieldKind[] = ["switch", "onoff", "colour"];

@@ -106,7 +106,12 @@ function Slot({ spec, id, fault, onChange }: SlotProps) {
             <IconButton name="close" label={`Remove ${spec.title}`} onClick={() => onChange("")} />
           </div>
         ) : (
-          <Dropzone accept={ACCEPT[spec.kind]} label={`${spec.title}: choose a file`} onfile={take} class="drop-small">
+          <Dropzone
+            accept={ACCEPT[spec.kind]}
+            label={`${spec.title}: choose a file`}
+            onfiles={([file]) => file && take(file)}
+            class="drop-small"
+          >
             <Icon name="image" />
             <span>{spec.help}</span>
           </Dropzone>

@@ -2,13 +2,16 @@
 
 import type { JobBody } from "../api/api";
 import { outputOf as formatOf, outputs } from "../api/formats";
-import type { Asset, Output, Params, Schema } from "../api/schemas";
+import type { Asset, Method, Output, Params, Schema } from "../api/schemas";
 import { artefactTitle } from "../ui/format";
 
 const GROUP = "Film";
 
-/** Schema of the form for a format, with its profiles and the optional artefacts that a method offers. */
-export function outputSchema(artefacts: string[], format?: string): Schema {
+/** What a method makes besides its film. */
+type Makes = Pick<Method, "artefacts" | "makes_passes">;
+
+/** Schema of the form for a format, with its profiles and the optional artefacts and passes that a method offers. */
+export function outputSchema({ artefacts, makes_passes: passes }: Makes, format?: string): Schema {
   const { profiles } = formatOf(format);
   const more: Schema = {
     title: "Also make",
@@ -44,9 +47,18 @@ export function outputSchema(artefacts: string[], format?: string): Schema {
         oneOf: [
           { const: "auto", title: "of the video, if the encoding has opacity" },
           { const: "source", title: "of the video" },
+          { const: "painted", title: "of the paint, if the method makes one" },
           { const: "none", title: "none: the video is painted over white" },
         ],
         description: "For videos with transparent parts.",
+        group: GROUP,
+      },
+      colour: {
+        title: "Colour space",
+        type: "string",
+        default: "",
+        description:
+          "Images of more than 8 bits: a name of OpenColorIO, such as ACEScg. 10-bit video: PQ or HLG. Empty: sRGB.",
         group: GROUP,
       },
       quality: {
@@ -81,6 +93,27 @@ export function outputSchema(artefacts: string[], format?: string): Schema {
         group: GROUP,
       },
       ...(artefacts.length && { artefacts: more }),
+      ...(passes.length && {
+        passes: {
+          title: "Passes",
+          type: "array",
+          items: { oneOf: passes.map(({ name }) => ({ const: name, title: artefactTitle(name) })) },
+          default: [],
+          description: `Images for compositing, of every frame. ${passes.map(({ name, help }) => `${artefactTitle(name)}: ${help}`).join(" ")}`,
+          group: GROUP,
+        },
+        passes_format: {
+          title: "Files of the passes",
+          default: "",
+          oneOf: [
+            { const: "", title: "one image a frame, with a layer for each pass" },
+            { const: "png", title: "PNG of 16 bit, a folder for each pass" },
+            { const: "film", title: "layers in the film's own images, if these can hold any" },
+          ],
+          description: "Layers keep the exact values; PNG has them scaled, as the documentation says.",
+          group: GROUP,
+        },
+      }),
     },
   };
 }
@@ -97,7 +130,8 @@ export function outputOf(values: Params, asset: Asset): Pick<JobBody, "output" |
     format: "mp4",
     quality: 20,
     artefacts: [],
-    ...pick(fitting(values), ["format", "profile", "alpha", "quality", "artefacts", "report"]),
+    ...pick(fitting(values), ["format", "profile", "alpha", "colour", "quality", "artefacts", "report", "passes"]),
+    ...(Array.isArray(values.passes) && values.passes.length > 0 && pick(values, ["passes_format"])),
   } as Output;
   const name = typeof values.name === "string" && values.name ? values.name : asset.filename.replace(/\.[^.]+$/, "");
   return { output, name, seed: typeof values.seed === "number" ? values.seed : 0 };

@@ -5,7 +5,8 @@ import { useId, useMemo, useRef, useState } from "preact/hooks";
 import type { Params, Schema } from "../api/schemas";
 import { Icon } from "../ui/icons";
 import { applies, type Situation } from "./applies";
-import { CONTROLS, type Ids, INLINE, same } from "./fields";
+import type { Ids } from "./control";
+import { CONTROLS, INLINE, same } from "./fields";
 import { type Field, fieldsOf } from "./schema";
 
 export interface FormProps {

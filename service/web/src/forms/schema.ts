@@ -3,7 +3,17 @@
 import type { Schema, When } from "../api/schemas";
 import { humanise } from "../ui/format";
 
-export type FieldKind = "slider" | "number" | "switch" | "onoff" | "choice" | "choices" | "text" | "json";
+export type FieldKind =
+  | "slider"
+  | "number"
+  | "switch"
+  | "onoff"
+  | "choice"
+  | "choices"
+  | "text"
+  | "json"
+  | "colour"
+  | "colours";
 
 interface Option {
   value: unknown;
@@ -33,6 +43,8 @@ export interface Field {
   min: number | undefined;
   max: number | undefined;
   step: number | "any";
+  /** Greatest number of items of a list. */
+  most: number | undefined;
 }
 
 type Definitions = Record<string, Schema>;
@@ -73,6 +85,7 @@ function field(name: string, schema: Schema, defs: Definitions): Field {
     min,
     max,
     step: stepOf(schema, min, max, curve),
+    most: schema.maxItems,
     options: optionsOf(schema, defs),
     kind: kindOf(schema, min, max, defs),
   };
@@ -115,6 +128,8 @@ function optionsOf(schema: Schema, defs: Definitions): Option[] {
 
 function kindOf(schema: Schema, min: Bound, max: Bound, defs: Definitions): FieldKind {
   const options = optionsOf(schema, defs);
+  if (schema.format === "color") return "colour";
+  if (schema.format === "colors") return "colours";
   if (schema.type === "array") return options.length ? "choices" : "json";
   if (isOnOff(options)) return "onoff";
   if (options.length) return "choice";

@@ -16,6 +16,8 @@ export interface OriginalProps {
 
 export function Original({ asset, localUrl, frame, onfail }: OriginalProps) {
   const [playable, setPlayable] = useState(mayPlay(asset));
+  /** Before its first seek ends, a video shows its first frame. */
+  const [sought, setSought] = useState(false);
   const film = useRef<HTMLVideoElement>(null);
   const fps = asset.info.fps || 25;
   const seek = () => {
@@ -46,6 +48,8 @@ export function Original({ asset, localUrl, frame, onfail }: OriginalProps) {
       playsInline
       preload="auto"
       aria-label="The frame, original"
+      style={{ visibility: sought ? "visible" : "hidden" }}
+      onSeeked={() => setSought(true)}
       onLoadedMetadata={({ currentTarget: video }) => (video.videoWidth ? seek() : setPlayable(false))}
       onError={({ currentTarget: video }) => video.hasAttribute("src") && setPlayable(false)}
     />

@@ -52,14 +52,11 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
   const [faults, setFaults] = useState(NO_FAULTS);
   const panel = useRef<HTMLElement>(null);
   const values = { ...set.method.defaults, ...set.params };
+  const situation = { inputs: Object.keys(set.inputs), piece: false, passes: asset.info.passes?.kinds };
   const specs = set.method.inputs.filter(
-    ({ name, applies_when }) =>
-      name !== "video" && (name in set.inputs || applies(applies_when, values, { inputs: Object.keys(set.inputs) })),
+    ({ name, applies_when }) => name !== "video" && (name in set.inputs || applies(applies_when, values, situation)),
   );
-  const output = useMemo(
-    () => outputSchema(set.method.artefacts, set.film.format as string),
-    [set.method, set.film.format],
-  );
+  const output = useMemo(() => outputSchema(set.method, set.film.format as string), [set.method, set.film.format]);
   const made = outputOf(set.film, asset);
   const request = {
     method: set.method.name,
@@ -156,7 +153,7 @@ export function QuickPage({ methods, asset, localUrl, draft, ondiscard, onopen }
             schema={set.method.params_schema}
             values={set.params}
             faults={faults.params}
-            situation={{ inputs: Object.keys(set.inputs), piece: false }}
+            situation={situation}
             search
             onChange={(params, parsed) => {
               setValid({ ...valid, params: parsed });

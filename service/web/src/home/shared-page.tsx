@@ -5,6 +5,7 @@ import { under } from "../api/base";
 import { outputOf } from "../api/formats";
 import type { Job, Page } from "../api/schemas";
 import { ago } from "../ui/format";
+import { type SharedFilm, WholeSharedFilm } from "./shared-film";
 
 export interface Shared {
   /** Address of the shared project in the API. */
@@ -15,35 +16,34 @@ export interface Shared {
     document: { assets: Record<string, { id: string }>; shots: { video: string }[] };
   };
   finished: Job[];
+  film: SharedFilm;
 }
 
 export async function readShared(token: string): Promise<Shared> {
   const at = api.url`/v1/shared/${token}`;
-  const [project, { items }] = await Promise.all([
+  const [project, { items }, film] = await Promise.all([
     api.get<Shared["project"]>(at),
     api.get<Page<{ job: Job | null }>>(`${at}/jobs`),
+    api.get<SharedFilm>(`${at}/film`),
   ]);
-  return { at, project, finished: items.flatMap(({ job }) => (job?.state === "succeeded" ? [job] : [])) };
+  return { at, project, film, finished: items.flatMap(({ job }) => (job?.state === "succeeded" ? [job] : [])) };
 }
 
-export function SharedPage({ at, project, finished }: Shared) {
+export function SharedPage({ at, project, finished, film }: Shared) {
   const shot = project.document.shots[0];
   const original = shot && project.document.assets[shot.video]?.id;
   return (
     <div class="shared-page">
       <h1>{project.name}</h1>
-      <p class="hint">{`Shared with you to look at. Changed ${ago(project.updated_at)}.`}</p>
-      {finished.length ? (
-        <ul class="shared-films">
-          {finished.map((job) => (
-            <li key={job.id}>
-              <h2>{job.request.name || project.name}</h2>
-              <Film job={job} title={job.request.name || project.name} path={`${at}/jobs/${job.id}/result`} />
-            </li>
-          ))}
-        </ul>
+      <p class="hint">{`Shared with you to look at${film.comments ? " and to comment on" : ""}. Changed ${ago(project.updated_at)}.`}</p>
+      {film.version !== null && <WholeSharedFilm at={at} film={film} name={project.name} />}
+      {film.version !== null && film.chapters.length > 1 ? (
+        <details>
+          <summary>Films of single shots</summary>
+          <Finished at={at} name={project.name} finished={finished} />
+        </details>
       ) : (
-        <p>No film of it is finished yet.</p>
+        film.version === null && <Finished at={at} name={project.name} finished={finished} />
       )}
       {original && (
         <section>
@@ -52,6 +52,20 @@ export function SharedPage({ at, project, finished }: Shared) {
         </section>
       )}
     </div>
+  );
+}
+
+function Finished({ at, name, finished }: { at: string; name: string; finished: readonly Job[] }) {
+  if (!finished.length) return <p>No film of it is finished yet.</p>;
+  return (
+    <ul class="shared-films">
+      {finished.map((job) => (
+        <li key={job.id}>
+          <h2>{job.request.name || name}</h2>
+          <Film job={job} title={job.request.name || name} path={`${at}/jobs/${job.id}/result`} />
+        </li>
+      ))}
+    </ul>
   );
 }
 

@@ -13,26 +13,34 @@ import { upload } from "../ui/upload";
 const SAMPLE = { path: "/static/media/sample.mp4", name: "flower.mp4" };
 
 export interface WelcomeProps {
-  /** Called with the uploaded video and its file. */
+  /** Called with an uploaded video and its file. */
   onasset(asset: Asset, file: File): void;
+  /** Called with several uploaded videos: the shots of a film. */
+  onfilm(clips: Asset[]): Promise<void>;
   /** Open the first project, which explains keys. */
   onlearn(): Promise<void>;
 }
 
-export function Welcome({ onasset, onlearn }: WelcomeProps) {
-  const [sending, setSending] = useState<{ file: File; sent: number | null } | null>(null);
+export function Welcome({ onasset, onfilm, onlearn }: WelcomeProps) {
+  const [sending, setSending] = useState<SendingProps | null>(null);
   const [problem, setProblem] = useState<Problem | null>(null);
   const [opening, setOpening] = useState(false);
   const life = useRef(new AbortController());
   useEffect(() => () => life.current.abort(), []);
 
-  async function take(file: File): Promise<void> {
+  async function take(files: readonly File[]): Promise<void> {
     if (sending) return;
     setProblem(null);
-    setSending({ file, sent: null });
+    const clips: Asset[] = [];
     try {
-      const onProgress = (sent: number) => setSending({ file, sent });
-      onasset(await upload(file, { onProgress, signal: life.current.signal }), file);
+      for (const [i, file] of files.entries()) {
+        const count = files.length > 1 ? { number: i + 1, of: files.length } : undefined;
+        const onProgress = (sent: number | null) => setSending({ file, sent, count });
+        onProgress(null);
+        clips.push(await upload(file, { onProgress, signal: life.current.signal }));
+      }
+      if (clips.length > 1) await onfilm(clips);
+      else if (clips[0] && files[0]) onasset(clips[0], files[0]);
     } catch (error) {
       if (!isAbort(error)) setProblem(asProblem(error));
     }
@@ -42,7 +50,7 @@ export function Welcome({ onasset, onlearn }: WelcomeProps) {
   async function trySample(): Promise<void> {
     try {
       const answer = await request(SAMPLE.path);
-      await take(new File([await answer.blob()], SAMPLE.name, { type: "video/mp4" }));
+      await take([new File([await answer.blob()], SAMPLE.name, { type: "video/mp4" })]);
     } catch (error) {
       setProblem(asProblem(error));
     }
@@ -86,7 +94,8 @@ export function Welcome({ onasset, onlearn }: WelcomeProps) {
         <Dropzone
           accept={ACCEPT.video}
           label="Choose a video"
-          onfile={take}
+          onfiles={take}
+          multiple
           class={`drop-large ${sending ? "busy" : ""}`}
         >
           <div class="drop-inside">{sending ? <Sending {...sending} /> : <Invitation />}</div>
@@ -104,12 +113,22 @@ const Invitation = () => (
     <span class="button primary" aria-hidden="true">
       Choose a video
     </span>
-    <span class="drop-hint">A video, an image, or a zip of numbered frames</span>
+    <span class="drop-hint">
+      A video, an image, or a zip of numbered frames; several clips become the shots of a film
+    </span>
   </>
 );
 
-/** The upload inside the drop zone; `sent` is the fraction, null before the first byte. */
-function Sending({ file, sent }: { file: File; sent: number | null }) {
+interface SendingProps {
+  file: File;
+  /** Fraction; null before the first byte. */
+  sent: number | null;
+  /** Of several clips. */
+  count: { number: number; of: number } | undefined;
+}
+
+/** The upload inside the drop zone. */
+function Sending({ file, sent, count }: SendingProps) {
   const text =
     sent === null ? "Starting…" : sent < 1 ? `${percent(sent)} of ${bytes(file.size)}` : "Reading the video…";
   return (
@@ -117,6 +136,7 @@ function Sending({ file, sent }: { file: File; sent: number | null }) {
       <span class="drop-title drop-name">{file.name}</span>
       <progress max={1} value={sent ?? 0} aria-label="Upload" />
       <span class="drop-hint" role="status">
+        {count && `Clip ${count.number} of ${count.of}: `}
         {text}
       </span>
     </>

@@ -170,7 +170,9 @@ function Filter({ wanted, onChange }: { wanted: api.JobSearch; onChange(wanted: 
 /** Labels that a user gave a job; the others say where it came from. */
 export const ownLabels = ({ request }: Job): string[] =>
   Object.entries(request.labels ?? {}).flatMap(([name, value]) =>
-    ["project", "shot", "variant", "version", "export"].includes(name) ? [] : [value ? `${name}: ${value}` : name],
+    ["project", "shot", "content", "variant", "version", "export"].includes(name)
+      ? []
+      : [value ? `${name}: ${value}` : name],
   );
 
 function Card({ job, changed }: { job: Job; changed(): void }) {

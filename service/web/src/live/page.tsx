@@ -2,10 +2,11 @@
 
 import { useRef } from "preact/hooks";
 import { Invitation } from "./invitation";
-import { Meters } from "./meters";
+import { Meters, type Painted } from "./meters";
 import { ScreenView } from "./screen";
 import type { Live } from "./session";
 import { SettingsPanel } from "./settings";
+import { smallWarning } from "./size-sentence";
 import { isRunning, isWaiting, Pill, WaitingLine } from "./status";
 import { Transport } from "./transport";
 import type { SourceKind } from "./types";
@@ -47,14 +48,19 @@ export function LivePage({ live }: { live: Live }) {
             recorded={live.recorded.value}
             running={status.name === "live"}
             several={live.choice.several}
+            sound={live.sound.on.value}
             onrecord={() => live.record()}
+            onsound={() => live.toggleSound()}
+            sending={live.sound.on.value && live.sender.on.value}
+            onsending={() => live.toggleSending()}
             onflip={() => live.choice.next()}
           />
         </section>
+        <SmallSize painted={live.painted.value} running={status.name === "live"} />
         <Figures live={live} />
       </div>
       <aside class="panel" aria-label="Settings">
-        <SettingsPanel settings={live.settings} source={live.choice} />
+        <SettingsPanel settings={live.settings} source={live.choice} scene={live.scene.value} />
         <div class="submit-bar">
           <p class="submit-hint">{live.summary}</p>
           <button
@@ -67,6 +73,16 @@ export function LivePage({ live }: { live: Live }) {
         </div>
       </aside>
     </div>
+  );
+}
+
+/** A warning while the service paints small pictures. */
+function SmallSize({ painted, running }: { painted: Painted | null; running: boolean }) {
+  const text = running && painted ? smallWarning(painted) : "";
+  return (
+    <p class="field-error live-small" role="status">
+      {text}
+    </p>
   );
 }
 

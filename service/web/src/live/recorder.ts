@@ -3,7 +3,14 @@
 import { Problem, saveFile } from "../api/api";
 
 /** Best first; MP4 plays everywhere, but few browsers write it. */
-const TYPES = [
+const WITH_SOUND = [
+  "video/mp4;codecs=avc1.42E01F,mp4a.40.2",
+  "video/mp4;codecs=avc1.42E01F,opus",
+  "video/webm;codecs=vp9,opus",
+  "video/webm;codecs=vp8,opus",
+  "video/webm",
+];
+const SILENT = [
   "video/mp4;codecs=avc1.42E01F",
   "video/mp4;codecs=avc1.4D0028",
   "video/webm;codecs=vp9",
@@ -31,15 +38,20 @@ export interface Recorder {
   stop(): void;
 }
 
+/** `sound`: tracks that are recorded with the picture. */
 export function createRecorder(
   canvas: HTMLCanvasElement,
+  sound: () => readonly MediaStreamTrack[],
   { ontick, onended, onsaved, onfault }: RecorderEvents,
 ): Recorder {
   let recorder: MediaRecorder | null = null;
 
   function start(): void {
-    const mimeType = TYPES.find((type) => MediaRecorder.isTypeSupported(type)) ?? "";
-    const stream = canvas.captureStream();
+    const heard = sound();
+    const types = heard.length ? WITH_SOUND : SILENT;
+    const mimeType = types.find((type) => MediaRecorder.isTypeSupported(type)) ?? "";
+    const pictures = canvas.captureStream();
+    const stream = new MediaStream([...pictures.getVideoTracks(), ...heard]);
     const pieces: Blob[] = [];
     const began = performance.now();
     const mine = new MediaRecorder(stream, { mimeType, videoBitsPerSecond: BITS_PER_S });
@@ -49,7 +61,7 @@ export function createRecorder(
     mine.addEventListener("dataavailable", ({ data }) => data.size && pieces.push(data));
     mine.addEventListener("error", () => onfault(broken()));
     mine.addEventListener("stop", () => {
-      for (const track of stream.getTracks()) track.stop();
+      for (const track of pictures.getTracks()) track.stop();
       clearInterval(ticking);
       recorder = null;
       onended();

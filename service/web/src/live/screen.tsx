@@ -66,7 +66,7 @@ export function ScreenView({ screen, busy, ondrop, children }: ScreenViewProps) 
   const { view, painted, mirrored, size } = screen;
   return (
     <div
-      ref={useDrops<HTMLDivElement>(ondrop)}
+      ref={useDrops<HTMLDivElement>(([file]) => file && ondrop(file))}
       class={`frame live-frame ${painted.value ? "painted" : ""} ${mirrored.value ? "mirrored" : ""}`}
       data-view={view.value}
       aria-busy={busy}

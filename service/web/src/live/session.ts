@@ -2,14 +2,18 @@
 
 import { signal } from "@preact/signals";
 import { asProblem, Problem } from "../api/api";
+import { type ColourScheme, schemeOf } from "../forms/colour-scheme";
 import { type Draft, draftHash } from "../forms/draft";
 import { announce, notify, notifyOf } from "../ui/notices";
+import { pixelsOf } from "../ui/palette";
 import { TITLES } from "./codecs";
 import { createFigures, type Figures, type Second } from "./figures";
 import type { Painted } from "./meters";
 import { createRecorder } from "./recorder";
 import { Screen } from "./screen";
 import { type Choice, Settings } from "./settings";
+import { Sound } from "./sound";
+import { SoundSender } from "./sound-sender";
 import { openSource, type Source } from "./source";
 import { SourceChoice } from "./source-choice";
 import { isRunning, type Status } from "./status";
@@ -18,6 +22,9 @@ import type { Recorded } from "./transport";
 import type { ConnectionState, Incoming, Ready, Shape, SourceKind, Stats } from "./types";
 
 const SETTLE_MS = 400;
+/** How often the hues of the source are counted, and the longest side of the picture in which they are. */
+const HUES_EVERY_S = 3;
+const HUES_SIDE_PX = 160;
 const SIZES: [number, number][] = [
   [320, 240],
   [640, 480],
@@ -39,11 +46,15 @@ export class Live {
   readonly summary = signal("");
   /** What is painted. */
   readonly about = signal("");
+  /** The colour scheme of what is painted; null: not known. */
+  readonly scene = signal<ColourScheme | null>(null);
 
   readonly screen = new Screen(() => this.recorder.stop());
   readonly choice = new SourceChoice(() => this.changeSource());
   readonly settings: Settings;
-  private readonly recorder = createRecorder(this.screen.canvas, {
+  readonly sound = new Sound();
+  readonly sender = new SoundSender((message) => this.stream?.sendSound(message), notify);
+  private readonly recorder = createRecorder(this.screen.canvas, () => this.sound.tracks, {
     ontick: (seconds, bytes) => {
       this.recorded.value = { seconds, bytes };
     },
@@ -59,6 +70,7 @@ export class Live {
   private connection: ConnectionState | null = null;
   private turn = 0;
   private ticking = 0;
+  private seconds = 0;
   private rate = 0;
 
   constructor(choice: Choice, draft: Draft) {
@@ -101,7 +113,11 @@ export class Live {
     this.inviting.value = false;
     this.show(kind === "file" ? "opening" : "asking");
     try {
-      const opened = await openSource(kind, { ...this.choice.wishes(), ...this.shape() }, () => this.stop());
+      const opened = await openSource(
+        kind,
+        { ...this.choice.wishes(), ...this.shape(), sound: this.sound.on.peek() },
+        () => this.stop(),
+      );
       if (mine === this.turn) this.run(opened);
       else opened.stop();
     } catch (error) {
@@ -113,6 +129,7 @@ export class Live {
     this.source = opened;
     this.screen.mirrored.value = opened.selfie;
     this.choice.refresh(opened);
+    this.takeSound(opened);
     if (this.stream) {
       this.stream.attach(opened);
       if (this.connection) this.onstate(this.connection);
@@ -162,6 +179,8 @@ export class Live {
     clearInterval(this.ticking);
     const farewell = this.stream?.close();
     this.source?.stop();
+    this.sender.detach();
+    this.sound.detach();
     this.source = null;
     this.stream = null;
     this.screen.clear();
@@ -203,10 +222,19 @@ export class Live {
     const second = this.figures.second();
     this.history.value = [...this.figures.history];
     this.dropShare.value = this.figures.dropShare();
+    this.sound.follow(second.glassMs);
     const { width, height } = this.screen.size.peek();
     const shown = this.status.peek().name === "live" && second.glassMs;
     this.summary.value = shown ? `${Math.round(second.fps)} fps · ${Math.round(shown)} ms` : "";
     this.about.value = this.source ? `${this.source.label} · ${width} × ${height}` : "";
+    if (this.seconds++ % HUES_EVERY_S === 0) this.countHues();
+  }
+
+  private async countHues(): Promise<void> {
+    const video = this.source?.video;
+    if (!video?.videoWidth) return;
+    const pixels = await pixelsOf(video, HUES_SIDE_PX).catch(() => null); // a video between two frames
+    if (pixels) this.scene.value = schemeOf([pixels]);
   }
 
   // -- changes by the user
@@ -232,6 +260,36 @@ export class Live {
     const { area, fps } = this.settings.values();
     const [width, height] = SIZES.find(([w, h]) => w * h >= area) ?? [1280, 720];
     return { width, height, fps };
+  }
+
+  /** Turn the sound of recordings on or off. A screen that is shared without its sound has to be shared again. */
+  toggleSound(): void {
+    const { on } = this.sound;
+    on.value = !on.peek();
+    const { source } = this;
+    if (!source) return;
+    const silent = source.kind === "screen" && !(source.video.srcObject as MediaStream).getAudioTracks().length;
+    if (on.peek() && silent) this.start();
+    else this.takeSound(source);
+  }
+
+  private takeSound(source: Source): void {
+    this.sender.detach();
+    this.sound.attach(source).then(
+      () => this.sender.attach(this.sound.track),
+      (error) => {
+        this.sound.on.value = false;
+        notify(error);
+      },
+    );
+  }
+
+  /** Let viewers hear the sound, which is taken if it is not, or end that. */
+  toggleSending(): void {
+    const { on } = this.sender;
+    on.value = !(on.peek() && this.sound.on.peek());
+    if (on.peek() && !this.sound.on.peek()) this.toggleSound();
+    else this.sender.attach(this.sound.track);
   }
 
   record(): void {

@@ -5,10 +5,12 @@ import { useMemo } from "preact/hooks";
 import type { Problem } from "../api/api";
 import type { Inputs as Given, Method, Params, Schema } from "../api/schemas";
 import { applies } from "../forms/applies";
+import type { ColourScheme } from "../forms/colour-scheme";
 import type { Draft } from "../forms/draft";
 import { Inputs } from "../forms/inputs";
 import { Presets } from "../forms/method-cards";
 import { Form, hasField } from "../forms/schema-form";
+import { SchemeInput } from "./scheme-input";
 import { type SourceChoice, SourceChooser } from "./source-choice";
 import type { FilterChoice, LiveSettings } from "./types";
 
@@ -128,7 +130,7 @@ export class Settings {
   values(): LiveSettings {
     const { method, params, inputs, prefer, frames, wire } = this.chosen.peek();
     const given: Params = { size: "medium", fps: 30, codec: "auto", quality: 85, ...frames, ...wire };
-    const none = Object.fromEntries(picturesOf(method).map(({ name }) => [name, null]));
+    const none = Object.fromEntries(inputsOf(method).map(({ name }) => [name, null]));
     return {
       method: method.name,
       params: { ...method.defaults, ...params },
@@ -165,12 +167,18 @@ export class Settings {
     const name = (home === "filter" ? last : second) ?? (home === "params" ? area : "");
     const { method } = this.chosen.peek();
     const known = {
-      inputs: picturesOf(method).some((spec) => spec.name === name),
+      inputs: inputsOf(method).some((spec) => spec.name === name),
       params: hasField(method.params_schema, name),
       filter: Boolean(this.filter && hasField(this.filter.params_schema, name)),
     }[home];
     if (known) this.faults.value = { ...NO_FAULTS, [home]: { [name]: [message, remedy].filter(Boolean).join(" ") } };
     return known;
+  }
+
+  /** Give an input, or take it away: an empty id. */
+  setInput(name: string, id: string): void {
+    const { [name]: _old, ...rest } = this.chosen.peek().inputs;
+    this.change({ inputs: id ? { ...rest, [name]: id } : rest }, "onpaint");
   }
 
   quiet(): void {
@@ -180,7 +188,23 @@ export class Settings {
 
 const picturesOf = (method: Method) => method.inputs.filter((spec) => PICTURES.includes(spec.kind));
 
-export function SettingsPanel({ settings, source }: { settings: Settings; source: SourceChoice }) {
+/** The sections of the studio that a running session has, too, with the inputs that are made from them. */
+const schemesOf = (method: Method) =>
+  method.studio.sections.flatMap((section) => {
+    const input = method.inputs.find(({ kind, part }) => kind === "json" && part === section.part);
+    return section.editor === "histogram" && input ? [{ section, input }] : [];
+  });
+
+const inputsOf = (method: Method) => [...picturesOf(method), ...schemesOf(method).map(({ input }) => input)];
+
+interface SettingsPanelProps {
+  settings: Settings;
+  source: SourceChoice;
+  /** The colour scheme of what is painted. */
+  scene: ColourScheme | null;
+}
+
+export function SettingsPanel({ settings, source, scene }: SettingsPanelProps) {
   const { method, params, inputs, frames, wire } = settings.chosen.value;
   const faults = settings.faults.value;
   return (
@@ -202,6 +226,16 @@ export function SettingsPanel({ settings, source }: { settings: Settings; source
           faults={faults.inputs}
           onChange={(given) => settings.change({ inputs: given }, "onpaint")}
         />
+        {schemesOf(method).map(({ section, input }) => (
+          <SchemeInput
+            key={input.name}
+            section={section}
+            fault={faults.inputs[input.name] ?? ""}
+            id={inputs[input.name] ?? ""}
+            source={scene}
+            onChange={(id) => settings.setInput(input.name, id)}
+          />
+        ))}
         <Form
           schema={method.params_schema}
           values={params}

@@ -105,7 +105,7 @@ export function SourceChooser({ choice }: { choice: SourceChoice }) {
       <Dropzone
         accept={ACCEPT.video.replace(",.zip", "")}
         label="Choose a video to play"
-        onfile={(given) => choice.take(given)}
+        onfiles={([given]) => given && choice.take(given)}
         class="drop-small"
         hidden={kind.value !== "file"}
       >

@@ -23,6 +23,8 @@ export interface SourceWishes extends Shape {
   deviceId?: string;
   facing?: string;
   file?: File | null;
+  /** Whether the sound of a shared tab is wanted, too. */
+  sound?: boolean;
 }
 
 /** `onended`: the user ended it outside of the page, or the device was disconnected. Throws a Problem with a remedy. */
@@ -49,8 +51,8 @@ function askCamera({ deviceId, facing, width, height, fps }: SourceWishes): Prom
   return navigator.mediaDevices.getUserMedia({ video: { ...which, ...shape } });
 }
 
-const askScreen = ({ fps }: SourceWishes): Promise<MediaStream> =>
-  navigator.mediaDevices.getDisplayMedia({ video: { frameRate: { ideal: fps } }, audio: false });
+const askScreen = ({ fps, sound = false }: SourceWishes): Promise<MediaStream> =>
+  navigator.mediaDevices.getDisplayMedia({ video: { frameRate: { ideal: fps } }, audio: sound });
 
 async function openStream(kind: SourceKind, stream: MediaStream, onended: () => void): Promise<Source> {
   const [track] = stream.getVideoTracks();

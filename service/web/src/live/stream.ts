@@ -31,6 +31,8 @@ const LEAST_UNANSWERED = 4;
 /** If no answer comes at all, a frame is sent this often nevertheless. */
 const PROBE_MS = 500;
 const SMALL_BYTES = 16_384;
+/** Sound is not sent while more than this waits for the network: it would come too late. */
+const MOST_SOUND_BACKLOG_BYTES = 262_144;
 const CHANGE_EVERY_MS = 60;
 
 export interface StreamOptions {
@@ -56,6 +58,8 @@ export interface Stream {
   change(): void;
   /** Agree anew on rate and codecs, if other ones are wanted. */
   renew(): void;
+  /** Send a packet of sound, if the session is connected. */
+  sendSound(message: Uint8Array<ArrayBuffer>): void;
   /** Resolves to the figures of the whole session, or null. */
   close(): Promise<Stats | null>;
 }
@@ -279,6 +283,8 @@ export function createStream({ screen, figures, settings, events }: StreamOption
       grab = createGrabber(next.video);
       watcher = followFrames(next.video, () => settings().fps, capture);
     },
+    sendSound: (message) =>
+      connection.live && connection.backlog < MOST_SOUND_BACKLOG_BYTES && connection.send(message),
     close() {
       watcher?.close();
       stopCoding();

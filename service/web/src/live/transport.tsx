@@ -4,6 +4,7 @@ import { bytes, clock } from "../ui/format";
 import { Icon, IconButton } from "../ui/icons";
 import { canRecord } from "./recorder";
 import type { LiveView, Screen } from "./screen";
+import { canSendSound } from "./sound-sender";
 
 const VIEWS: [string, LiveView][] = [
   ["Painted", "painted"],
@@ -27,11 +28,18 @@ export interface TransportProps {
   running: boolean;
   /** Whether there is another camera to switch to. */
   several: boolean;
+  /** Whether recordings have sound. */
+  sound: boolean;
   onrecord(): void;
+  onsound(): void;
   onflip(): void;
+  /** Whether viewers hear the sound. */
+  sending: boolean;
+  onsending(): void;
 }
 
-export function Transport({ screen, stage, recorded, running, several, onrecord, onflip }: TransportProps) {
+export function Transport(props: TransportProps) {
+  const { screen, stage, recorded, running, several, sound, onrecord, onsound, onflip, sending, onsending } = props;
   const { view, mirrored } = screen;
   const length = recorded?.seconds
     ? `Stop · ${clock(recorded.seconds).slice(0, -2)}${recorded.bytes ? ` · ${bytes(recorded.bytes)}` : ""}`
@@ -49,6 +57,18 @@ export function Transport({ screen, stage, recorded, running, several, onrecord,
           <Icon name="record" />
           <span>{recorded ? length : "Record"}</span>
         </button>
+      )}
+      {canRecord() && (
+        <IconButton
+          name={sound ? "sound" : "muted"}
+          label="Sound of the microphone, tab or file"
+          pressed={sound}
+          disabled={Boolean(recorded)}
+          onClick={onsound}
+        />
+      )}
+      {canSendSound() && (
+        <IconButton name="broadcast" label="Viewers hear the sound" pressed={sending} onClick={onsending} />
       )}
       <div class="views" role="group" aria-label="View">
         {VIEWS.map(([text, name]) => (

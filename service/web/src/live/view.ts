@@ -1,15 +1,16 @@
 /**
  * The live picture alone, without controls: for the browser source of OBS, or a second screen.
  *
- * Address: `?session=` (otherwise the newest session), `?fit=cover`, `?mirror`, `?quiet` (no messages), and the API key as
- * `#key=`, since a browser source has no place to type it in.
+ * Address: `?session=` (otherwise the newest session), `?fit=cover`, `?mirror`, `?quiet` (no messages), `?silent` (no sound),
+ * and the API key as `#key=`, since a browser source has no place to type it in.
  */
 
 import "../css/live-view.css";
 import { byId } from "../ui/dom";
 import { createDecoder, type Decoder } from "./decode";
-import type { Receive } from "./types";
-import { dialView, unpack } from "./wire";
+import type { IncomingFrame, Receive } from "./types";
+import { ViewSound } from "./view-sound";
+import { dialView, isSound, unpack } from "./wire";
 
 type ViewMessage =
   | { type: "ready"; receive: Receive; width: number; height: number }
@@ -22,6 +23,10 @@ const key = new URLSearchParams(location.hash.slice(1)).get("key") ?? "";
 const canvas = byId("picture") as HTMLCanvasElement;
 const context = canvas.getContext("2d");
 const status = byId("status");
+const listen = byId("listen");
+const sound = new ViewSound((waiting) => {
+  listen.hidden = !waiting || query.has("quiet");
+});
 
 document.documentElement.dataset.fit = query.get("fit") ?? "contain";
 if (query.has("mirror")) document.documentElement.dataset.mirror = "";
@@ -33,15 +38,16 @@ function show(why: string): void {
 }
 
 function connect(): void {
-  const socket = dialView(query.get("session") ?? "", key);
+  const socket = dialView(query.get("session") ?? "", key, !query.has("silent"));
   const askKeyFrame = () => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ type: "keyframe" }));
   let decoder: Decoder | null = null;
   let fault = "";
 
-  function paint(picture: CanvasImageSource, { width, height }: { width: number; height: number }): void {
+  function paint(picture: CanvasImageSource, { width, height, timeUs }: IncomingFrame): void {
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     context?.drawImage(picture, 0, 0, width, height);
     show("");
+    sound.shown(timeUs);
   }
 
   function open(receive: Receive): void {
@@ -64,6 +70,7 @@ function connect(): void {
 
   socket.addEventListener("message", ({ data }) => {
     if (typeof data === "string") hear(JSON.parse(data));
+    else if (isSound(data)) sound.hear(unpack(data));
     else decoder?.decode(unpack(data));
   });
   socket.addEventListener("close", () => {
@@ -73,5 +80,6 @@ function connect(): void {
   });
 }
 
+listen.addEventListener("click", () => sound.start());
 show("Connecting…");
 connect();

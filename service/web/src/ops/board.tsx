@@ -10,6 +10,7 @@ import { Figures } from "./figures";
 import { Nodes, Workers } from "./fleet";
 import { Jobs, LiveSessions } from "./jobs";
 import { MachineFigures } from "./machine";
+import { Audit, Costs, Owners, Retention } from "./owners";
 import { Timeline } from "./timeline";
 import type { Bar, Overview } from "./types";
 
@@ -99,6 +100,10 @@ export function Board({ first, ondenied }: { first: Overview; ondenied(problem: 
       <Part id="live" title="Live sessions">
         <LiveSessions sessions={overview.live} again={again} />
       </Part>
+      <Owners />
+      <Audit />
+      <Costs />
+      <Retention />
     </div>
   );
 }

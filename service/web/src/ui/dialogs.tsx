@@ -30,8 +30,11 @@ function modal<Answer>(
   });
 }
 
-/** Ask for an API key until one is given. `refused`: one was sent, and the service did not accept it. */
-export function askKey(refused: boolean): Promise<string> {
+/**
+ * Ask for an API key until one is given, or let the user sign in. `refused`: one was sent, and the service did not
+ * accept it.
+ */
+export function askKey(refused: boolean, signIn: string): Promise<string> {
   return modal<string>(
     "key",
     (answer) => (
@@ -42,15 +45,20 @@ export function askKey(refused: boolean): Promise<string> {
           answer(String(new FormData(event.currentTarget).get("key")).trim());
         }}
       >
-        <h2>API key needed</h2>
+        <h2>{signIn ? "Sign in" : "API key needed"}</h2>
+        {signIn && (
+          <a class="button primary" href={signIn}>
+            Sign in
+          </a>
+        )}
         <p>
-          This service accepts requests with an API key only. The key is kept for this tab and forgotten when you close
-          it.
+          {signIn ? "Or give an API key." : "This service accepts requests with an API key only."} The key is kept for
+          this tab and forgotten when you close it.
         </p>
         <label for="api-key">API key</label>
         <input type="password" id="api-key" name="key" autocomplete="off" required spellcheck={false} />
         {refused && <p class="field-error">The service refused that key. Check it and try again.</p>}
-        <button class="button primary" type="submit">
+        <button class={`button ${signIn ? "" : "primary"}`} type="submit">
           Continue
         </button>
       </form>
@@ -86,6 +94,42 @@ function confirm({ title, text, why, verb, danger }: Confirmation & { verb: stri
           <button class={`button ${danger ? "danger" : "primary"}`} type="submit">
             {verb}
           </button>
+          <button class="button" type="button" onClick={() => answer(null)}>
+            Leave it
+          </button>
+        </div>
+      </form>
+    ),
+    (answer) => answer(null),
+  );
+}
+
+export interface Choices<Value extends string> {
+  title: string;
+  text: string;
+  /** Value, title, and what it does. */
+  choices: readonly (readonly [Value, string, string])[];
+}
+
+/** One of several values; null if the user decided against all. */
+export function askChoice<Value extends string>({ title, text, choices }: Choices<Value>): Promise<Value | null> {
+  return modal<Value | null>(
+    "key confirm-dialog",
+    (answer) => (
+      <form method="dialog" onSubmit={(event) => event.preventDefault()}>
+        <h2>{title}</h2>
+        <p>{text}</p>
+        <ul class="choices">
+          {choices.map(([value, name, hint]) => (
+            <li key={value}>
+              <button class="button" type="button" onClick={() => answer(value)}>
+                {name}
+              </button>
+              <span class="hint">{hint}</span>
+            </li>
+          ))}
+        </ul>
+        <div class="actions">
           <button class="button" type="button" onClick={() => answer(null)}>
             Leave it
           </button>

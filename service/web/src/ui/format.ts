@@ -64,3 +64,9 @@ export function describe(info: AssetInfo): string {
   if (info.fps) parts.push(`${Number(info.fps.toFixed(2))} fps`);
   return parts.join(" · ");
 }
+
+/** A day in the reader's own notation, from epoch seconds. */
+export const day = (at: number): string => new Date(at * 1000).toLocaleDateString();
+
+/** A day and time, from epoch seconds. */
+export const moment = (at: number): string => new Date(at * 1000).toLocaleString();

@@ -16,6 +16,13 @@ describe("applies", () => {
     expect(applies([{ without: ["design"] }], {}, { inputs: ["design"] })).toBe(false);
   });
 
+  it("knows the render passes of the video", () => {
+    const when = [{ params: { temporal: ["on"] }, without_passes: ["motion"] }];
+    expect(applies(when, { temporal: "on" }, { passes: ["motion", "depth"] })).toBe(false);
+    expect(applies(when, { temporal: "on" }, { passes: ["depth"] })).toBe(true);
+    expect(applies(when, { temporal: "on" }, {})).toBe(true);
+  });
+
   it("knows streams and pieces, and lets what is unknown pass", () => {
     expect(applies([{ way: "film" }], {}, { stream: true })).toBe(false);
     expect(applies([{ way: "film" }], {}, {})).toBe(true);

@@ -13,6 +13,8 @@ const SCHEMA: Schema = {
     maybe: { anyOf: [{ type: "integer" }, { type: "null" }], default: null },
     many: { type: "array", items: { $ref: "#/$defs/Kind" }, default: [] },
     odd: { type: "object" },
+    ink: { type: "string", format: "color", default: "#000000" },
+    inks: { type: "array", items: { type: "string" }, format: "colors", maxItems: 3, default: [] },
   },
 };
 
@@ -29,11 +31,14 @@ test("each type of property has its kind of control", () => {
     maybe: "number",
     many: "choices",
     odd: "json",
+    ink: "colour",
+    inks: "colours",
   });
 });
 
 test("exclusive limits, references and null are resolved", () => {
   expect(fields.whole?.min).toBe(1);
+  expect(fields.inks?.most).toBe(3);
   expect(fields.kind?.title).toBe("Which");
   expect(fields.maybe?.nullable).toBe(true);
 });

@@ -10,11 +10,15 @@ const job = (format: OutputName, profile = ""): Job =>
     request: { method: "abstraction", inputs: { video: "ast_1" }, params: {}, output: { format, profile } },
   }) as unknown as Job;
 
-test("a film is exported in every format but its own, and a GIF in none", () => {
-  expect(exportsOf("mp4")).toEqual(outputs.map(({ name }) => name).filter((name) => name !== "mp4"));
-  expect(exportsOf("png")).toContain("mov");
-  expect(exportsOf("png")).not.toContain("png");
-  expect(exportsOf("gif")).toEqual([]);
+test("a film is exported in every encoding but its own, and a GIF in none", () => {
+  const all = outputs.flatMap(({ name, profiles }) => profiles.map((profile) => `${name} ${profile.name}`));
+  const offered = (format: OutputName, profile = "") =>
+    exportsOf(job(format, profile).request.output).map((one) => `${one.format} ${one.profile}`);
+  expect(offered("mp4")).toEqual(all.filter((name) => name !== "mp4 h264"));
+  expect(offered("mov", "422hq")).toContain("mov 4444");
+  expect(offered("mov", "422hq")).not.toContain("mov 422hq");
+  expect(offered("png", "16")).toContain("png 8");
+  expect(offered("gif")).toEqual([]);
 });
 
 test("the page says whether exported PNG frames are the painted ones", () => {
@@ -34,7 +38,7 @@ test("recipes name a file of the job's format, and ask for that format", () => {
 });
 
 test("works are found by name, method and label; labels of the studio are not shown", () => {
-  const labels = { project: "prj_1", shot: "s1", scene: "12", draft: "" };
+  const labels = { project: "prj_1", shot: "s1", content: "3f-1", scene: "12", draft: "" };
   const made = { request: { ...job("mp4").request, name: "Swan lake", labels } } as unknown as Job;
   expect(ownLabels(made)).toEqual(["scene: 12", "draft"]);
 });

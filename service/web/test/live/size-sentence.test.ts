@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { sizeSentence } from "../../src/live/size-sentence";
+import { sizeSentence, smallWarning } from "../../src/live/size-sentence";
 
 describe("sizeSentence", () => {
   it("names the full size without a reason", () => {
@@ -19,4 +19,10 @@ describe("sizeSentence", () => {
   it("has words for a size kept from before", () => {
     expect(sizeSentence(0.5, { reason: "input" })).toContain("50 %");
   });
+});
+
+it("a small working size is warned about, unless the frames themselves are small", () => {
+  expect(smallWarning({ width: 160, height: 90, scale: 0.25 })).toContain("160 × 90 px");
+  expect(smallWarning({ width: 160, height: 90, scale: 1 })).toBe("");
+  expect(smallWarning({ width: 480, height: 270, scale: 0.75 })).toBe("");
 });

@@ -46,7 +46,11 @@ export interface JobWishes {
   /** Instead of the document's. */
   output?: Output;
   variants?: string[];
+  /** Instead of all. */
+  shots?: string[];
   range?: [number, number];
+  /** Leave out shots whose film shows the same. */
+  changed?: boolean;
 }
 
 export async function submitProject(id: string, wishes: JobWishes, token: string): Promise<ProjectJob[]> {
@@ -59,22 +63,42 @@ export async function submitProject(id: string, wishes: JobWishes, token: string
 export const listVersions = async (id: string): Promise<ProjectVersion[]> =>
   (await bodyOf(client.GET("/v1/projects/{project_id}/versions", { params: at(id) }))).items;
 
+/** Give a version a name or a note, which keeps it; empty takes it away. */
+export const nameVersion = async (id: string, version: number, label: string): Promise<void> => {
+  const params = { path: { project_id: id, version } };
+  await bodyOf(client.PUT("/v1/projects/{project_id}/versions/{version}/label", { params, body: { label } }));
+};
+
 /** Save the document of an earlier version as a new one. */
 export async function restoreVersion(id: string, version: number, present: number): Promise<void> {
   const params = { path: { project_id: id, version }, header: { "if-match": `"${present}"` } };
   await bodyOf(client.POST("/v1/projects/{project_id}/versions/{version}/restore", { params }));
 }
 
-/** A link that shows the project and its films to anyone who has it, for `days`. */
-export async function shareProject(id: string, days: number): Promise<string> {
+/** A link that shows the project and its films to anyone who has it, for `days`; with `comments` they may comment. */
+export async function shareProject(id: string, days: number, comments: boolean): Promise<string> {
   const { url: path } = await bodyOf(
-    client.POST("/v1/projects/{project_id}/share", { params: at(id), body: { days } }),
+    client.POST("/v1/projects/{project_id}/share", { params: at(id), body: { days, comments } }),
   );
   return new URL(path, location.origin).href;
 }
 
 export const endShares = async (id: string): Promise<void> => {
   await client.DELETE("/v1/projects/{project_id}/share", { params: at(id) });
+};
+
+export type Comment = Schemas["Comment"];
+export type CommentDraft = Schemas["CommentIn"];
+
+export const listComments = async (id: string): Promise<readonly Comment[]> =>
+  (await bodyOf(client.GET("/v1/projects/{project_id}/comments", { params: at(id) }))).items as Comment[];
+
+export const addComment = async (id: string, body: CommentDraft): Promise<Comment> =>
+  bodyOf(client.POST("/v1/projects/{project_id}/comments", { params: at(id), body }));
+
+export const deleteComment = async (id: string, comment: string): Promise<void> => {
+  const params = { path: { project_id: id, comment_id: comment } };
+  await client.DELETE("/v1/projects/{project_id}/comments/{comment_id}", { params });
 };
 
 /** The project and its assets as a zip file. */
@@ -92,8 +116,9 @@ export const checkProject = async (id: string): Promise<ProjectFault[]> =>
 
 export type Estimate = Schemas["EstimatesOut"];
 
-export const estimate = (id: string): Promise<Estimate> =>
-  bodyOf(client.POST("/v1/estimates", { body: { project: id } }));
+/** `shots`: null for all. */
+export const estimate = (id: string, shots: string[] | null): Promise<Estimate> =>
+  bodyOf(client.POST("/v1/estimates", { body: { project: id, shots } }));
 
 // -- previews ---------------------------------------------------------------------------------------------------------
 
@@ -116,6 +141,7 @@ export interface PreviewOptions {
     | "keys"
     | "cuts"
     | "spread"
+    | "object"
     | "styles"
     | "propagate"
     | "flicker"

@@ -23,6 +23,13 @@ export interface StyleKey {
   ease?: Ease;
 }
 
+/** A style of the user's own: another one with changes; without `base`, that of the layer's parameters. */
+export interface OwnStyle {
+  base?: string | null;
+  technique?: Params;
+  [parameter: string]: unknown;
+}
+
 /**
  * Patterns of strokes: regular = parallel strokes at an angle. The angle of a center, spiral or node turns each stroke
  * relative to the ray from the centre.
@@ -34,8 +41,8 @@ export interface DirectionElement {
   at: Point;
   /** Degrees. */
   angle?: number;
-  /** Distance at which 37 % of the influence is left, in heights of the picture; 0 = everywhere. */
-  reach?: number;
+  /** Distance at which 37 % of the influence is left, in heights of the picture; 0 = everywhere, too. */
+  reach?: number | "everywhere";
   strength?: number;
 }
 
@@ -49,12 +56,25 @@ export interface DirectionKey {
   ease?: Ease;
 }
 
+/** A stroke of a brush: what it covers belongs to `region`. Later ones of a frame cover earlier ones. */
+export interface Correction {
+  region: string;
+  frame: number;
+  points: Point[];
+  /** Heights of the picture. */
+  width: number;
+}
+
+/** Name of the region of everything that no other one has. */
+export const REST = "rest";
+
 /** The document that the editor of regions edits. */
 export interface Design {
   regions?: Record<string, Region>;
-  styles?: Record<string, Params>;
+  styles?: Record<string, OwnStyle>;
   keys?: StyleKey[];
   directions?: DirectionKey[];
+  corrections?: Correction[];
 }
 
 interface RegionFramed extends Framed {
@@ -82,7 +102,13 @@ export function removeRegion(design: Design, name: string): Design {
   const { [name]: _removed, ...regions } = design.regions ?? {};
   const others = <Item extends RegionFramed>(items: readonly Item[] = []) =>
     items.filter((item) => item.region !== name);
-  return { ...design, regions, keys: others(design.keys), directions: others(design.directions) };
+  return {
+    ...design,
+    regions,
+    keys: others(design.keys),
+    directions: others(design.directions),
+    ...(design.corrections && { corrections: others(design.corrections) }),
+  };
 }
 
 /** Give a region another name, wherever the design names it. */
@@ -92,10 +118,16 @@ export function renameRegion(design: Design, from: string, to: string): Design {
   );
   const renamed = <Item extends RegionFramed>(items: readonly Item[] = []) =>
     items.map((item) => (item.region === from ? { ...item, region: to } : item));
-  return { ...design, regions, keys: renamed(design.keys), directions: renamed(design.directions) };
+  return {
+    ...design,
+    regions,
+    keys: renamed(design.keys),
+    directions: renamed(design.directions),
+    ...(design.corrections && { corrections: renamed(design.corrections) }),
+  };
 }
 
-/** Join several regions into the first: it gets all their objects, tubes and polygons. */
+/** Join several regions into the first: it gets all their objects, tubes, polygons and corrections. */
 export function mergeRegions(design: Design, names: readonly string[]): Design {
   const [first, ...rest] = names.filter((name) => design.regions?.[name]);
   if (!first || !rest.length) return design;
@@ -107,7 +139,9 @@ export function mergeRegions(design: Design, names: readonly string[]): Design {
   if (objects.length) merged.objects = objects;
   if (tubes.length) merged.tubes = tubes;
   if (polygons.length) merged.polygons = polygons;
-  return withRegion(rest.reduce(removeRegion, design), first, merged);
+  const corrections = design.corrections?.map((one) => (rest.includes(one.region) ? { ...one, region: first } : one));
+  const whole = withRegion(rest.reduce(removeRegion, design), first, merged);
+  return corrections ? { ...whole, corrections } : whole;
 }
 
 export const withRegion = (design: Design, name: string, region: Region): Design => ({

@@ -5,7 +5,7 @@
  * angles are degrees clockwise from the right.
  */
 
-import type { Params, Schemas } from "../../api/schemas";
+import type { InputSpec, Params, Schemas } from "../../api/schemas";
 
 export type AssetRef = Schemas["ProjectAssetRef"];
 export type Point = [x: number, y: number];
@@ -98,6 +98,17 @@ export interface Framed {
 export const picturesOf = <Item extends Framed = FrameImage>(layer: Layer, part = ""): readonly Item[] =>
   (layer.parts?.[part] as readonly Item[] | undefined) ?? NONE;
 const NONE: readonly never[] = [];
+
+/** Names of the inputs that jobs of the layer have, besides the video: files, and what is made from the layer's parts. */
+export const inputsOf = (layer: Layer, specs: readonly InputSpec[]): string[] =>
+  specs.filter((spec) => spec.name in (layer.inputs ?? {}) || isDrawn(layer, spec)).map(({ name }) => name);
+
+function isDrawn(layer: Layer, { kind, part }: InputSpec): boolean {
+  if (!part) return false;
+  if (kind === "json") return Object.keys(layer.parts?.[part] ?? {}).length > 0;
+  const [name, member = ""] = part.split(".");
+  return picturesOf<Framed & Record<string, unknown>>(layer, name).some((item) => item[member]);
+}
 
 export const withPart = (layer: Layer, part: string, value: unknown): Layer => ({
   ...layer,

@@ -1,6 +1,7 @@
 /** The record stream of previews: length of the header (uint32, big-endian), header (JSON, UTF-8), payload. */
 
 import type { ProblemFields } from "../../api/api";
+import type { DirectionKey } from "./design";
 
 interface RecordHeader {
   type: string;
@@ -28,6 +29,8 @@ interface MapHeader extends RecordHeader {
   width: number;
   height: number;
   media_type: string;
+  /** Of a map of the film's regions: their names, by number. */
+  names?: string[];
 }
 
 export interface RegionsHeader extends RecordHeader {
@@ -42,6 +45,9 @@ interface FieldHeader extends RecordHeader {
   columns: number;
   rows: number;
   spacing_px: number;
+  final: boolean;
+  /** What the design sets at this time, by region, as in a key at this frame. */
+  moved?: Record<string, Partial<DirectionKey>>;
 }
 
 interface KeysHeader extends RecordHeader {

@@ -8,38 +8,83 @@ export interface Size {
   height: number;
 }
 
-/** A point of the picture (px) appears at `offset + scale * point` on the stage (CSS px). */
+/** A point of the picture (px) appears at (x, y) + scale * its own place, turned and mirrored, on the stage (CSS px). */
 export interface View {
   scale: number;
   x: number;
   y: number;
+  /** Degrees clockwise. */
+  turn?: number;
+  /** Whether left and right are exchanged. */
+  mirrored?: boolean;
 }
 
+const DEGREE = Math.PI / 180;
 const MIN_SCALE = 0.05;
 const MAX_SCALE = 32;
 
-/** The view that shows the whole picture in the middle of the stage, with a margin in CSS px. */
-export function fitView(picture: Size, stage: Size, margin = 0): View {
-  const scale = Math.min((stage.width - 2 * margin) / picture.width, (stage.height - 2 * margin) / picture.height);
-  const bounded = clamp(scale, MIN_SCALE, MAX_SCALE);
-  return {
-    scale: bounded,
-    x: (stage.width - bounded * picture.width) / 2,
-    y: (stage.height - bounded * picture.height) / 2,
-  };
+/** The view that shows the whole picture in the middle of the stage, with a margin in CSS px; it keeps turn and mirror. */
+export function fitView(
+  picture: Size,
+  stage: Size,
+  margin = 0,
+  { turn = 0, mirrored = false }: Partial<View> = {},
+): View {
+  const [cos, sin] = [Math.abs(Math.cos(turn * DEGREE)), Math.abs(Math.sin(turn * DEGREE))];
+  const width = picture.width * cos + picture.height * sin;
+  const height = picture.width * sin + picture.height * cos;
+  const scale = clamp(
+    Math.min((stage.width - 2 * margin) / width, (stage.height - 2 * margin) / height),
+    MIN_SCALE,
+    MAX_SCALE,
+  );
+  const view: View = { scale, x: 0, y: 0, ...(turn && { turn }), ...(mirrored && { mirrored }) };
+  const [x, y] = toStage(view, [picture.width / 2, picture.height / 2]);
+  return { ...view, x: stage.width / 2 - x, y: stage.height / 2 - y };
+}
+
+/** The view turned by degrees clockwise about a fixed point of the stage. */
+export function turnAbout(view: View, at: Point, degrees: number): View {
+  const turn = (((((view.turn ?? 0) + degrees + 180) % 360) + 360) % 360) - 180;
+  return holding(view, { ...view, turn }, at);
+}
+
+/** The view with left and right exchanged about a point of the stage. */
+export const mirrorAbout = (view: View, at: Point): View =>
+  holding(view, { ...view, mirrored: !view.mirrored, turn: -(view.turn ?? 0) || 0 }, at);
+
+/** `next`, moved so that the point of the picture that `view` shows at `at` stays there. */
+function holding(view: View, next: View, at: Point): View {
+  const [x, y] = toStage(next, toPicture(view, at));
+  return { ...next, x: next.x + at[0] - x, y: next.y + at[1] - y };
 }
 
 /** Zoom by a factor about a fixed point of the stage. */
 export function zoomAbout(view: View, [x, y]: Point, factor: number): View {
   const scale = clamp(view.scale * factor, MIN_SCALE, MAX_SCALE);
   const ratio = scale / view.scale;
-  return { scale, x: x - (x - view.x) * ratio, y: y - (y - view.y) * ratio };
+  return { ...view, scale, x: x - (x - view.x) * ratio, y: y - (y - view.y) * ratio };
 }
 
 export const panBy = (view: View, dx: number, dy: number): View => ({ ...view, x: view.x + dx, y: view.y + dy });
 
-export const toPicture = (view: View, [x, y]: Point): Point => [(x - view.x) / view.scale, (y - view.y) / view.scale];
-export const toStage = (view: View, [x, y]: Point): Point => [view.x + view.scale * x, view.y + view.scale * y];
+/** The linear part of a view: [a, b, c, d] of a canvas's transform. */
+export function matrixOf({ scale, turn = 0, mirrored = false }: View): [number, number, number, number] {
+  const [cos, sin] = turn ? [scale * Math.cos(turn * DEGREE), scale * Math.sin(turn * DEGREE)] : [scale, 0];
+  return mirrored ? [-cos, -sin, -sin, cos] : [cos, sin, -sin, cos];
+}
+
+export function toPicture(view: View, [x, y]: Point): Point {
+  const [a, b, c, d] = matrixOf(view);
+  const [dx, dy] = [x - view.x, y - view.y];
+  const size = a * d - b * c;
+  return [(d * dx - c * dy) / size, (a * dy - b * dx) / size];
+}
+
+export function toStage(view: View, [x, y]: Point): Point {
+  const [a, b, c, d] = matrixOf(view);
+  return [view.x + a * x + c * y, view.y + b * x + d * y];
+}
 
 export const clamp = (value: number, low: number, high: number): number => Math.min(high, Math.max(low, value));
 
@@ -90,8 +135,6 @@ function distanceToSegment(point: Point, a: Point, b: Point): number {
   return distance(point, [a[0] + along * dx, a[1] + along * dy]);
 }
 
-const DEGREE = Math.PI / 180;
-
 /** Angle of a vector, degrees clockwise from the right in 0..360. */
 export const angleOf = (from: Point, to: Point): number =>
   (Math.atan2(to[1] - from[1], to[0] - from[0]) / DEGREE + 360) % 360;
@@ -119,6 +162,9 @@ function doubleAngle({ pattern, angle = 0 }: DirectionElement, dx: number, dy: n
   return around + 2 * DEGREE * (angle + (TILTS[pattern] ?? 0));
 }
 
+/** The reach of an element, heights of the picture; 0: everywhere. */
+export const distanceOf = (reach: DirectionElement["reach"]): number => (typeof reach === "number" ? reach : 0);
+
 /**
  * Direction of strokes at a point as the elements ask for it: double angles are added, each weighted by its strength and
  * exp(-distance / reach). The service computes the exact field; the page shows this one until it arrives.
@@ -134,7 +180,8 @@ export function directionAt(
 ): { angle: number; weight: number } {
   let [cos, sin] = [0, 0];
   for (const element of elements) {
-    const { at, reach = 0, strength = 1 } = element;
+    const { at, strength = 1 } = element;
+    const reach = distanceOf(element.reach);
     const [dx, dy] = [(x - at[0]) * aspect, y - at[1]];
     const weight = strength * (reach > 0 ? Math.exp(-Math.hypot(dx, dy) / reach) : 1);
     const double = doubleAngle(element, dx, dy);

@@ -1,76 +1,20 @@
 /** Drawing painted layers on canvases of the video's size. */
 
+import { type Context, createCanvas } from "./canvas";
+import { Compositor, drawVeil, isPlain } from "./compose";
 import type { Size } from "./geometry";
 import { pngOf } from "./png";
-import { Smudger } from "./smudge";
-import {
-  type BrushStroke,
-  type DrawnStroke,
-  type FillStroke,
-  type KeyPicture,
-  type PictureLayer,
-  rowsOf,
-  type Sample,
-  type SmudgeStroke,
-  type Stroke,
-  widthAt,
-} from "./strokes";
+import { type Rect, unionOf } from "./rect";
+import { boundsOf, drawStroke, type LiveDrawing, startLive } from "./stroke-drawing";
+import { PaintBuffers } from "./stroke-mask";
+import type { DrawnStroke, KeyPicture, PictureLayer, Stroke } from "./strokes";
 
-type Context = CanvasRenderingContext2D;
+export { createCanvas };
 
-export function createCanvas({ width, height }: Size): [HTMLCanvasElement, Context] {
-  const canvas = document.createElement("canvas");
-  Object.assign(canvas, { width, height });
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  if (!context) throw new Error("The browser gave no canvas.");
-  return [canvas, context];
-}
-
-/** Draw the part of a brush stroke between samples `from` and `until`. */
-function drawSegments(context: Context, stroke: BrushStroke, from: number, until: number): void {
-  context.lineCap = "round";
-  context.lineJoin = "round";
-  context.strokeStyle = stroke.kind === "eraser" ? "#000" : stroke.color;
-  for (let i = Math.max(1, from); i < until; i++) {
-    const [a, b] = [stroke.samples[i - 1], stroke.samples[i]];
-    if (a && b) drawSegment(context, stroke.size, a, b);
-  }
-  const only = stroke.samples[0];
-  if (from === 0 && only) drawSegment(context, stroke.size, only, [only[0] + 0.01, only[1], only[2]]);
-}
-
-function drawSegment(context: Context, size: number, a: Sample, b: Sample): void {
-  context.lineWidth = (widthAt(size, a[2]) + widthAt(size, b[2])) / 2;
-  context.beginPath();
-  context.moveTo(a[0], a[1]);
-  context.lineTo(b[0], b[1]);
-  context.stroke();
-}
-
-/** Draw one whole stroke; overlapping parts of a translucent stroke do not add up. */
-function drawStroke(context: Context, stroke: Stroke, size: Size): void {
-  context.save();
-  if (stroke.kind === "fill") drawFill(context, stroke, size);
-  else if (stroke.kind === "smudge") {
-    const smudger = new Smudger(context, stroke);
-    for (const sample of stroke.samples) smudger.to(sample);
-  } else if (stroke.opacity >= 1) {
-    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
-    drawSegments(context, stroke, 0, stroke.samples.length);
-  } else {
-    const [scratch, own] = createCanvas(size);
-    drawSegments(own, stroke, 0, stroke.samples.length);
-    context.globalAlpha = stroke.opacity;
-    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
-    context.drawImage(scratch, 0, 0);
-  }
-  context.restore();
-}
-
-function drawFill(context: Context, { color, opacity, runs }: FillStroke, { width }: Size): void {
-  context.fillStyle = color;
-  context.globalAlpha = opacity;
-  for (const [x, y, length] of rowsOf(runs, width)) context.fillRect(x, y, length, 1);
+/** Pixels as they were before a stroke. */
+interface Before {
+  rect: Rect;
+  canvas: HTMLCanvasElement;
 }
 
 interface Drawn {
@@ -78,6 +22,10 @@ interface Drawn {
   context: Context;
   base: string | null;
   strokes: readonly Stroke[];
+  /** Of the newest strokes, oldest first; null: the stroke changed nothing. */
+  befores: (Before | null)[];
+  /** Pixels that have changed since the layers were put together; null: none. */
+  dirty: Rect | null;
 }
 
 /** The stroke under the pen; its samples grow in place. */
@@ -89,48 +37,16 @@ export interface LiveStroke {
 interface Composed {
   canvas: HTMLCanvasElement;
   context: Context;
-  /** null: with a stroke under the pen. */
-  picture: KeyPicture | null;
+  picture: KeyPicture;
   layers: readonly HTMLCanvasElement[];
+  live: DrawnStroke | undefined;
 }
 
-interface LiveDrawing {
-  stroke: DrawnStroke;
+interface Live {
+  drawing: LiveDrawing;
+  layer: HTMLCanvasElement;
   /** The strokes of the layer below it. */
   on: readonly Stroke[];
-  /** The layer with the stroke, up to its newest sample. */
-  whole(layer: HTMLCanvasElement): HTMLCanvasElement;
-}
-
-/** A growing brush stroke: on a canvas of its own, which is laid over the layer. */
-function liveBrush(stroke: BrushStroke, size: Size): LiveDrawing["whole"] {
-  const [scratch, own] = createCanvas(size);
-  const [whole, context] = createCanvas(size);
-  let drawn = 0;
-  return (layer) => {
-    drawSegments(own, stroke, drawn, stroke.samples.length);
-    drawn = stroke.samples.length;
-    context.globalCompositeOperation = "copy";
-    context.drawImage(layer, 0, 0);
-    context.globalCompositeOperation = stroke.kind === "eraser" ? "destination-out" : "source-over";
-    context.globalAlpha = stroke.opacity;
-    context.drawImage(scratch, 0, 0);
-    context.globalAlpha = 1;
-    return whole;
-  };
-}
-
-/** A growing smudge, on a copy of the layer. */
-function liveSmudge(stroke: SmudgeStroke, size: Size): LiveDrawing["whole"] {
-  const [whole, context] = createCanvas(size);
-  const smudger = new Smudger(context, stroke);
-  let drawn = 0;
-  return (layer) => {
-    if (!drawn) context.drawImage(layer, 0, 0);
-    for (const sample of stroke.samples.slice(drawn)) smudger.to(sample);
-    drawn = stroke.samples.length;
-    return whole;
-  };
 }
 
 /**
@@ -138,6 +54,8 @@ function liveSmudge(stroke: SmudgeStroke, size: Size): LiveDrawing["whole"] {
  * browser's decoder of a long 1080p video alone takes several hundred MB.
  */
 const KEPT_BYTES = 64 * 2 ** 20;
+/** Pixels of all layers that are kept to undo strokes without drawing all others again: 64 MB. */
+const UNDO_PX = 16 * 2 ** 20;
 
 /** Draws pictures, and keeps each layer's canvas so that one more stroke costs one stroke. */
 export class PictureRaster {
@@ -145,13 +63,24 @@ export class PictureRaster {
   private readonly drawn = new Map<string, Drawn>();
   private readonly bases = new Map<string, ImageBitmap>();
   private readonly held = new Set<readonly (string | null)[]>();
-  private live: LiveDrawing | null = null;
+  private live: Live | null = null;
   private composed: Composed | null = null;
+  private readonly buffers: PaintBuffers;
+  private readonly compositor: Compositor;
+  /** What the last `whole` has changed; null: nothing. */
+  changed: Rect | null = null;
 
   constructor(
     private readonly size: Size,
     private readonly keptBytes = KEPT_BYTES,
-  ) {}
+  ) {
+    this.buffers = new PaintBuffers(size);
+    this.compositor = new Compositor(size);
+  }
+
+  private get everything(): Rect {
+    return { x: 0, y: 0, ...this.size };
+  }
 
   /** Pictures below strokes, by asset id; a layer whose base is missing shows its strokes only. */
   setBase(asset: string, picture: ImageBitmap): void {
@@ -159,12 +88,18 @@ export class PictureRaster {
     if (before !== picture) before?.close();
     this.bases.set(asset, picture);
     for (const [id, drawn] of this.drawn) if (drawn.base === asset) this.drawn.delete(id);
+    if (this.composed) this.composed.layers = []; // it may be a mask of what is shown
   }
 
   /** Keep these bases until the returned function is called, whatever is drawn meanwhile. */
   hold(assets: readonly (string | null)[]): () => void {
     this.held.add(assets);
     return () => this.held.delete(assets);
+  }
+
+  drawBase(context: Context, asset: string): void {
+    const base = this.bases.get(asset);
+    if (base) context.drawImage(base, 0, 0, this.size.width, this.size.height);
   }
 
   hasBase(asset: string): boolean {
@@ -174,30 +109,54 @@ export class PictureRaster {
   /** The canvas of one layer, up to date. `key` is unique among the layers of all keys. */
   layer(key: string, layer: PictureLayer): HTMLCanvasElement {
     const known = this.drawn.get(key);
-    const extends_ =
-      known &&
-      known.base === layer.base &&
-      known.strokes.length <= layer.strokes.length &&
-      known.strokes.every((stroke, i) => stroke === layer.strokes[i]);
-    const drawn = known && extends_ ? known : this.begin(layer);
+    const drawn = known && known.base === layer.base && takeBack(known, layer.strokes) ? known : this.begin(layer);
     for (const stroke of layer.strokes.slice(drawn.strokes.length)) this.add(drawn, stroke);
     drawn.strokes = layer.strokes;
     touch(this.drawn, key, drawn);
     return drawn.canvas;
   }
 
-  /** Draw one more stroke; a smudge that was drawn under the pen is not drawn again, for that takes long. */
-  private add({ canvas, context, strokes }: Drawn, stroke: Stroke): void {
+  /** Draw one more stroke; stamps and smudges that were drawn under the pen are not drawn again, for that takes long. */
+  private add(drawn: Drawn, stroke: Stroke): void {
+    const { canvas, context, strokes } = drawn;
+    const rect = boundsOf(stroke, this.size);
+    drawn.befores.push(rect && { rect, canvas: copyOf(canvas, rect) });
     const live = this.live;
-    if (stroke.kind !== "smudge" || live?.stroke.samples !== stroke.samples || live.on !== strokes) {
-      drawStroke(context, stroke, this.size);
-      return;
+    const same = "samples" in stroke && live?.drawing.stroke.samples === stroke.samples && live.on === strokes;
+    if (same && rect && live.layer === canvas && (stroke.kind === "smudge" || stroke.tip)) {
+      const shown = this.composed?.live === live.drawing.stroke;
+      const rest = live.drawing.end();
+      put(context, live.drawing.canvas, rect, rect.x, rect.y);
+      this.live = null;
+      if (shown && this.composed) this.composed.live = undefined;
+      drawn.dirty = unionOf(drawn.dirty, shown ? rest : rect);
+    } else {
+      if (same) this.endLive();
+      drawStroke(context, stroke, this.buffers);
+      drawn.dirty = unionOf(drawn.dirty, rect);
     }
-    const whole = live.whole(canvas);
-    context.globalCompositeOperation = "copy";
-    context.drawImage(whole, 0, 0);
-    context.globalCompositeOperation = "source-over";
+    drawn.strokes = [...strokes, stroke];
+    this.forgetBefores();
+  }
+
+  private endLive(): void {
+    this.live?.drawing.end();
     this.live = null;
+  }
+
+  /** Drop the oldest pixels that are kept for undoing. */
+  private forgetBefores(): void {
+    let room = UNDO_PX;
+    for (const { befores } of [...this.drawn.values()].reverse()) {
+      let keep = befores.length;
+      while (keep > 0) {
+        const { rect } = befores[keep - 1] ?? {};
+        room -= rect ? rect.width * rect.height : 0;
+        if (room < 0) break;
+        keep -= 1;
+      }
+      befores.splice(0, keep);
+    }
   }
 
   private begin(layer: PictureLayer): Drawn {
@@ -207,7 +166,7 @@ export class PictureRaster {
       context.drawImage(base, 0, 0, this.size.width, this.size.height);
       touch(this.bases, layer.base, base);
     }
-    return { canvas, context, base: layer.base, strokes: [] };
+    return { canvas, context, base: layer.base, strokes: [], befores: [], dirty: this.everything };
   }
 
   /** Draw all visible layers. */
@@ -218,43 +177,80 @@ export class PictureRaster {
 
   /**
    * The visible layers as one canvas, which stays the same object. `live`: the stroke under the pen, on top of its layer.
-   * It is drawn again only if one of them has changed.
+   * Only what has changed is drawn again; see `changed`.
    */
   whole(key: string, picture: KeyPicture, live?: LiveStroke): HTMLCanvasElement {
-    const layers = picture.layers.map((layer) => this.layer(`${key}/${layer.id}`, layer));
-    const same =
-      !live && this.composed?.picture === picture && layers.every((one, i) => one === this.composed?.layers[i]);
-    const [canvas, context] = this.composed ? [this.composed.canvas, this.composed.context] : createCanvas(this.size);
-    if (!same) {
-      context.clearRect(0, 0, this.size.width, this.size.height);
-      this.compose(context, key, picture, live);
-      this.forgetOthers(key, picture);
+    const painted = paintedLayers(picture);
+    const layers = painted.map((layer) => this.layer(`${key}/${layer.id}`, layer));
+    const known = this.composed;
+    const same = known && alike(known.picture, picture) && layers.every((one, i) => one === known.layers[i]);
+    let changed = this.grow(painted, layers, live);
+    if (known?.live && known.live !== live?.stroke) changed = unionOf(changed, boundsOf(known.live, this.size));
+    for (const { id } of painted) {
+      const drawn = this.drawn.get(`${key}/${id}`);
+      changed = unionOf(changed, drawn?.dirty ?? null);
+      if (drawn) drawn.dirty = null;
     }
-    this.composed = { canvas, context, picture: live ? null : picture, layers };
+    this.changed = same ? changed : this.everything;
+    const [canvas, context] = known ? [known.canvas, known.context] : createCanvas(this.size);
+    if (this.changed) {
+      const { x, y, width, height } = this.changed;
+      context.save();
+      context.beginPath();
+      context.rect(x, y, width, height);
+      context.clip();
+      context.clearRect(x, y, width, height);
+      this.compose(context, key, picture, live);
+      if (picture.mask) drawVeil(context, this.pixels(key, picture.mask, live));
+      context.restore();
+    }
+    if (known?.picture !== picture) this.forgetOthers(key, picture);
+    this.composed = { canvas, context, picture, layers, live: live?.stroke };
     return canvas;
+  }
+
+  /** Draw what is new of the stroke under the pen; the pixels that have changed. */
+  private grow(painted: readonly PictureLayer[], layers: readonly HTMLCanvasElement[], live?: LiveStroke): Rect | null {
+    const index = painted.findIndex(({ id }) => id === live?.layer);
+    const [layer, canvas] = [painted[index], layers[index]];
+    if (!live || !layer || !canvas) return null;
+    const known = this.live;
+    if (known?.drawing.stroke !== live.stroke || known.layer !== canvas || known.on !== layer.strokes) {
+      this.endLive();
+      this.live = { drawing: startLive(live.stroke, canvas, this.buffers), layer: canvas, on: layer.strokes };
+    }
+    return this.live?.drawing.grow() ?? null;
   }
 
   /** Whether the picture hides everything below it. */
   covers(picture: KeyPicture): boolean {
     const [lowest] = picture.layers;
     return Boolean(
-      lowest?.visible && lowest.opacity === 1 && lowest.base?.startsWith("frame:") && this.bases.has(lowest.base),
+      lowest &&
+        isPlain(lowest) &&
+        !lowest.strokes.some(({ kind }) => kind === "transform") &&
+        lowest.base?.startsWith("frame:") &&
+        this.bases.has(lowest.base),
     );
   }
 
   private compose(context: Context, key: string, picture: KeyPicture, live?: LiveStroke): void {
-    for (const layer of picture.layers) {
-      if (!layer.visible) continue;
-      context.globalAlpha = layer.opacity;
-      const canvas = this.layer(`${key}/${layer.id}`, layer);
-      context.drawImage(live?.layer === layer.id ? this.withLive(canvas, layer.strokes, live.stroke) : canvas, 0, 0);
-    }
-    context.globalAlpha = 1;
+    this.compositor.draw(context, picture.layers, {
+      canvas: (layer) => this.pixels(key, layer, live),
+      mask: ({ mask }) => (mask ? this.bases.get(mask) : undefined),
+    });
+  }
+
+  /** A layer, with the stroke under the pen if it is on it. */
+  private pixels(key: string, layer: PictureLayer, live?: LiveStroke): HTMLCanvasElement {
+    const canvas = this.layer(`${key}/${layer.id}`, layer);
+    const grown = live?.layer === layer.id && this.live?.drawing.stroke === live.stroke;
+    return grown ? (this.live?.drawing.canvas ?? canvas) : canvas;
   }
 
   /** Drop what has not been used for longest, of other pictures only: a dropped base has to be loaded again. */
   private forgetOthers(key: string, picture: KeyPicture): void {
-    const used = new Set([...picture.layers.map((layer) => layer.base), ...[...this.held].flat()]);
+    const used = new Set([...basesOf(picture), ...[...this.held].flat()]);
     const most = Math.floor(this.keptBytes / (4 * this.size.width * this.size.height));
     const canvases = [...this.drawn].filter(([id]) => !id.startsWith(`${key}/`));
     const pictures = [...this.bases].filter(([id]) => !used.has(id));
@@ -268,23 +264,19 @@ export class PictureRaster {
     }
   }
 
-  /** The layer with the stroke under the pen. Only samples that are new since the last call are drawn. */
-  private withLive(canvas: HTMLCanvasElement, on: readonly Stroke[], stroke: DrawnStroke): HTMLCanvasElement {
-    if (this.live?.stroke !== stroke) {
-      const whole = stroke.kind === "smudge" ? liveSmudge(stroke, this.size) : liveBrush(stroke, this.size);
-      this.live = { stroke, on, whole };
-    }
-    return this.live.whole(canvas);
-  }
-
   /** The finished picture as PNG, its longest side at most `side` px. */
   async small(key: string, picture: KeyPicture, side: number): Promise<Blob> {
     const scale = Math.min(1, side / Math.max(this.size.width, this.size.height));
     const shrunk = (length: number) => Math.max(1, Math.round(length * scale));
     const [canvas, context] = createCanvas({ width: shrunk(this.size.width), height: shrunk(this.size.height) });
+    const [whole, own] = createCanvas(this.size);
+    this.draw(own, key, picture);
+    if (picture.mask) {
+      own.globalCompositeOperation = "destination-in";
+      own.drawImage(this.layer(`${key}/${picture.mask.id}`, picture.mask), 0, 0);
+    }
     context.imageSmoothingQuality = "high";
-    context.scale(canvas.width / this.size.width, canvas.height / this.size.height);
-    this.draw(context, key, picture);
+    context.drawImage(whole, 0, 0, canvas.width, canvas.height);
     return pngOf(canvas);
   }
 
@@ -294,10 +286,73 @@ export class PictureRaster {
     this.draw(context, key, picture);
     return pngOf(canvas);
   }
+
+  /** The mask of a key as PNG: white where it has paint, on black. */
+  async maskPng(key: string, mask: PictureLayer): Promise<Blob> {
+    const [canvas, context] = createCanvas(this.size);
+    context.drawImage(this.layer(`${key}/${mask.id}`, mask), 0, 0);
+    for (const [how, color] of [
+      ["source-in", "#fff"],
+      ["destination-over", "#000"],
+    ] as const) {
+      Object.assign(context, { globalCompositeOperation: how, fillStyle: color });
+      context.fillRect(0, 0, this.size.width, this.size.height);
+    }
+    return pngOf(canvas);
+  }
 }
+
+/** The pictures that a key shows: those below strokes, and masks. */
+export const basesOf = ({ layers, mask }: KeyPicture): (string | null)[] =>
+  [...layers, ...(mask ? [mask] : [])].flatMap((layer) => [layer.base, layer.mask ?? null]);
+
+/** What strokes are on: the layers but groups, and the key's mask. */
+const paintedLayers = ({ layers, mask }: KeyPicture): readonly PictureLayer[] => [
+  ...layers.filter(({ group }) => !group),
+  ...(mask ? [mask] : []),
+];
 
 /** Put an entry at the end of a map: it is the most recently used one. */
 function touch<K, V>(map: Map<K, V>, key: K, value: V): void {
   map.delete(key);
   map.set(key, value);
+}
+
+function copyOf(canvas: HTMLCanvasElement, { x, y, width, height }: Rect): HTMLCanvasElement {
+  const [copy, context] = createCanvas({ width, height });
+  context.drawImage(canvas, x, y, width, height, 0, 0, width, height);
+  return copy;
+}
+
+/** Replace the pixels of a rectangle by those of `from` at (x, y). */
+function put(context: Context, from: HTMLCanvasElement, rect: Rect, x: number, y: number): void {
+  context.clearRect(rect.x, rect.y, rect.width, rect.height);
+  context.drawImage(from, x, y, rect.width, rect.height, rect.x, rect.y, rect.width, rect.height);
+}
+
+/** Undo the strokes of a layer that are not among `wanted`; false: their pixels are not kept, or others are missing. */
+function takeBack(drawn: Drawn, wanted: readonly Stroke[]): boolean {
+  let same = 0;
+  while (same < drawn.strokes.length && drawn.strokes[same] === wanted[same]) same += 1;
+  const undone = drawn.strokes.length - same;
+  if (undone > drawn.befores.length) return false;
+  for (const before of drawn.befores.splice(drawn.befores.length - undone).reverse()) {
+    if (!before) continue;
+    put(drawn.context, before.canvas, before.rect, 0, 0);
+    drawn.dirty = unionOf(drawn.dirty, before.rect);
+  }
+  if (undone) drawn.strokes = wanted.slice(0, same);
+  return true;
+}
+
+/** Whether two pictures differ in nothing but the strokes of their layers. */
+function alike(a: KeyPicture, b: KeyPicture): boolean {
+  const settings = ({ strokes: _strokes, ...rest }: PictureLayer) => JSON.stringify(rest);
+  const all = ({ layers, mask }: KeyPicture) => [...layers, ...(mask ? [mask] : [])];
+  const [before, now] = [all(a), all(b)];
+  return (
+    a === b ||
+    (before.length === now.length &&
+      before.every((layer, i) => layer === now[i] || settings(layer) === settings(now[i] as PictureLayer)))
+  );
 }

@@ -5,12 +5,15 @@ import { isFinal, progressText, stateWord } from "../../jobs/progress";
 import { percent } from "../../ui/format";
 import { IconButton } from "../../ui/icons";
 import { notify } from "../../ui/notices";
+import { titleOf } from "../document/shots";
 import type { Store } from "../state/store";
 import type { Films } from "./films";
 
 export function FilmProgress({ store, films }: { store: Store; films: Films }) {
   const state = films.current.value;
-  if (!state) return null;
+  const several = store.document.value.shots.length > 1;
+  const told = several && films.present && state?.job.state === "succeeded";
+  if (!state || told) return null; // the film of all shots says it
   const { job, queue } = state;
   const [first, end] = job.request.frames ?? [0, store.frames];
   const newest = films.newest.value;
@@ -24,7 +27,10 @@ export function FilmProgress({ store, films }: { store: Store; films: Films }) {
       {newest && <img src={newest.src} alt="The newest finished frame" />}
       <div class="film-progress-text">
         <strong>{isFinal(job) ? stateWord(job) : percent(job.progress)}</strong>
-        <span>{isFinal(job) ? endText(job) : progressText(job, queue)}</span>
+        <span>
+          {several && `${titleOf(store.document.value, store.shotId)}: `}
+          {isFinal(job) ? endText(job) : progressText(job, queue)}
+        </span>
         {isFinal(job) && <IconButton name="close" label="Close this message" onClick={() => films.dismiss()} />}
         {!isFinal(job) && <progress max={1} value={job.progress} aria-label="Progress of the film" />}
       </div>
@@ -36,7 +42,7 @@ export function FilmProgress({ store, films }: { store: Store; films: Films }) {
         )}
         {!isFinal(job) && (
           <button type="button" class="button small" onClick={() => films.cancel().catch(notify)}>
-            Cancel
+            {several ? "Cancel this shot" : "Cancel"}
           </button>
         )}
         <a class="button small" href={`#/jobs/${job.id}`}>

@@ -6,9 +6,10 @@ import type { Job, Output } from "../../api/schemas";
 import { isFinal, type Queue, stateWord } from "../../jobs/progress";
 import { watchJob } from "../../jobs/watch-job";
 import { announce } from "../../ui/notices";
-import { checkProject, projectJobs, submitProject } from "../document/api";
+import { projectJobs } from "../document/api";
 import { type FilmSource, openFilm } from "../previews/frames";
 import { PAINTED_VIEWS, type Store } from "../state/store";
+import type { Film } from "./film";
 
 /** The frame of a film that becomes a key. */
 export interface FilmFrame {
@@ -43,6 +44,7 @@ export class Films {
 
   constructor(
     private readonly store: Store,
+    private readonly whole: Film,
     private readonly redraw: () => void,
   ) {
     this.dispose = effect(() => {
@@ -56,27 +58,23 @@ export class Films {
 
   /** Find the newest finished film of the shot, and follow a newer one that is not finished. */
   async find(): Promise<void> {
-    const shot = this.store.shot.peek().id;
+    const shot = this.store.shotId;
     const jobs = (await projectJobs(this.store.projectId)).filter((one) => one.shot === shot && !one.variant);
-    this.store.film.value = jobs.find(({ job }) => job.state === "succeeded")?.job ?? null;
+    this.store.film.value = jobs.find(({ job }) => job.state === "succeeded" && isWhole(job))?.job ?? null;
     const newest = jobs[0]?.job;
     if (newest && !isFinal(newest) && !this.current.peek()) this.watch(newest);
   }
 
   /**
-   * Save the project and submit its film, or the frames [first, end) of it. Throws a Problem if something keeps it from
-   * that.
+   * Submit the shots of the film that have changed, or the frames [first, end) of this shot, or this shot with one layer
+   * alone. Throws a Problem if something keeps it from that.
    */
-  async submit(saveAll: () => Promise<boolean>, range?: [number, number]): Promise<void> {
-    const { store } = this;
-    if (!(await saveAll()))
-      throw new api.Problem({ detail: "The project is not saved.", remedy: "See the message above the stage." });
-    const [fault] = await checkProject(store.projectId);
-    if (fault) throw new api.Problem({ detail: fault.message, remedy: fault.remedy });
-    const output = withOverlays(store);
-    const wishes = { ...(range && { range }), ...(output && { output }) };
-    const made = await submitProject(store.projectId, wishes, api.token());
-    const own = made.find(({ shot }) => shot === store.shot.peek().id) ?? made[0];
+  async submit(saveAll: () => Promise<boolean>, range?: [number, number], layer = ""): Promise<void> {
+    const shot = this.store.shotId;
+    const output = layer ? alone(this.store, layer) : withOverlays(this.store);
+    const only = range || layer ? { shot, ...(range && { range }) } : undefined;
+    const made = await this.whole.submit(saveAll, { output, ...(only && { only }) });
+    const own = made.find((one) => one.shot === shot);
     if (own) this.watch(own.job);
   }
 
@@ -116,12 +114,19 @@ export class Films {
     return result ? { picture: result.picture, from: "preview" } : null;
   }
 
+  /** Whether the newest film shows what the shot shows now. */
+  get present(): boolean {
+    const { film, shotId } = this.store;
+    return film.value !== null && this.whole.jobOf(shotId)?.id === film.value.id;
+  }
+
   /** Let the browser play the film from the present frame on; null: it cannot, or the stage does not show the film. */
-  play(): PlayedFilm | null {
+  play(rate: number, sound: boolean): PlayedFilm | null {
     const film = this.store.film.peek();
     const frames = this.source?.frames;
     const frame = this.store.frame.peek();
-    if (!film || !frames || !filmHas(this.store, frame) || !frames.play(frame - firstOf(film))) return null;
+    if (!film || !frames || !filmHas(this.store, frame) || !frames.play(frame - firstOf(film), rate, sound))
+      return null;
     const last = (film.request.frames?.[1] ?? this.store.frames) - 1;
     return { last, frame: () => Math.min(last, frames.now + firstOf(film)), stop: () => frames.pause() };
   }
@@ -149,7 +154,7 @@ export class Films {
 
   private follow(job: Job, queue: Queue | null): void {
     this.current.value = { job, queue };
-    if (job.state === "succeeded") this.store.film.value = job;
+    if (job.state === "succeeded" && isWhole(job)) this.store.film.value = job;
     if (isFinal(job)) this.showNewest(null);
   }
 
@@ -192,7 +197,7 @@ export class Films {
 }
 
 /** The frame of the video that a film begins with. */
-const firstOf = (film: Job): number => film.request.frames?.[0] ?? 0;
+export const firstOf = (film: Job): number => film.request.frames?.[0] ?? 0;
 
 /** Whether the newest film has this frame of the video. */
 export function filmHas(store: Store, frame: number): boolean {
@@ -205,6 +210,18 @@ export function filmHas(store: Store, frame: number): boolean {
 export async function filmFrame({ film, frame }: FilmFrame): Promise<Blob> {
   const job = await api.job(film);
   return (await api.request(api.url`/v1/jobs/${film}/frames/${frame - firstOf(job)}`)).blob();
+}
+
+/** Whether the film is a picture of the whole shot, not of one layer with its opacity. */
+const isWhole = (film: Job): boolean => film.request.output?.alpha !== "painted";
+
+/** The output for a layer alone, which makes no artefacts, and of the passes those of its method. */
+function alone(store: Store, layer: string): Output & { layer: string } {
+  const own = store.shot.value.layers.find(({ id }) => id === layer);
+  const makes = own ? (store.methodOf(own)?.makes_passes ?? []).map(({ name }) => name) : [];
+  const { output = {} } = store.document.value;
+  const passes = (output.passes ?? []).filter((name) => makes.includes(name));
+  return { ...output, artefacts: [], passes, layer };
 }
 
 /** The output with what the studio draws over the film; undefined: as the document has it. */

@@ -3,25 +3,28 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import * as api from "../../api/api";
-import type { Section } from "../../api/schemas";
 import { IconButton } from "../../ui/icons";
-import { picturesOf } from "../document/document";
 import type { Cuts } from "../previews/cuts";
-import { isPainted, pictureAt, type Store } from "../state/store";
+import { keyText } from "../state/key-bindings";
+import type { Store } from "../state/store";
 import {
   frameAt,
   isShown,
   nextKey,
+  pieceAt,
   previousKey,
   shareOf,
   shiftSpan,
-  shotAt,
-  shotStarts,
   thumbnailFrames,
   timeCode,
   zoomSpan,
 } from "../state/timeline";
-import type { Playback } from "./playback";
+import { CommentLane, type Comments } from "./comments";
+import { KeyMarks, keyFrames, type MoveKey } from "./key-marks";
+import { Markers } from "./markers";
+import { audible, looping, type Playback } from "./playback";
+import { hear, silence } from "./scrub-sound";
+import { TrimHandles } from "./trim";
 
 const THUMBNAIL_PX = 104;
 const THUMBNAIL_SIDE_PX = 160;
@@ -34,64 +37,52 @@ const WHEEL_PX = 1000;
 /** A shorter video needs no zoom of the strip. */
 const ZOOM_FRAMES = 240;
 
-/** Frames that are painted in the parts of these sections of the selected layer. */
-export function paintedFrames(store: Store, sections: readonly Section[]): number[] {
-  const layer = store.layer.value;
-  const stored = sections.flatMap(({ part }) => picturesOf(layer, part)).map(({ frame }) => frame);
-  const open = Object.keys(store.history.value.present.pictures)
-    .map(pictureAt)
-    .filter((at) => at.layer === layer.id && sections.some(({ part }) => part === at.part));
-  return [...new Set([...stored, ...open.map(({ frame }) => frame)])].sort((a, b) => a - b);
-}
-
-/** Frames with a key of the selected layer: painted, or of style and direction of the selected region. */
-export function keyFrames(store: Store): number[] {
-  const { keys = [], directions = [] } = store.design;
-  const tracks = [...keys, ...directions].filter((key) => !store.region.value || key.region === store.region.value);
-  const painted = paintedFrames(store, store.method.value?.studio.sections.filter(isPainted) ?? []);
-  return [...new Set([...painted, ...tracks.map(({ frame }) => frame)])].sort((a, b) => a - b);
-}
-
 interface FilmstripProps {
   store: Store;
   playback: Playback;
   cuts: Cuts;
+  comments: Comments;
+  movekey: MoveKey;
   /** Shown below the strip, frame by frame. */
   lane?: ComponentChildren;
 }
 
-export function Filmstrip({ store, playback, cuts, lane }: FilmstripProps) {
+export function Filmstrip({ store, playback, cuts, comments, movekey, lane }: FilmstripProps) {
   const strip = useRef<HTMLDivElement>(null);
   const count = useColumns(strip);
-  const { frames } = store;
+  const reach = store.reach.value;
   const span = store.span.value;
   const shown = useRested(thumbnailFrames(count, span), THUMBNAIL_REST_MS);
   const under = (event: MouseEvent) => {
     const box = strip.current?.getBoundingClientRect();
     return box ? frameAt(event.clientX - box.left, box.width, span) : store.frame.value;
   };
-  const scrub = (event: PointerEvent) => store.goTo(under(event));
+  const scrub = (event: PointerEvent) => {
+    const before = store.frame.peek();
+    store.goTo(under(event));
+    if (store.frame.peek() !== before) hear(store.asset, store.frame.peek());
+  };
   const wheel = (event: WheelEvent) => {
     event.preventDefault();
     const [across, along] = [event.deltaY, event.deltaX];
     store.span.value =
       Math.abs(along) > Math.abs(across)
-        ? shiftSpan(span, frames, (along / WHEEL_PX) * (span[1] - span[0]))
-        : zoomSpan(span, frames, WHEEL_ZOOM ** across, under(event));
+        ? shiftSpan(span, reach, (along / WHEEL_PX) * (span[1] - span[0]))
+        : zoomSpan(span, reach, WHEEL_ZOOM ** across, under(event));
   };
   return (
     <div class="filmstrip">
-      <Transport store={store} playback={playback} cuts={cuts} />
+      <Transport store={store} playback={playback} cuts={cuts} comments={comments} />
       <div
         class="strip"
         ref={strip}
         role="slider"
         tabIndex={0}
         aria-label="Frame"
-        aria-valuemin={1}
-        aria-valuemax={frames}
+        aria-valuemin={reach[0] + 1}
+        aria-valuemax={reach[1]}
         aria-valuenow={store.frame.value + 1}
-        aria-valuetext={`Frame ${store.frame.value + 1} of ${frames}${shotText(store)}`}
+        aria-valuetext={positionText(store)}
         onDragStart={(event) => event.preventDefault()}
         onPointerDown={(event) => {
           if (event.button !== 0) return;
@@ -118,30 +109,43 @@ export function Filmstrip({ store, playback, cuts, lane }: FilmstripProps) {
         }}
       >
         <Thumbnails assetId={store.asset.id} shown={shown} />
-        {store.cuts.value
+        {cutsWithin(store)
           .filter((cut) => isShown(cut, span))
           .map((cut) => (
             <div key={cut} class="cut-mark" style={{ left: `${100 * shareOf(cut, span)}%` }} />
           ))}
         <div class="playhead" style={{ left: `${100 * shareOf(store.frame.value + 0.5, span)}%` }} />
       </div>
+      {store.trimming.value && <TrimHandles store={store} />}
       {lane}
-      <KeyMarks store={store} />
+      <KeyMarks store={store} movekey={movekey} />
+      <Markers store={store} />
+      <CommentLane store={store} comments={comments} />
     </div>
   );
 }
 
 /** Show `factor` times as many frames, the playhead in its place. */
 function zoomStrip(store: Store, factor: number): void {
-  const { span, frame, frames } = store;
+  const { span, frame, reach } = store;
   const about = isShown(frame.value, span.value) ? frame.value : (span.value[0] + span.value[1]) / 2;
-  span.value = zoomSpan(span.value, frames, factor, about);
+  span.value = zoomSpan(span.value, reach.value, factor, about);
 }
 
-/** ", shot 2 of 5"; empty while no cut is known. */
-function shotText({ cuts, frame }: Store): string {
-  const known = cuts.value;
-  return known.length ? `, shot ${shotAt(known, frame.value)} of ${known.length + 1}` : "";
+/** Cuts of the clip between the shot's in and out points. */
+export function cutsWithin({ cuts, reach }: Store): number[] {
+  const [first, end] = reach.value;
+  return cuts.value.filter((cut) => first < cut && cut < end);
+}
+
+/** "Frame 50, 7 of 40 of the shot, piece 1 of 2": numbers of frames are the clip's; pieces lie between cuts. */
+function positionText(store: Store): string {
+  const frame = store.frame.value;
+  const [first, end] = store.reach.value;
+  const whole = end - first === store.frames;
+  const at = whole ? ` of ${end}` : `, ${frame + 1 - first} of ${end - first} of the shot`;
+  const cuts = cutsWithin(store);
+  return `Frame ${frame + 1}${at}${cuts.length ? `, piece ${pieceAt(cuts, frame)} of ${cuts.length + 1}` : ""}`;
 }
 
 /** A list of numbers, once it has been the same for `ms`. */
@@ -211,59 +215,26 @@ export async function thumbnail(assetId: string, frame: number, signal: AbortSig
   }
 }
 
-function KeyMarks({ store }: { store: Store }) {
-  const span = store.span.value;
-  const marks = keyFrames(store).filter((frame) => isShown(frame, span));
-  const suggested = store.suggested.value.filter((frame) => isShown(frame, span) && !marks.includes(frame));
-  return (
-    <div class="key-marks" role="group" aria-label="Keys">
-      {marks.map((frame) => (
-        <button
-          key={frame}
-          type="button"
-          class="key-mark"
-          aria-label={`Key at frame ${frame + 1}`}
-          aria-current={frame === store.frame.value ? "true" : undefined}
-          title={`Key at frame ${frame + 1}`}
-          style={{ left: `${100 * shareOf(frame + 0.5, span)}%` }}
-          onClick={() => store.goTo(frame)}
-        />
-      ))}
-      {suggested.map((frame) => (
-        <button
-          key={`suggested-${frame}`}
-          type="button"
-          class="key-mark suggested"
-          aria-label={`Suggested key at frame ${frame + 1}`}
-          title={`Suggested key at frame ${frame + 1}`}
-          style={{ left: `${100 * shareOf(frame + 0.5, span)}%` }}
-          onClick={() => store.goTo(frame)}
-        />
-      ))}
-    </div>
-  );
-}
-
-/** Steps between shots; where the video is long, the button that finds them. */
-function ShotButtons({ store, cuts, step }: { store: Store; cuts: Cuts; step(to: number | undefined): void }) {
+/** Steps between cuts; where the video is long, the button that finds them. */
+function CutButtons({ store, cuts, step }: { store: Store; cuts: Cuts; step(to: number | undefined): void }) {
   const frame = store.frame.value;
-  const starts = shotStarts(store.cuts.value);
+  const starts = [store.reach.value[0], ...cutsWithin(store)];
   const done = cuts.done.value;
   return (
     <>
       {starts.length > 1 && (
         <>
           <IconButton
-            name="previousShot"
-            label="Previous shot"
-            keys=","
+            name="previousCut"
+            label="Previous cut"
+            keys={keyText("previousCut")}
             disabled={previousKey(starts, frame) === undefined}
             onClick={() => step(previousKey(starts, frame))}
           />
           <IconButton
-            name="nextShot"
-            label="Next shot"
-            keys="."
+            name="nextCut"
+            label="Next cut"
+            keys={keyText("nextCut")}
             disabled={nextKey(starts, frame) === undefined}
             onClick={() => step(nextKey(starts, frame))}
           />
@@ -278,7 +249,7 @@ function ShotButtons({ store, cuts, step }: { store: Store; cuts: Cuts; step(to:
   );
 }
 
-function Transport({ store, playback, cuts }: { store: Store; playback: Playback; cuts: Cuts }) {
+function Transport({ store, playback, cuts, comments }: Omit<FilmstripProps, "movekey" | "lane">) {
   const keys = keyFrames(store);
   const frame = store.frame.value;
   const step = (to: number | undefined) => {
@@ -286,6 +257,7 @@ function Transport({ store, playback, cuts }: { store: Store; playback: Playback
     if (to !== undefined) store.goTo(to);
   };
   const speed = playback.speed.value;
+  const length = store.reach.value[1] - store.reach.value[0];
   return (
     <div class="strip-transport">
       <IconButton
@@ -294,22 +266,57 @@ function Transport({ store, playback, cuts }: { store: Store; playback: Playback
         disabled={previousKey(keys, frame) === undefined}
         onClick={() => step(previousKey(keys, frame))}
       />
-      <IconButton name="back" label="Previous frame" keys="Left" onClick={() => step(frame - 1)} />
+      <IconButton name="back" label="Previous frame" keys={keyText("previous")} onClick={() => step(frame - 1)} />
       <IconButton
         name={speed ? "pause" : "play"}
         label={speed ? "Pause" : "Play"}
-        keys="Space"
+        keys={keyText("play")}
         onClick={playback.toggle}
       />
-      <IconButton name="next" label="Next frame" keys="Right" onClick={() => step(frame + 1)} />
+      <IconButton name="next" label="Next frame" keys={keyText("next")} onClick={() => step(frame + 1)} />
       <IconButton
         name="last"
         label="Next key"
         disabled={nextKey(keys, frame) === undefined}
         onClick={() => step(nextKey(keys, frame))}
       />
-      <ShotButtons store={store} cuts={cuts} step={step} />
-      {store.frames > ZOOM_FRAMES && (
+      <IconButton
+        name="loop"
+        label="Play again and again"
+        keys={keyText("loop")}
+        pressed={looping.value}
+        onClick={() => {
+          looping.value = !looping.value;
+        }}
+      />
+      <IconButton
+        name={audible.value ? "sound" : "muted"}
+        label={audible.value ? "Sound off" : "Sound on"}
+        {...(silence(store.asset) && { keys: silence(store.asset) })}
+        onClick={() => {
+          audible.value = !audible.value;
+        }}
+      />
+      <CutButtons store={store} cuts={cuts} step={step} />
+      <IconButton
+        name="trim"
+        label="Move the in and out points"
+        keys={keyText("trim")}
+        pressed={store.trimming.value}
+        onClick={() => {
+          playback.stop();
+          store.trimming.value = !store.trimming.value;
+        }}
+      />
+      <IconButton
+        name="comment"
+        label="Comment on this frame"
+        pressed={comments.writing.value}
+        onClick={() => {
+          comments.writing.value = !comments.writing.value;
+        }}
+      />
+      {length > ZOOM_FRAMES && (
         <div class="strip-zoom">
           <IconButton
             name="zoom"
@@ -321,16 +328,13 @@ function Transport({ store, playback, cuts }: { store: Store; playback: Playback
             name="zoomOut"
             label="More frames on the filmstrip"
             keys="- on the filmstrip"
-            disabled={store.span.value[1] - store.span.value[0] >= store.frames}
+            disabled={store.span.value[1] - store.span.value[0] >= length}
             onClick={() => zoomStrip(store, 2)}
           />
         </div>
       )}
       <output class="strip-time" aria-label="Position">
-        <span>
-          Frame {frame + 1} of {store.frames}
-          {shotText(store)}
-        </span>
+        <span>{positionText(store)}</span>
         <span>{timeCode(frame, store.fps)}</span>
         {speed !== 0 && speed !== 1 && <span>{speed} ×</span>}
       </output>

@@ -1,16 +1,16 @@
 /** Painted keys of a layer: start one, import or export a picture, its layers, and the frames around it. */
 
 import { useEffect, useRef, useState } from "preact/hooks";
-import { isAbort, saveFile } from "../../api/api";
 import type { Section } from "../../api/schemas";
 import { Icon, IconButton } from "../../ui/icons";
-import { notify, notifyOf } from "../../ui/notices";
-import { changePictureLayer, type KeyPicture, type PictureLayer } from "../drawing/strokes";
+import { notify } from "../../ui/notices";
+import { type PaintedKey, picturesOf } from "../document/document";
 import { type FilmFrame, filmHas } from "../films/films";
-import { paintedFrames } from "../films/filmstrip";
+import { paintedFrames } from "../films/key-marks";
 import type { Result, Store } from "../state/store";
+import { type KeyActions, readCopied } from "./key-actions";
 import type { PaintedKeys } from "./keys";
-import { isPsd, makePsd, readLayers } from "./psd";
+import { PictureLayers } from "./picture-layers";
 
 export interface KeysSectionProps {
   store: Store;
@@ -20,18 +20,27 @@ export interface KeysSectionProps {
   correct(): Promise<void>;
   /** Make a frame of a finished film a key. */
   take(frame: FilmFrame): Promise<void>;
+  actions: KeyActions;
   /** Find frames that are worth a key. */
   suggest(): Promise<void>;
 }
 
-export function KeysSection({ store, section, keys, correct, take, suggest }: KeysSectionProps) {
+export function KeysSection({ store, section, keys, correct, take, actions, suggest }: KeysSectionProps) {
   const [waiting, setWaiting] = useState(false);
+  const [copied, setCopied] = useState(false);
   const frame = store.frame.value;
   const frames = paintedFrames(store, [section]);
   const here = frames.includes(frame);
   const film = store.film.value;
+  const entry = picturesOf<PaintedKey>(store.layer.value, section.part).find((one) => one.frame === frame);
   const paint = () => {
     store.tool.value = "brush";
+  };
+  const copy = () => {
+    actions
+      .copy(frame)
+      .then(() => setCopied(true))
+      .catch(notify);
   };
   const takeResult = () => {
     setWaiting(true);
@@ -73,24 +82,26 @@ export function KeysSection({ store, section, keys, correct, take, suggest }: Ke
             Correct the film's frame
           </button>
         )}
-        <ImportButton store={store} keys={keys} />
-        <button type="button" class="button small" onClick={() => exportFrame(store, keys)}>
-          <Icon name="download" />
-          Export PNG
-        </button>
-        <button
-          type="button"
-          class="button small"
-          title="With its layers, for other painting programs"
-          onClick={() => exportPsd(store, keys).catch(notify)}
-        >
-          <Icon name="download" />
-          Export PSD
-        </button>
+        <ImportButton store={store} actions={actions} />
+        <Exports frame={frame} frames={frames} actions={actions} />
+        {here && <IconButton name="copy" label="Copy this key" keys="Ctrl+C" onClick={copy} />}
+        {(copied || readCopied()) && (
+          <button type="button" class="button small" onClick={() => actions.paste(frame).catch(notify)}>
+            <Icon name="copy" />
+            Paste the copied key
+          </button>
+        )}
         {here && <IconButton name="trash" label="Remove this key" onClick={() => keys.remove(frame, section)} />}
       </div>
       {store.previews.value && <Suggestions store={store} known={frames} suggest={suggest} />}
-      {here && <PictureLayers store={store} keys={keys} />}
+      {here && (
+        <>
+          <PictureLayers store={store} keys={keys} actions={actions} />
+          {store.method.value?.inputs.some(({ kind, part }) => kind === "json" && part === section.part) && (
+            <Reach frame={frame} entry={entry} actions={actions} />
+          )}
+        </>
+      )}
       <Neighbours store={store} />
     </section>
   );
@@ -132,15 +143,15 @@ function Suggestions({ store, known, suggest }: SuggestionsProps) {
   );
 }
 
-function ImportButton({ store, keys }: { store: Store; keys: PaintedKeys }) {
+function ImportButton({ store, actions }: { store: Store; actions: KeyActions }) {
   const take = (event: Event) => {
     const input = event.currentTarget as HTMLInputElement;
     const file = input.files?.[0];
-    if (file) importKey(store, keys, file).catch(notify);
+    if (file) actions.import(store.frame.value, file).catch(notify);
     input.value = "";
   };
   return (
-    <label class="button small file-button">
+    <label class="button small file-button" title="Or drop it anywhere on the page, or paste it">
       <Icon name="upload" />
       Import PNG, PSD
       <input type="file" accept="image/png,image/*,.psd" aria-label="Import a painted frame" onChange={take} />
@@ -148,120 +159,90 @@ function ImportButton({ store, keys }: { store: Store; keys: PaintedKeys }) {
   );
 }
 
-/** A picture becomes one layer; a PSD keeps its layers. */
-async function importKey(store: Store, keys: PaintedKeys, file: File): Promise<void> {
-  const frame = store.frame.value;
-  const key = store.pictureKey(frame);
-  if (!isPsd(file)) return keys.import(frame, file);
-  const { layers, simplified } = await readLayers(file, store.size);
-  await keys.importLayers(frame, layers, key);
-  if (!simplified.length) return;
-  const names = simplified.map((name) => `“${name}”`).join(", ");
-  notifyOf({
-    title: "Some layers look different here",
-    message: `Blend modes, masks and effects are not kept: ${names}.`,
-    remedy: "Merge these layers in the other program, and import the file again.",
-  });
+interface ExportProps {
+  frame: number;
+  /** Frames that have a key. */
+  frames: readonly number[];
+  actions: KeyActions;
 }
 
-const fileName = (store: Store, suffix: string): string =>
-  `${store.document.value.name}-frame-${String(store.frame.value).padStart(5, "0")}.${suffix}`;
-
-async function exportPsd(store: Store, keys: PaintedKeys): Promise<void> {
-  const name = fileName(store, "psd");
-  const { layers, whole } = await keys.layersOf(store.frame.value);
-  saveFile(await makePsd(store.size, layers, whole), name);
-}
-
-function exportFrame(store: Store, keys: PaintedKeys): void {
-  const frame = store.frame.value;
-  const name = fileName(store, "png");
-  keys.png(frame).then((blob) => saveFile(blob, name), notify);
-}
-
-/** The layers of the shown key, topmost first. */
-function PictureLayers({ store, keys }: { store: Store; keys: PaintedKeys }) {
-  const frame = store.frame.value;
-  const [loaded, setLoaded] = useState<KeyPicture | null>(null);
-  const picture = keys.picture(frame) ?? loaded;
-  const layerId = store.layerId.value;
-  useEffect(() => {
-    let current = true;
-    setLoaded(null);
-    keys
-      .open(frame, () => current && store.frame.peek() === frame)
-      .then((found) => current && setLoaded(found))
-      .catch((error) => isAbort(error) || notify(error));
-    return () => {
-      current = false;
-    };
-  }, [frame, layerId]);
-  if (!picture) return null;
-  const change = (label: string, id: string, to: Partial<PictureLayer>) =>
-    keys.edit(
-      label,
-      frame,
-      changePictureLayer(picture, id, (layer) => ({ ...layer, ...to })),
-    );
-  const add = () => {
-    const id = `paint-${picture.layers.length}`;
-    const layer: PictureLayer = {
-      id,
-      name: `Paint ${picture.layers.length}`,
-      opacity: 1,
-      visible: true,
-      base: null,
-      strokes: [],
-    };
-    keys.edit("Add a layer", frame, { layers: [...picture.layers, layer] });
-    store.paintLayer.value = id;
-  };
+function Exports({ frame, frames, actions }: ExportProps) {
   return (
-    <ul class="picture-layers" aria-label="Layers of this key">
-      {[...picture.layers].reverse().map((layer) => (
-        <LayerRow key={layer.id} store={store} layer={layer} change={(label, to) => change(label, layer.id, to)} />
-      ))}
-      <li>
-        <button type="button" class="button small" onClick={add}>
-          <Icon name="plus" />
-          Layer
-        </button>
-      </li>
-    </ul>
-  );
-}
-
-interface LayerRowProps {
-  store: Store;
-  layer: PictureLayer;
-  change(label: string, to: Partial<PictureLayer>): void;
-}
-
-function LayerRow({ store, layer, change }: LayerRowProps) {
-  const choose = () => {
-    store.paintLayer.value = layer.id;
-  };
-  return (
-    <li aria-current={store.paintLayer.value === layer.id ? "true" : undefined}>
-      <IconButton
-        name={layer.visible ? "eye" : "hidden"}
-        label={layer.visible ? `Hide ${layer.name}` : `Show ${layer.name}`}
-        onClick={() => change(layer.visible ? "Hide a layer" : "Show a layer", { visible: !layer.visible })}
-      />
-      <button type="button" class="layer-name" aria-pressed={store.paintLayer.value === layer.id} onClick={choose}>
-        {layer.name}
+    <>
+      <button type="button" class="button small" onClick={() => actions.exportPng(frame).catch(notify)}>
+        <Icon name="download" />
+        Export PNG
       </button>
-      <input
-        type="range"
-        min={0}
-        max={100}
-        value={100 * layer.opacity}
-        aria-label={`Opacity of ${layer.name}`}
-        onChange={(event) => change("Change a layer's opacity", { opacity: Number(event.currentTarget.value) / 100 })}
-      />
-    </li>
+      <button
+        type="button"
+        class="button small"
+        title="With its layers, for other painting programs"
+        onClick={() => actions.exportPsd(frame).catch(notify)}
+      >
+        <Icon name="download" />
+        Export PSD
+      </button>
+      {frames.length > 1 &&
+        (["png", "psd"] as const).map((kind) => (
+          <button
+            key={kind}
+            type="button"
+            class="button small"
+            title="In one zip file, named by frame number"
+            onClick={() => actions.exportAll(frames, kind).catch(notify)}
+          >
+            <Icon name="download" />
+            All keys as {kind.toUpperCase()}
+          </button>
+        ))}
+    </>
   );
 }
+
+/** How far the shown key reaches, and its weight against its neighbours. */
+function Reach({ frame, entry, actions }: { frame: number; entry: PaintedKey | undefined; actions: KeyActions }) {
+  const weight = entry?.weight ?? 1;
+  const frames = (side: "before" | "after", title: string) => (
+    <label class="inline-field">
+      {title}
+      <input
+        type="number"
+        min={0}
+        max={10_000_000}
+        placeholder="next key"
+        disabled={!entry}
+        value={entry?.[side] ?? ""}
+        onChange={(event) => {
+          const { value, valueAsNumber } = event.currentTarget;
+          actions.set(frame, { [side]: value === "" ? null : Math.max(0, Math.round(valueAsNumber)) }, "");
+        }}
+      />
+    </label>
+  );
+  return (
+    <div class="key-reach" role="group" aria-label="Reach of this key">
+      {frames("before", "Frames before it")}
+      {frames("after", "Frames after it")}
+      <label class="inline-field" title="Between two keys, what each determines relates as their weights">
+        Weight
+        <input
+          type="range"
+          min={-1}
+          max={1}
+          step={0.01}
+          disabled={!entry}
+          value={Math.log10(weight)}
+          aria-valuetext={String(weight)}
+          onInput={(event) => actions.set(frame, { weight: weightOf(event.currentTarget.valueAsNumber) })}
+        />
+        <output>{weight}</output>
+      </label>
+    </div>
+  );
+}
+
+/** 0.1 to 10, with two digits. */
+const weightOf = (logarithm: number): number => Number((10 ** logarithm).toPrecision(2));
 
 /** The frames around the key, repainted from it. */
 function Neighbours({ store }: { store: Store }) {

@@ -4,7 +4,8 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Section } from "../../api/schemas";
 import { Icon, IconButton } from "../../ui/icons";
 import { picturesOf } from "../document/document";
-import { paintedFrames, thumbnail } from "../films/filmstrip";
+import { thumbnail } from "../films/filmstrip";
+import { paintedFrames } from "../films/key-marks";
 import type { Store } from "../state/store";
 import type { Foreground, Veil } from "./foreground";
 import type { PaintedKeys } from "./keys";
@@ -22,7 +23,12 @@ export function MarksSection({ store, section, keys, foreground }: MarksProps) {
   const { overlay } = section;
   const marked = overlay?.after.some((part) => picturesOf(store.layer.value, part).length > 0);
   const mark = (color: string) => {
-    store.brush.value = { color, size: Math.max(4, Math.round(store.size.height / 40)), opacity: 1 };
+    store.brush.value = {
+      ...store.brush.value,
+      color,
+      size: Math.max(4, Math.round(store.size.height / 40)),
+      opacity: 1,
+    };
     store.tool.value = "brush";
   };
   return (

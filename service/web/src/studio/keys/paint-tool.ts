@@ -2,12 +2,15 @@
 
 import { untracked } from "@preact/signals";
 import { isAbort } from "../../api/http";
-import { notify } from "../../ui/notices";
+import { notify, notifyOf } from "../../ui/notices";
+import { hexOf } from "../../ui/palette";
+import { floodRuns } from "../drawing/fill";
+import { random } from "../drawing/noise";
 import { createCanvas, type LiveStroke } from "../drawing/raster";
+import { Stabiliser } from "../drawing/stabiliser";
 import {
   addStroke,
   type DrawnStroke,
-  floodRuns,
   isNear,
   type KeyPicture,
   type PictureLayer,
@@ -15,19 +18,26 @@ import {
   type Sample,
   type Stroke,
 } from "../drawing/strokes";
+import { prepareTip } from "../drawing/tip-shape";
 import type { Store } from "../state/store";
 import { type PointerSample, type StageTool, sampleOf } from "../state/tool";
 import type { PaintedKeys } from "./keys";
+import { MASK } from "./layer-edits";
 
-const FILL_TOLERANCE = 24;
 const LEAST_DISTANCE_PX = 0.5;
 /** How often a stroke under the pen is kept in this browser. */
 const KEEP_MS = 500;
+const LOCKED = {
+  title: "The layer's transparency is locked",
+  message: "The eraser changes where a layer has paint.",
+  remedy: "Clear “Lock transparency” of the layer, or choose another layer.",
+};
 const LABELS: Record<Stroke["kind"], string> = {
   brush: "Brush stroke",
   eraser: "Erase",
   smudge: "Smudge",
   fill: "Fill",
+  transform: "Move",
 };
 
 export interface PaintTool extends StageTool {
@@ -37,6 +47,11 @@ export interface PaintTool extends StageTool {
   settle(): void;
   /** The picture with the stroke under the pen, by `pictureKey`; empty without a stroke. */
   unfinished(): Record<string, KeyPicture>;
+  /** The picture of the shown frame, once it is open, and its layer that is chosen; undefined: it cannot be painted on. */
+  present(): KeyPicture | null;
+  target(picture: KeyPicture): PictureLayer | undefined;
+  /** What another tool shows in place of the picture. */
+  adjust(picture: KeyPicture): KeyPicture;
   /** Load the frame's key, or prepare a new one, so that the first stroke is not delayed. */
   prepare(frame: number): void;
 }
@@ -50,14 +65,21 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   let samples: Sample[] = [];
   /** The newest sample, if it is too near to the one before; the last one of a stroke is always kept. */
   let skipped: Sample | null = null;
+  let stabiliser = new Stabiliser(0);
+  /** Where the last stroke of a key has ended: with Shift, the next one begins there. */
+  let ended: { key: string; sample: Sample } | null = null;
+  /** With Shift, a straight line follows the pen. */
+  let straight = false;
 
   async function prepare(frame: number): Promise<void> {
     const key = store.pictureKey(frame);
+    if (store.tip) prepareTip(store.tip);
     const still = () => untracked(() => store.pictureKey(store.frame.value)) === key;
     try {
       const picture = await keys.open(frame, still, true);
       if (still()) open = { key, picture };
       redraw();
+      if (still() && !store.presentResult(frame)) keys.bases.prepare(picture);
     } catch (error) {
       if (!isAbort(error)) notify(error);
     }
@@ -71,10 +93,18 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     return open?.key === store.pictureKey(frame) ? open.picture : null;
   }
 
-  /** The layer to paint on: the chosen one, else the topmost. */
-  function target(picture: KeyPicture): PictureLayer | undefined {
-    return picture.layers.find((layer) => layer.id === store.paintLayer.value) ?? picture.layers.at(-1);
+  /** The layer to paint on: the chosen one, or the key's mask, else the topmost; of a group, its topmost. */
+  function target({ layers, mask }: KeyPicture): PictureLayer | undefined {
+    const id = store.paintLayer.value;
+    if (mask && id === MASK) return mask;
+    const chosen = layers.find((layer) => layer.id === id);
+    if (chosen && !chosen.group) return chosen;
+    const inside = layers.filter(({ group, parent }) => !group && (!chosen || parent === chosen.id));
+    return inside.at(-1) ?? layers.findLast(({ group }) => !group);
   }
+
+  /** Strokes on a layer whose transparency is locked keep it. */
+  const locking = (layer: PictureLayer | null | undefined) => (layer?.locked ? { locked: true } : {});
 
   /** Act on the key and the layer to paint on: now, or once the key is open, if the user starts before that. */
   function whenOpen(act: (picture: KeyPicture, layer: PictureLayer) => void): void {
@@ -99,18 +129,40 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const tool = store.tool.value;
     if (tool === "picker" || sample.alt) whenOpen((picture) => pick(picture, sample));
     else if (tool === "fill") whenOpen((picture, layer) => fill(picture, layer, sample));
+    else if (tool === "eraser" && lockedTarget()) notifyOf(LOCKED);
     else begin(sample, tool === "eraser" || tool === "smudge" ? tool : "brush");
     return true;
   }
 
+  function lockedTarget(): boolean {
+    const picture = present();
+    return Boolean(picture && target(picture)?.locked);
+  }
+
   function begin(sample: PointerSample, kind: DrawnStroke["kind"]): void {
     const picture = present();
-    samples = [rounded(sampleOf(sample))];
+    const key = store.pictureKey(store.frame.value);
+    const { drawing, view, tip } = store;
+    if (drawing.view.value === "source") drawing.view.value = "key";
+    const first = rounded(sampleOf(sample));
+    samples = [first];
+    straight = false;
     skipped = null;
-    const { color: _chosen, ...brush } = store.brush.value;
-    const color = store.brushColor;
-    const stroke: DrawnStroke = kind === "smudge" ? { kind, ...brush, samples } : { kind, color, ...brush, samples };
-    live = { layer: (picture && target(picture)?.id) ?? "", stroke };
+    if (sample.shift && ended?.key === key) {
+      samples = [ended.sample];
+      [skipped, straight] = [first, true];
+    }
+    stabiliser = new Stabiliser(drawing.stabiliser.value / view.value.scale);
+    stabiliser.to(first);
+    const { size, opacity } = store.brush.value;
+    const layer = picture && target(picture);
+    const seed = Math.floor(2 ** 31 * random(10 * first[0], 10 * first[1], layer?.strokes.length ?? 0));
+    const stroke = { size, opacity, samples, ...(tip && { tip, seed }), ...locking(layer) };
+    live = {
+      layer: layer?.id ?? "",
+      stroke: kind === "smudge" ? { kind, ...stroke } : { kind, color: store.brushColor, ...stroke },
+    };
+    if (kind === "brush") drawing.used(store.brushColor);
     clearInterval(keeping);
     keeping = window.setInterval(keep, KEEP_MS);
     redraw();
@@ -118,12 +170,16 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
 
   function move(more: readonly PointerSample[]): void {
     if (!live) return;
-    for (const sample of more.map(sampleOf).map(rounded)) {
+    straight = Boolean(more.at(-1)?.shift);
+    for (const pointed of more) {
+      const pulled = stabiliser.to(rounded(sampleOf(pointed)));
+      if (!pulled) continue;
+      const sample = rounded(pulled);
       const last = samples.at(-1);
-      skipped = last && isNear(last, sample, LEAST_DISTANCE_PX) ? sample : null;
+      skipped = pointed.shift || (last && isNear(last, sample, LEAST_DISTANCE_PX)) ? sample : null;
       if (!skipped) samples.push(sample);
     }
-    redraw();
+    if (straight) redraw();
   }
 
   function up(): void {
@@ -132,10 +188,28 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     live = undefined;
     if (drawn) {
       const { stroke } = drawn;
-      if (skipped) samples.push(skipped);
+      const last = stabiliser.end() ?? skipped;
+      if (last) samples.push(last);
+      ended = { key: store.pictureKey(store.frame.value), sample: samples.at(-1) as Sample };
       whenOpen((picture, layer) => commit(LABELS[stroke.kind], picture, drawn.layer || layer.id, stroke));
     }
     redraw();
+  }
+
+  /** The straight line that the pen is about to draw. */
+  function draw(context: CanvasRenderingContext2D, px: number): void {
+    const [from, to] = [samples.at(-1), stabiliser.end() ?? skipped];
+    if (!live || !straight || !from || !to) return;
+    for (const [color, width] of [
+      ["#000", 3 * px],
+      ["#fff", px],
+    ] as const) {
+      Object.assign(context, { strokeStyle: color, lineWidth: width });
+      context.beginPath();
+      context.moveTo(from[0], from[1]);
+      context.lineTo(to[0], to[1]);
+      context.stroke();
+    }
   }
 
   function cancel(): void {
@@ -148,16 +222,22 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
   }
 
-  function composite(picture: KeyPicture): ImageData {
+  /** Pixels of a picture, or of one of its layers alone. */
+  function composite(picture: KeyPicture, only?: PictureLayer): ImageData {
     const [, context] = createCanvas(store.size);
-    keys.raster.draw(context, store.pictureKey(store.frame.value), picture);
+    const key = store.pictureKey(store.frame.value);
+    if (only) context.drawImage(keys.raster.layer(`${key}/${only.id}`, only), 0, 0);
+    else keys.raster.draw(context, key, picture);
     return context.getImageData(0, 0, store.size.width, store.size.height);
   }
 
   function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): void {
-    const runs = floodRuns(composite(picture).data, store.size, at, FILL_TOLERANCE);
+    const settings = store.drawing.fill.value;
+    const pixels = composite(picture, settings.layerOnly ? layer : undefined);
+    const runs = floodRuns(pixels.data, store.size, at, settings);
     const { opacity } = store.brush.value;
-    const fill: Stroke = { kind: "fill", color: store.brushColor, opacity, runs };
+    const fill: Stroke = { kind: "fill", color: store.brushColor, opacity, runs, ...locking(layer) };
+    store.drawing.used(fill.color);
     if (runs.length) commit(LABELS.fill, picture, layer.id, fill);
   }
 
@@ -165,8 +245,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     const { data, width, height } = composite(picture);
     const [x, y] = [Math.floor(at[0]), Math.floor(at[1])];
     if (x < 0 || y < 0 || x >= width || y >= height) return;
-    const channels = [...data.slice(4 * (y * width + x), 4 * (y * width + x) + 3)];
-    const color = `#${channels.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
+    const color = hexOf(data.slice(4 * (y * width + x), 4 * (y * width + x) + 3));
     store.brush.value = { ...store.brush.value, color };
   }
 
@@ -176,6 +255,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     move,
     up,
     cancel,
+    draw,
     settle: () => live && up(),
     unfinished() {
       const picture = live && present();
@@ -184,10 +264,13 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
       const key = store.pictureKey(store.frame.value);
       return { [key]: addStroke(picture, layer, { ...live.stroke, samples: [...samples] }) };
     },
+    present,
+    target,
+    adjust: (picture) => picture,
     prepare: (frame) => void prepare(frame),
     shown() {
       const picture = present();
-      return picture && { picture, live };
+      return picture && { picture: this.adjust(picture), live };
     },
   };
 }

@@ -20,6 +20,7 @@ export async function paintCards(
   signal: AbortSignal,
   onpicture: (card: string, picture: Blob) => void,
 ): Promise<void> {
+  if (store.removed) return;
   const document = store.document.peek();
   const place = { document, shot: store.shot.peek().id, layer: store.layerId.peek(), frame: store.frame.peek() };
   try {

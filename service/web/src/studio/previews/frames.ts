@@ -24,11 +24,18 @@ export interface FrameSource {
 
 /** Frames that the browser can also play at their own speed. */
 export interface FilmSource extends FrameSource {
-  /** Play from a frame on; false if that is not possible. Wishes of frames count again after `pause`. */
-  play(from: number): boolean;
+  /**
+   * Play from a frame on, `rate` times as fast as filmed, with or without sound; false if that is not possible. Wishes of
+   * frames count again after `pause`.
+   */
+  play(from: number, rate?: number, sound?: boolean): boolean;
   pause(): void;
   /** The frame that is played now. */
   readonly now: number;
+  /** Whether the browser can play it; else its frames can only be sought. */
+  readonly plays: boolean;
+  /** Whether it was played to its end. */
+  readonly ended: boolean;
 }
 
 /** Where frames come from. */
@@ -45,7 +52,7 @@ interface Media {
 }
 
 /** `onshown` is called whenever another frame can be drawn. */
-export function openFrames(asset: Asset, onshown: () => void): FrameSource {
+export function openFrames(asset: Asset, onshown: () => void): FilmSource {
   const media = {
     size: sizeOf(asset),
     fps: asset.info.fps || 25,
@@ -169,15 +176,24 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
       else next();
     },
     copy: () => (fallback ? fallback.copy() : createImageBitmap(still ?? video)),
-    play(from) {
+    play(from, rate = 1, sound = false) {
       if (fallback || shown < 0) return false;
       playing = true;
       still?.close();
       still = null;
-      video.currentTime = seekTime(from, fps);
-      video.play().catch(() => {
-        playing = false;
-      });
+      if (this.now !== from) video.currentTime = seekTime(from, fps); // a seek to the same frame would delay it
+      video.playbackRate = rate;
+      video.muted = !sound;
+      const silently = () => {
+        video.muted = true; // a browser may refuse sound before the first click
+        return video.play();
+      };
+      video
+        .play()
+        .catch(silently)
+        .catch(() => {
+          playing = false;
+        });
       return true;
     },
     pause() {
@@ -189,6 +205,12 @@ function browserFrames(media: Media, onshown: () => void): FilmSource {
     },
     get now() {
       return Math.floor(video.currentTime * fps + 0.01);
+    },
+    get plays() {
+      return !fallback;
+    },
+    get ended() {
+      return video.ended;
     },
     close() {
       fallback?.close();
@@ -289,6 +311,8 @@ function serviceFrames(media: Media, onshown: () => void): FilmSource {
     },
     play: () => false,
     pause() {},
+    plays: false,
+    ended: false,
     get now() {
       return shown;
     },

@@ -22,6 +22,8 @@ const ENLARGING = "Painting this frame at full size";
 export interface Previews {
   /** A frame of the film, painted at the video's size; PNG. */
   full(frame: number): Promise<Blob>;
+  /** A frame of the selected layer alone, as a document has it; PNG. */
+  look(frame: number, document: ProjectDocument): Promise<Blob>;
   /** Find frames that are worth a key. */
   suggest(): Promise<void>;
   close(): void;
@@ -59,7 +61,7 @@ export function startPreviews(store: Store): Previews {
     const done = known?.final && known.document === document && known.layer === layer;
     // With a brush, the stage shows the key itself.
     if (painting || done) notBusy();
-    else if (ready) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
+    else if (ready && !store.removed) timer = window.setTimeout(() => paint(document, frame, layer), REST_MS);
   }
 
   function notBusy(): void {
@@ -157,17 +159,25 @@ export function startPreviews(store: Store): Previews {
     if (!signal.aborted) store.showResult({ frame, picture, scale, final: true, document, layer: layer.id });
   }
 
-  async function full(frame: number, signal = life.signal): Promise<Blob> {
-    const { width, height } = store.size;
+  function full(frame: number, signal = life.signal): Promise<Blob> {
     const layer = shownAlone(store.shot.value, store.layerId.value);
-    const place = { document: store.document.value, shot: store.shot.value.id, layer };
+    return atFullSize(frame, { document: store.document.value, layer }, "full", signal);
+  }
+
+  async function atFullSize(
+    frame: number,
+    of: { document: ProjectDocument; layer: string | undefined },
+    channel: string,
+    signal: AbortSignal,
+  ): Promise<Blob> {
+    const { width, height } = store.size;
     let found: Blob | null = null;
     store.busy.value = `${ENLARGING}…`;
     await preview({
       project: store.projectId,
       what: "paint",
-      channel: "full",
-      body: { ...place, frame, coarse: false, max_side_px: Math.max(width, height) },
+      channel,
+      body: { ...of, shot: store.shot.value.id, frame, coarse: false, max_side_px: Math.max(width, height) },
       signal,
       onrecord({ header, payload }) {
         if (header.type === "progress") store.busy.value = progressText(ENLARGING, header);
@@ -197,6 +207,8 @@ export function startPreviews(store: Store): Previews {
 
   return {
     full: (frame) => full(frame),
+    look: (frame, document) =>
+      atFullSize(frame, { document, layer: store.layer.value.id }, `look-${frame}`, life.signal),
     suggest,
     close() {
       dispose();

@@ -1,36 +1,66 @@
 /** Elements that direct the strokes of a region: placed, moved, turned and sized on the stage, with the field they make. */
 
-import { type Signal, signal } from "@preact/signals";
+import { effect, type Signal, signal } from "@preact/signals";
 import {
   type Design,
   type DirectionElement,
   type DirectionKey,
   type Pattern,
   putOnTrack,
+  REST,
   trackOf,
 } from "../document/design";
 import { keyAt, type Point } from "../document/document";
 import { DRAG_MS, GROUP_MS } from "../document/undo";
-import { angleOf, directionAt, distance, isSymmetric } from "../drawing/geometry";
+import { angleOf, directionAt, distance, distanceOf, isSymmetric } from "../drawing/geometry";
 import type { Store } from "../state/store";
 import type { PointerSample, StageTool } from "../state/tool";
+import type { FilmView } from "./film-view";
+import { drawField, type Field } from "./true-field";
 
-/** Region of all pixels that no other region has. */
-export const REST = "rest";
 const HANDLE_PX = 14;
 const FIELD_PX = 26;
 const DEFAULT_REACH = 0.35;
+/** Share of the picture's own directions in a new key. */
+export const EDGE_WEIGHT = 0.2;
+/** Distance of the handle of an element that reaches everywhere, heights of the picture. */
+const HANDLE_REACH = 0.35;
 
 export const pattern: Signal<Pattern> = signal("regular");
 /** Index of the selected element; -1: none. */
 export const selectedElement = signal(-1);
 
-/** The directions of the selected region that hold at the shown frame. */
+/** What the design sets at the shown frame, by region, once the service has told it. */
+const moved: Signal<Field["moved"]> = signal({});
+export const followField = (field: FilmView<Field>): (() => void) =>
+  effect(() => {
+    moved.value = field.present?.moved ?? {};
+  });
+
+/** The directions of the selected region that hold at the shown frame; at other frames than its own, a key has moved. */
 export function presentKey(store: Store): DirectionKey | undefined {
-  return keyAt(trackOf(store.design.directions, store.region.value || REST), store.frame.value);
+  const region = store.region.value || REST;
+  const key = keyAt(trackOf(store.design.directions, region), store.frame.value);
+  return key && key.frame !== store.frame.value ? { ...key, ...moved.value[region] } : key;
 }
 
-/** Change the elements at the shown frame; a key there is made if there was none. */
+/** Change the directions of the selected region at the shown frame; a key there is made if there was none. */
+export function editDirections(
+  store: Store,
+  label: string,
+  change: (key: DirectionKey) => Partial<DirectionKey>,
+  group = "",
+  within = GROUP_MS,
+): void {
+  const region = store.region.value || REST;
+  const frame = store.frame.value;
+  const known: DirectionKey = { edge_weight: EDGE_WEIGHT, elements: [], ...presentKey(store), region, frame };
+  const key = { ...known, ...change(known) };
+  const put = (design: Design) => ({ ...design, directions: putOnTrack(design.directions, key) });
+  store.editDesign(label, put, group, within);
+}
+
+/** Change the elements at the shown frame. */
 export function editElements(
   store: Store,
   label: string,
@@ -38,19 +68,13 @@ export function editElements(
   group = "",
   within = GROUP_MS,
 ): void {
-  const region = store.region.value || REST;
-  const frame = store.frame.value;
-  const known = presentKey(store);
-  const elements = change(known?.elements ?? []);
-  const key: DirectionKey = { edge_weight: 0.2, ...known, region, frame, elements };
-  const put = (design: Design) => ({ ...design, directions: putOnTrack(design.directions, key) });
-  store.editDesign(label, put, group, within);
+  editDirections(store, label, ({ elements }) => ({ elements: change(elements) }), group, within);
 }
 
 /** "size": a new element, of which the pointer sets the reach, and the angle where that turns the whole pattern. */
 type Drag = "move" | "turn" | "size";
 
-export function createDirectionTool(store: Store, redraw: () => void): StageTool {
+export function createDirectionTool(store: Store, field: FilmView<Field>, redraw: () => void): StageTool {
   let drag: Drag | null = null;
   let drags = 0;
 
@@ -58,9 +82,9 @@ export function createDirectionTool(store: Store, redraw: () => void): StageTool
   const toPixels = ([x, y]: Point): Point => [x * store.size.width, y * store.size.height];
 
   /** Where the handle for angle and reach is, px. */
-  function handleOf({ at, angle = 0, reach = 0 }: DirectionElement): Point {
+  function handleOf({ at, angle = 0, reach }: DirectionElement): Point {
     const [x, y] = toPixels(at);
-    const length = (reach || 1) * store.size.height;
+    const length = (distanceOf(reach) || HANDLE_REACH) * store.size.height;
     const turn = (angle * Math.PI) / 180;
     return [x + length * Math.cos(turn), y + length * Math.sin(turn)];
   }
@@ -117,16 +141,20 @@ export function createDirectionTool(store: Store, redraw: () => void): StageTool
     const reach = distance(centre, at) / store.size.height;
     if (reach < 0.01) return element;
     const angle = drag === "size" && isSymmetric(element.pattern) ? 0 : Math.round(angleOf(centre, at));
-    return { ...element, angle, reach: Math.round(reach * 100) / 100 };
+    const everywhere = drag === "turn" && !distanceOf(element.reach);
+    return { ...element, angle, ...(!everywhere && { reach: Math.round(reach * 100) / 100 }) };
   }
 
   function draw(context: CanvasRenderingContext2D, px: number): void {
     const elements = presentKey(store)?.elements ?? [];
-    if (elements.length) drawField(context, elements, px);
+    const found = field.present;
+    if (found && !drag) drawField(context, found, store.size, px);
+    else if (elements.length) drawElements(context, elements, px);
     for (const [i, element] of elements.entries()) drawElement(context, element, i === selectedElement.value, px);
   }
 
-  function drawField(context: CanvasRenderingContext2D, elements: readonly DirectionElement[], px: number): void {
+  /** The field of the elements alone, until the service has the film's. */
+  function drawElements(context: CanvasRenderingContext2D, elements: readonly DirectionElement[], px: number): void {
     const { width, height } = store.size;
     const spacing = FIELD_PX * px;
     context.lineCap = "round";

@@ -2,8 +2,9 @@
 
 import { signal } from "@preact/signals";
 import { asProblem, isAbort } from "../../api/api";
+import { colourOf } from "../clusters/label-edits";
 import { pictureOf, preview } from "../document/api";
-import { type Design, moveTube, type Region, splitRegion, tubesOf, withRegion } from "../document/design";
+import { type Design, moveTube, REST, type Region, splitRegion, tubesOf, withRegion } from "../document/design";
 import { freeName, type Point } from "../document/document";
 import type { RegionsHeader } from "../document/records";
 import { DRAG_MS } from "../document/undo";
@@ -11,6 +12,7 @@ import { distance, simplify } from "../drawing/geometry";
 import { createCanvas } from "../drawing/raster";
 import type { Store } from "../state/store";
 import type { PointerSample, StageTool } from "../state/tool";
+import type { RegionMaps } from "./region-map";
 
 const SIMPLIFY = 0.002;
 const LEAST_POINTS = 3;
@@ -31,21 +33,27 @@ export type RegionsState = "unknown" | "loading" | "ready" | "missing";
 /** Whether the service can find regions; unknown before the first request. */
 export const regionsState = signal<RegionsState>("unknown");
 
+/** Whether the stage shows all objects of the frame in colours, and the borders of their parts. */
+export const segmentationShown = signal(false);
+
 /** How many objects there are in the shown frame; 0 until they are known. */
 export const objectCount = signal(0);
 
 export interface RegionTool extends StageTool {
   /** Find the regions of a frame, unless they are known. */
   load(frame: number): void;
+  /** Draw all objects of the shown frame; the context is in pixels of the video. */
+  drawAll(context: CanvasRenderingContext2D): void;
 }
 
-export function createRegionTool(store: Store, redraw: () => void): RegionTool {
+export function createRegionTool(store: Store, maps: RegionMaps, redraw: () => void): RegionTool {
   let map: TubeMap | null = null;
   let running = new AbortController();
   let hovered = -1;
   /** While Alt is held and the pointer is down: the region that is split, the part that becomes one of its own, the last point. */
   let splitting: { owner: string; name: string; last: Point } | null = null;
   let overlay: { key: string; canvas: HTMLCanvasElement } | null = null;
+  let whole: { map: TubeMap; canvas: HTMLCanvasElement } | null = null;
 
   async function load(frame: number): Promise<void> {
     if (map?.frame === frame || regionsState.value === "missing") return;
@@ -114,11 +122,12 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     if (tube < 0 || !map) return false;
     const object = map.objects.get(tube) ?? -1;
     const { design } = store;
-    const owner = ownerOf(design, tube, object);
+    const shown = maps.regionAt(at);
+    const owner = shown && shown !== REST ? shown : ownerOf(design, tube, object);
     const selected = design.regions?.[store.region.value];
     if (shift && selected && !selected.polygons) extend(store.region.value, tube, object, alt);
     else if (owner && alt) split(owner, tube, at);
-    else if (owner) store.region.value = owner;
+    else if (owner) store.region.value = owner === store.region.value ? "" : owner;
     else create(alt || object < 0 ? { tubes: [tube] } : { objects: [object] });
     redraw();
     return true;
@@ -178,20 +187,32 @@ export function createRegionTool(store: Store, redraw: () => void): RegionTool {
     return { ...rest, tubes: [...new Set([...tubesOf(region, partsOf), ...more])].sort((a, b) => a - b) };
   }
 
-  /** Everything but the selected and the hovered region is dimmed. */
+  /** What the pointer is over is marked; until the service has the film's regions, all but the selected one is dimmed. */
   function draw(context: CanvasRenderingContext2D): void {
     if (!map) return;
-    const region = store.design.regions?.[store.region.value];
-    const key = JSON.stringify([map.frame, hovered, region]);
-    if (overlay?.key !== key) overlay = { key, canvas: dimmed(map, region, hovered) };
+    const region = maps.view.present ? undefined : store.design.regions?.[store.region.value];
+    const chosen = store.design.regions?.[store.region.value];
+    const key = JSON.stringify([map.frame, hovered, region, chosen]);
+    if (overlay?.key !== key) overlay = { key, canvas: dimmed(map, region, chosen, hovered) };
+    drawMap(context, overlay.canvas);
+  }
+
+  function drawMap(context: CanvasRenderingContext2D, canvas: HTMLCanvasElement): void {
     context.imageSmoothingEnabled = false;
-    context.drawImage(overlay.canvas, 0, 0, store.size.width, store.size.height);
+    context.drawImage(canvas, 0, 0, store.size.width, store.size.height);
     context.imageSmoothingEnabled = true;
+  }
+
+  function drawAll(context: CanvasRenderingContext2D): void {
+    if (!segmentationShown.value || !store.section("regions") || map?.frame !== store.frame.value) return;
+    if (whole?.map !== map) whole = { map, canvas: coloured(map) };
+    drawMap(context, whole.canvas);
   }
 
   return {
     cursor: "pointer",
     load: (frame) => void load(frame),
+    drawAll,
     down,
     move,
     up() {
@@ -229,12 +250,42 @@ const has = (region: Region, tube: number, object: number): boolean =>
 const ownerOf = (design: Design, tube: number, object: number): string | undefined =>
   Object.entries(design.regions ?? {}).findLast(([, region]) => has(region, tube, object))?.[0];
 
-function dimmed(map: TubeMap, region: Region | undefined, hovered: number): HTMLCanvasElement {
+const HUE_ALPHA = 150;
+const DARK = [20, 16, 12, 255];
+const LIGHT = [255, 255, 255, 255];
+
+/** Every object in a colour, white lines between its parts, dark ones between objects. */
+function coloured(map: TubeMap): HTMLCanvasElement {
+  const [canvas, context] = createCanvas(map);
+  const image = context.createImageData(map.width, map.height);
+  const objectAt = (i: number) => map.objects.get(map.tubes[i] ?? 0) ?? 0;
+  const numbers = [0, ...new Set(map.objects.values())];
+  const colours = new Map(numbers.map((object) => [object, [...colourOf(object + 1), HUE_ALPHA]]));
+  map.tubes.forEach((tube, i) => {
+    const left = i % map.width ? i - 1 : i;
+    const above = i >= map.width ? i - map.width : i;
+    const object = objectAt(i);
+    const part = map.tubes[left] === tube && map.tubes[above] === tube;
+    if (!part && (objectAt(left) !== object || objectAt(above) !== object)) image.data.set(DARK, 4 * i);
+    else if (!part) image.data.set(LIGHT, 4 * i);
+    else image.data.set(colours.get(object) ?? LIGHT, 4 * i);
+  });
+  context.putImageData(image, 0, 0);
+  return canvas;
+}
+
+/** `region`: everything else is dimmed; `selected` is not marked under the pointer. */
+function dimmed(
+  map: TubeMap,
+  region: Region | undefined,
+  selected: Region | undefined,
+  hovered: number,
+): HTMLCanvasElement {
   const [canvas, context] = createCanvas(map);
   const image = context.createImageData(map.width, map.height);
   map.tubes.forEach((tube, i) => {
     const object = map.objects.get(tube) ?? -1;
-    const chosen = region ? has(region, tube, object) : false;
+    const chosen = selected ? has(selected, tube, object) : false;
     const pointed = hovered === tube || hovered === object + 1_000_000;
     const at = 4 * i;
     if (pointed && !chosen) image.data.set([255, 214, 90, 90], at);
@@ -244,9 +295,10 @@ function dimmed(map: TubeMap, region: Region | undefined, hovered: number): HTML
   return canvas;
 }
 
-/** A closed line round a region of one's own, in the shown frame. */
+/** A closed line round a region of one's own, in the shown frame; with Shift, a further part of the selected one. */
 export function createLassoTool(store: Store, redraw: () => void): StageTool {
   let points: Point[] = [];
+  let further = false;
 
   function up(): void {
     const { width, height } = store.size;
@@ -264,17 +316,18 @@ export function createLassoTool(store: Store, redraw: () => void): StageTool {
     const known = store.design.regions ?? {};
     const name = selected?.polygons ? store.region.value : freeName("region", (candidate) => candidate in known);
     store.editDesign("Draw a region", (design) => {
-      const others = design.regions?.[name]?.polygons?.filter((polygon) => polygon.frame !== frame) ?? [];
+      const others = design.regions?.[name]?.polygons?.filter((polygon) => further || polygon.frame !== frame) ?? [];
       const polygons = [...others, { frame, points: outline }].sort((a, b) => a.frame - b.frame);
-      return withRegion(design, name, { polygons });
+      return withRegion(design, name, { ...design.regions?.[name], polygons });
     });
     store.region.value = name;
   }
 
   return {
     cursor: "crosshair",
-    down({ at }) {
+    down({ at, shift }) {
       points = [at];
+      further = shift;
       return true;
     },
     move(samples) {

@@ -5,39 +5,35 @@ import * as api from "../../api/api";
 import type { Section } from "../../api/schemas";
 import { humanise } from "../../ui/format";
 import { Icon, IconButton } from "../../ui/icons";
-import {
-  type Design,
-  type Ease,
-  mergeRegions,
-  type Pattern,
-  putOnTrack,
-  removeFromTrack,
-  removeRegion,
-  renameRegion,
-  type StyleKey,
-  trackOf,
-  withRegion,
-} from "../document/design";
+import { type Design, mergeRegions, REST, removeRegion, renameRegion, withRegion } from "../document/design";
 import { type Layer, withPart } from "../document/document";
-import type { Store } from "../state/store";
-import { styleAt } from "../state/timeline";
-import { StyleCards } from "../styles/style-cards";
-import { editElements, pattern, presentKey, REST, selectedElement } from "./direction-tool";
-import { objectCount, type RegionsState, regionsState } from "./region-tool";
-import { shownParameter } from "./style-lane";
+import { MAX_BRUSH_PX, type Store } from "../state/store";
+import { correctionsHere, removeCorrections } from "./correction-tool";
+import { selectedElement } from "./direction-tool";
+import { Directions } from "./directions-section";
+import type { FilmView } from "./film-view";
+import type { RegionMaps } from "./region-map";
+import { objectCount, type RegionsState, regionsState, segmentationShown } from "./region-tool";
+import { StyleKeys } from "./style-keys";
+import type { Field } from "./true-field";
 
-interface RegionsProps {
+export interface RegionsProps {
   store: Store;
   section: Section;
 }
 
-export function RegionsSection({ store, section }: RegionsProps) {
+export interface RegionsSectionProps extends RegionsProps {
+  maps: RegionMaps;
+  field: FilmView<Field>;
+}
+
+export function RegionsSection({ store, section, maps, field }: RegionsSectionProps) {
   return (
     <>
       <Effects store={store} section={section} />
-      <RegionList store={store} section={section} />
+      <RegionList store={store} section={section} maps={maps} />
       <StyleKeys store={store} section={section} />
-      <Directions store={store} />
+      <Directions store={store} field={field} />
     </>
   );
 }
@@ -84,9 +80,12 @@ function withDesign(layer: Layer, { part, replaces }: Section, { regions, keys, 
 }
 
 /** Regions by name, with `rest` for all pixels that no region has. */
-const regionNames = (design: Design): string[] => [REST, ...Object.keys(design.regions ?? {})];
+const regionNames = (design: Design): string[] => [
+  REST,
+  ...Object.keys(design.regions ?? {}).filter((name) => name !== REST),
+];
 
-function RegionList({ store, section }: RegionsProps) {
+function RegionList({ store, section, maps }: RegionsProps & { maps: RegionMaps }) {
   const { design } = store;
   const names = regionNames(design);
   const selected = store.region.value || REST;
@@ -107,7 +106,7 @@ function RegionList({ store, section }: RegionsProps) {
               type="button"
               class="layer-name"
               aria-pressed={name === selected}
-              onClick={() => choose(store, name)}
+              onClick={() => choose(store, name === selected ? REST : name)}
             >
               {name === REST ? "Everything else" : name}
             </button>
@@ -131,17 +130,104 @@ function RegionList({ store, section }: RegionsProps) {
           </select>
         </label>
       )}
+      {selected !== REST && (
+        <label class="inline-field">
+          At its border
+          <select
+            value={design.regions?.[selected]?.border ?? "plain"}
+            onChange={(event) => setBorder(store, selected, event.currentTarget.value)}
+          >
+            {BORDERS.map(([border, title]) => (
+              <option key={border} value={border}>
+                {title}
+              </option>
+            ))}
+          </select>
+        </label>
+      )}
+      <details class="more-settings">
+        <summary>The segmentation</summary>
+        <label class="check-row">
+          <input
+            type="checkbox"
+            checked={segmentationShown.value}
+            disabled={!store.previews.value || state === "missing"}
+            onChange={(event) => {
+              segmentationShown.value = event.currentTarget.checked;
+            }}
+          />
+          Show all objects and their parts
+        </label>
+        <Corrections store={store} of={selected === REST ? "everything else" : selected} />
+      </details>
+      {maps.view.problem.value && <p class="hint">{maps.view.problem.value}</p>}
     </section>
+  );
+}
+
+const BORDERS: [string, string][] = [
+  ["plain", "Styles jump"],
+  ["sharp", "Nothing crosses it"],
+  ["soft", "Styles change gradually"],
+];
+
+function setBorder(store: Store, name: string, border: string): void {
+  store.editDesign("Change a border", (design) => withRegion(design, name, { ...design.regions?.[name], border }));
+}
+
+/** The brush that corrects which pixels a region has. */
+function Corrections({ store, of }: { store: Store; of: string }) {
+  const here = correctionsHere(store).length;
+  const correcting = store.tool.value === "correct";
+  return (
+    <>
+      <button
+        type="button"
+        class="button small"
+        aria-pressed={correcting}
+        onClick={() => {
+          store.tool.value = correcting ? "pan" : "correct";
+        }}
+      >
+        <Icon name="brush" />
+        Correct with a brush
+      </button>
+      {correcting && (
+        <>
+          <label class="style-slider">
+            <span>Brush width</span>
+            <input
+              type="range"
+              min={1}
+              max={MAX_BRUSH_PX}
+              value={store.brush.value.size}
+              aria-label="Width of the correcting brush"
+              onInput={(event) => store.resizeBrush(Number(event.currentTarget.value))}
+            />
+            <output>{store.brush.value.size} px</output>
+          </label>
+          <p class="hint">
+            What you paint belongs to {of}, in the whole shot, along the motion. Alt gives it back to everything else.
+          </p>
+        </>
+      )}
+      {here > 0 && (
+        <button type="button" class="button small" onClick={() => removeCorrections(store)}>
+          <Icon name="trash" />
+          Remove the corrections of this frame ({here})
+        </button>
+      )}
+    </>
   );
 }
 
 function regionsHint(state: RegionsState, previews: boolean): string {
   if (state === "loading") return "Finding what moves together in this shot…";
   if (!previews || state === "missing")
-    return "Draw a region on the stage with the lasso; draw it again in other frames.";
+    return "Draw a region on the stage with the lasso; draw it again in other frames. Shift adds a part.";
   const count = objectCount.value;
   const one = state === "ready" && count > 0 ? `one of the ${count} objects of this frame` : "an object on the stage";
-  return `Pick ${one}: click it. Shift adds to the region, Alt makes the part of it under a click or a stroke a region of its own. Or draw with the lasso.`;
+  return `Pick ${one}: click it. Shift adds to the region, Alt makes the part of it under a click or a stroke a region of its own. A second click ends the selection. Or draw with the lasso.`;
 }
 
 function kindOf(design: Design, name: string): string {
@@ -167,229 +253,4 @@ function rename(store: Store, from: string): void {
   if (!NAME.test(to) || to in (store.design.regions ?? {}) || to === REST) return;
   store.editDesign("Rename a region", (design) => renameRegion(design, from, to));
   store.region.value = to;
-}
-
-// -- styles -----------------------------------------------------------------------------------------------------------
-
-const EASES: [Ease, string][] = [
-  ["linear", "Steadily"],
-  ["smooth", "Smoothly"],
-  ["in", "Slowly at first"],
-  ["out", "Slowly at the end"],
-  ["hold", "At once, at the next key"],
-];
-
-function StyleKeys({ store, section }: RegionsProps) {
-  const region = store.region.value || REST;
-  const track = trackOf(store.design.keys, region);
-  const key = styleAt(track, store.frame.value);
-  const exact = key?.frame === store.frame.value;
-  const edit = (label: string, change: Partial<StyleKey>, group = "") => {
-    const next: StyleKey = { ...key, ...change, region, frame: store.frame.value };
-    const keyed = (design: Design) => ({ ...design, keys: putOnTrack(design.keys, next) });
-    store.editDesign(label, (design) => withBorder(keyed(design), region), group);
-  };
-  const drop = () =>
-    store.editDesign("Remove a style key", (design) => ({
-      ...design,
-      keys: removeFromTrack(design.keys, region, store.frame.value),
-    }));
-  return (
-    <section class="side-section" aria-labelledby="styles-title">
-      <h2 id="styles-title">Style of {region === REST ? "everything else" : region}</h2>
-      <StyleCards
-        store={store}
-        section={section}
-        chosen={key?.style ?? ""}
-        onChoose={(style) => edit("Choose a style", { style })}
-      />
-      {key && (
-        <>
-          {section.sliders.map(({ name, title, minimum, maximum, step }) => (
-            <StyleSlider
-              key={name}
-              title={title}
-              min={minimum}
-              max={maximum}
-              step={step}
-              value={key.set?.[name]}
-              onChange={(value) => {
-                shownParameter.value = name;
-                edit(`Change ${title.toLowerCase()}`, { set: changed(key, name, value) }, `style-${name}`);
-              }}
-            />
-          ))}
-          <label class="inline-field">
-            Change to the next key
-            <select
-              value={key.ease ?? "linear"}
-              onChange={(event) => edit("Change the easing", { ease: event.currentTarget.value as Ease })}
-            >
-              {EASES.map(([ease, title]) => (
-                <option key={ease} value={ease}>
-                  {title}
-                </option>
-              ))}
-            </select>
-          </label>
-        </>
-      )}
-      <p class="hint">
-        {track.length
-          ? `${track.length > 1 ? "Keys at frames" : "Key at frame"} ${track.map((one) => one.frame + 1).join(", ")}. `
-          : ""}
-        {key && !exact ? "A change here makes a key at this frame." : ""}
-        {!key && store.design.keys?.length ? "Without a style of its own, it takes those of the others." : ""}
-      </p>
-      {exact && (
-        <button type="button" class="button small" onClick={drop}>
-          <Icon name="trash" />
-          Remove the key at this frame
-        </button>
-      )}
-    </section>
-  );
-}
-
-/** The design with a border round the region across which its style does not spread, unless it has a border already: the
- * style is for this region only. */
-function withBorder(design: Design, name: string): Design {
-  const region = design.regions?.[name];
-  return region && !region.border ? withRegion(design, name, { ...region, border: "sharp" }) : design;
-}
-
-function changed(key: StyleKey, name: string, value: number | undefined): StyleKey["set"] {
-  const { [name]: _old, ...rest } = key.set ?? {};
-  return value === undefined ? rest : { ...rest, [name]: value };
-}
-
-interface StyleSliderProps {
-  title: string;
-  min: number;
-  max: number;
-  step: number;
-  value: unknown | undefined;
-  onChange(value: number | undefined): void;
-}
-
-/** A parameter of the style, unchanged until it is moved. */
-function StyleSlider({ title, min, max, step, value, onChange }: StyleSliderProps) {
-  const set = typeof value === "number";
-  return (
-    <label class="style-slider">
-      <span>{title}</span>
-      <input
-        type="range"
-        min={min}
-        max={max}
-        step={step}
-        value={set ? value : (min + max) / 2}
-        class={set ? "" : "unset"}
-        aria-label={title}
-        onInput={(event) => onChange(Number(event.currentTarget.value))}
-      />
-      <output>{set ? value : "style's own"}</output>
-      {set && <IconButton name="retry" label={`Reset ${title}`} onClick={() => onChange(undefined)} />}
-    </label>
-  );
-}
-
-// -- directions -------------------------------------------------------------------------------------------------------
-
-const PATTERNS: [Pattern, string][] = [
-  ["regular", "Parallel"],
-  ["center", "Circles"],
-  ["spiral", "Spiral"],
-  ["node", "Rays"],
-  ["saddle", "Crossing"],
-  ["wedge", "Round one end"],
-];
-
-function Directions({ store }: { store: Store }) {
-  const key = presentKey(store);
-  const elements = key?.elements ?? [];
-  const selected = elements[selectedElement.value];
-  const angle = (((selected?.angle ?? 0) + 180) % 360) - 180;
-  const pick = (value: Pattern) => {
-    pattern.value = value;
-    store.tool.value = "direction";
-    if (selected) change({ pattern: value });
-  };
-  const change = (to: Partial<NonNullable<typeof selected>>) =>
-    editElements(
-      store,
-      "Change a direction",
-      (list) => list.map((one, i) => (i === selectedElement.value ? { ...one, ...to } : one)),
-      "direction-element",
-    );
-  const drop = () => {
-    editElements(store, "Remove a direction", (list) => list.filter((_, i) => i !== selectedElement.value));
-    selectedElement.value = -1;
-  };
-  return (
-    <section class="side-section" aria-labelledby="directions-title">
-      <h2 id="directions-title">Directions</h2>
-      <p class="hint">Choose a pattern, press on the stage and drag: the strokes of the region follow it.</p>
-      <div class="chips" role="group" aria-label="Pattern">
-        {PATTERNS.map(([value, title]) => (
-          <button
-            key={value}
-            type="button"
-            class="chip-button"
-            aria-pressed={pattern.value === value}
-            onClick={() => pick(value)}
-          >
-            {title}
-          </button>
-        ))}
-      </div>
-      {selected && (
-        <>
-          <label class="style-slider">
-            <span>Strength</span>
-            <input
-              type="range"
-              min={0}
-              max={5}
-              step={0.1}
-              value={selected.strength ?? 1}
-              aria-label="Strength"
-              onInput={(event) => change({ strength: Number(event.currentTarget.value) })}
-            />
-            <output>{selected.strength ?? 1}</output>
-          </label>
-          <label class="style-slider">
-            <span>Angle</span>
-            <input
-              type="range"
-              min={-180}
-              max={180}
-              step={1}
-              value={angle}
-              aria-label="Angle"
-              onInput={(event) => change({ angle: Number(event.currentTarget.value) })}
-            />
-            <output>{angle}°</output>
-          </label>
-          <label class="style-slider">
-            <span>Reach</span>
-            <input
-              type="range"
-              min={0.02}
-              max={2}
-              step={0.01}
-              value={selected.reach || 2}
-              aria-label="Reach"
-              onInput={(event) => change({ reach: Number(event.currentTarget.value) })}
-            />
-            <output>{selected.reach ? `${Math.round(100 * selected.reach)} %` : "everywhere"}</output>
-          </label>
-          <button type="button" class="button small" onClick={drop}>
-            <Icon name="trash" />
-            Remove this direction
-          </button>
-        </>
-      )}
-    </section>
-  );
 }

@@ -2,6 +2,7 @@
 
 import { useMemo } from "preact/hooks";
 import type { Method, Params, Section } from "../../api/schemas";
+import { applies, type Situation } from "../../forms/applies";
 import { Inputs } from "../../forms/inputs";
 import { MethodCards, Presets } from "../../forms/method-cards";
 import { fitting, outputSchema } from "../../forms/output-form";
@@ -9,27 +10,37 @@ import { Form } from "../../forms/schema-form";
 import { notify } from "../../ui/notices";
 import type { Clusters } from "../clusters/clusters";
 import { ClustersSection } from "../clusters/clusters-section";
-import { addAsset, changeLayer, type Layer, type LayerPlace } from "../document/document";
+import { addAsset, changeLayer, inputsOf, type Layer, type LayerPlace } from "../document/document";
+import type { Film } from "../films/film";
 import type { FilmFrame, Films } from "../films/films";
 import { SubmitBar } from "../films/submit-bar";
 import type { Foreground } from "../keys/foreground";
+import type { KeyActions } from "../keys/key-actions";
 import type { PaintedKeys } from "../keys/keys";
 import { KeysSection } from "../keys/keys-section";
 import { MarksSection } from "../keys/marks-section";
 import { usePresetPictures } from "../previews/preset-pictures";
+import type { FilmView } from "../regions/film-view";
+import type { RegionMaps } from "../regions/region-map";
 import { RegionsSection } from "../regions/regions-section";
+import type { Field } from "../regions/true-field";
 import type { Store } from "../state/store";
-import { SaveStyle, StyleLibrary } from "../styles/style-library";
+import { SchemeSection } from "../styles/scheme-section";
+import { StyleLibrary } from "../styles/style-library";
 import { LayersSection } from "./layers-section";
 import { Lesson } from "./lesson";
 import { Variants } from "./variants";
 
 export interface PanelProps {
   store: Store;
+  film: Film;
   films: Films;
   keys: PaintedKeys;
+  actions: KeyActions;
   clusters: Clusters;
   foreground: Foreground;
+  maps: RegionMaps;
+  field: FilmView<Field>;
   /** Save everything; false if that failed. */
   saveAll(): Promise<boolean>;
   /** Make the present painting of the shown frame a key. */
@@ -40,7 +51,21 @@ export interface PanelProps {
   suggest(): Promise<void>;
 }
 
-export function Panel({ store, films, keys, clusters, foreground, saveAll, correct, take, suggest }: PanelProps) {
+export function Panel({
+  store,
+  film,
+  films,
+  keys,
+  actions,
+  clusters,
+  foreground,
+  maps,
+  field,
+  saveAll,
+  correct,
+  take,
+  suggest,
+}: PanelProps) {
   const method = store.method.value;
   return (
     <aside class="panel designer-panel" aria-label="Settings">
@@ -60,10 +85,14 @@ export function Panel({ store, films, keys, clusters, foreground, saveAll, corre
           <MethodParts
             key={`${store.layer.value.id}-${method.name}`}
             store={store}
+            film={film}
             films={films}
             keys={keys}
+            actions={actions}
             clusters={clusters}
             foreground={foreground}
+            maps={maps}
+            field={field}
             solve={() => films.submit(saveAll).catch(notify)}
             method={method}
             saveAll={saveAll}
@@ -73,7 +102,7 @@ export function Panel({ store, films, keys, clusters, foreground, saveAll, corre
           />
         )}
       </div>
-      <SubmitBar store={store} films={films} saveAll={saveAll} />
+      <SubmitBar store={store} film={film} films={films} saveAll={saveAll} />
     </aside>
   );
 }
@@ -88,13 +117,12 @@ function MethodParts(props: MethodPartsProps) {
   const { store, method, saveAll } = props;
   return (
     <>
-      <StyleLibrary store={store} method={method} />
-      <LayerInputs store={store} method={method} />
       {method.studio.sections.map((section) => (
         <PartSection key={section.part} {...props} section={section} />
       ))}
+      <StyleLibrary store={store} method={method} />
+      <LayerInputs store={store} method={method} />
       <AllSettings store={store} method={method} />
-      <SaveStyle store={store} />
       <LayersSection store={store} />
       <Variants store={store} saveAll={saveAll} />
       <OutputSettings store={store} method={method} />
@@ -104,14 +132,23 @@ function MethodParts(props: MethodPartsProps) {
 
 /** The editor of one part of the layer. */
 function PartSection({ section, ...props }: MethodPartsProps & { section: Section }) {
-  const { store, keys, clusters, foreground, correct, take, suggest, solve } = props;
+  const { store, keys, actions, clusters, foreground, maps, field, correct, take, suggest, solve } = props;
   const editors = {
     keys: () => (
-      <KeysSection store={store} section={section} keys={keys} correct={correct} take={take} suggest={suggest} />
+      <KeysSection
+        store={store}
+        section={section}
+        keys={keys}
+        actions={actions}
+        correct={correct}
+        take={take}
+        suggest={suggest}
+      />
     ),
     marks: () => <MarksSection store={store} section={section} keys={keys} foreground={foreground} />,
     clusters: () => <ClustersSection store={store} section={section} clusters={clusters} solve={solve} />,
-    regions: () => <RegionsSection store={store} section={section} />,
+    regions: () => <RegionsSection store={store} section={section} maps={maps} field={field} />,
+    histogram: () => <SchemeSection store={store} section={section} />,
   };
   return editors[section.editor]();
 }
@@ -123,8 +160,14 @@ function choose(store: Store, method: string): void {
 
 /** The inputs that are plain files; painted keys, designs and masks are made on the stage instead. */
 function LayerInputs({ store, method }: { store: Store; method: Method }) {
+  const { inputs = NONE, params } = store.layer.value;
+  const values = { ...method.defaults, ...params };
+  const situation = situationOf(store, method);
   const specs = method.inputs.filter(
-    (spec) => spec.name !== "video" && (spec.required || ["image", "image-or-video"].includes(spec.kind)),
+    (spec) =>
+      spec.name !== "video" &&
+      (spec.required || ["image", "image-or-video"].includes(spec.kind)) &&
+      (spec.name in inputs || applies(spec.applies_when, values, situation)),
   );
   const main = specs.filter((spec) => spec.name === method.studio.painting);
   const ordered = [...main, ...specs.filter((spec) => !main.includes(spec))];
@@ -146,6 +189,13 @@ function setInputs(store: Store, place: LayerPlace, values: Record<string, strin
   });
 }
 
+/** What is known of the layer's inputs and of the shot's video. A layer with a video of its own has no passes. */
+function situationOf(store: Store, method: Method): Situation {
+  const inputs = inputsOf(store.layer.value, method.inputs);
+  const passes = store.layer.value.inputs?.video ? [] : store.asset.info.passes?.kinds;
+  return { inputs, passes };
+}
+
 const NONE: Params = {};
 
 /** Presets and the form of all parameters. */
@@ -165,6 +215,7 @@ function AllSettings({ store, method }: { store: Store; method: Method }) {
         schema={method.params_schema}
         values={params}
         open={0}
+        situation={situationOf(store, method)}
         search
         onChange={(values, valid) => {
           if (valid) store.editLayer("Change settings", (layer) => ({ ...layer, params: values }), "params");
@@ -178,7 +229,7 @@ function OutputSettings({ store, method }: { store: Store; method: Method }) {
   const { seed } = store.layer.value;
   const { output } = store.document.value;
   const schema = useMemo(() => {
-    const { properties: { name: _name, ...properties } = {} } = outputSchema(method.artefacts, output?.format);
+    const { properties: { name: _name, ...properties } = {} } = outputSchema(method, output?.format);
     return { properties };
   }, [method, output?.format]);
   const values = useMemo(() => ({ ...(output as Params | undefined), ...(seed && { seed }) }), [output, seed]);

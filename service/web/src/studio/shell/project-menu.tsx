@@ -1,18 +1,21 @@
 /** The project as a whole: a link to show it to others, a file to take it elsewhere, and its earlier versions. */
 
 import { useRef, useState } from "preact/hooks";
-import { saveFile } from "../../api/api";
+import { download, saveFile } from "../../api/api";
 import { ago } from "../../ui/format";
+import { IconButton } from "../../ui/icons";
 import { notify } from "../../ui/notices";
 import {
   endShares,
   exportProject,
   listVersions,
+  nameVersion,
   type ProjectVersion,
   restoreVersion,
   shareProject,
 } from "../document/api";
 import type { Saver } from "../document/autosave";
+import { filmPath } from "../films/film";
 import type { Store } from "../state/store";
 
 const SHARE_DAYS = 30;
@@ -56,9 +59,10 @@ export function ProjectMenu(props: ProjectMenuProps) {
 
 function Share({ store, saveAll }: ProjectMenuProps) {
   const [link, setLink] = useState("");
+  const [comments, setComments] = useState(false);
   const share = async () => {
     await saveAll();
-    const made = await shareProject(store.projectId, SHARE_DAYS);
+    const made = await shareProject(store.projectId, SHARE_DAYS, comments);
     setLink(made);
     await navigator.clipboard?.writeText(made).catch(() => {}); // the field shows it anyway
   };
@@ -76,6 +80,14 @@ function Share({ store, saveAll }: ProjectMenuProps) {
       <p class="hint">
         Whoever has the link sees the project and its films for {SHARE_DAYS} days, and can change nothing.
       </p>
+      <label class="check-row">
+        <input
+          type="checkbox"
+          checked={comments}
+          onChange={({ currentTarget }) => setComments(currentTarget.checked)}
+        />
+        They may comment on frames, and read all comments
+      </label>
       {link && <input type="text" readOnly value={link} aria-label="Link to this project" />}
       <div class="actions">
         <button type="button" class="button small" onClick={() => share().catch(notify)}>
@@ -108,12 +120,28 @@ function Versions({ store, saver, saveAll, reload, versions }: ProjectMenuProps 
   return (
     <section>
       <h3>Earlier versions</h3>
+      <p class="hint">A version with a name or a note is kept, as are those of which a film was painted.</p>
       <ul class="versions">
-        {versions.map(({ version, at, label }, i) => (
+        {versions.map(({ version, at, label, jobs = [] }, i) => (
           <li key={version}>
-            <span>
-              {label || `Version ${version}`} <small>{ago(at)}</small>
-            </span>
+            <input
+              type="text"
+              maxLength={200}
+              defaultValue={label}
+              placeholder={`Version ${version}`}
+              aria-label={`Name or note of version ${version}`}
+              onChange={({ currentTarget: { value } }) =>
+                nameVersion(store.projectId, version, value.trim()).catch(notify)
+              }
+            />
+            <small>{ago(at)}</small>
+            {jobs.length > 0 && (
+              <IconButton
+                name="download"
+                label={`Download the film of version ${version}`}
+                onClick={() => download(filmPath(store.projectId, version)).catch(notify)}
+              />
+            )}
             {i === 0 ? (
               <small>present</small>
             ) : (

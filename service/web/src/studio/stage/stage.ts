@@ -1,22 +1,28 @@
 /** The stage: one canvas with the frame, its painting, the key under the pen and the tools' marks; zoom, pan and wipe. */
 
 import { effect } from "@preact/signals";
-import { fitView, panBy, toPicture, type View, zoomAbout } from "../drawing/geometry";
+import { fitView, matrixOf, mirrorAbout, panBy, toPicture, turnAbout, type View, zoomAbout } from "../drawing/geometry";
+import type { Rect } from "../drawing/rect";
+import type { PaintView } from "../drawing/settings";
+import type { KeyPicture } from "../drawing/strokes";
 import type { Films } from "../films/films";
 import type { PaintedKeys } from "../keys/keys";
 import type { PaintTool } from "../keys/paint-tool";
 import type { FrameSource } from "../previews/frames";
 import type { ScrubFrames } from "../previews/scrub";
 import { drawOutlines } from "../regions/region-tool";
-import { PAINT_TOOLS, type Store, type Tool } from "../state/store";
+import { PAINT_TOOLS, type StageView, type Store, type Tool } from "../state/store";
 import type { PointerSample, StageTool } from "../state/tool";
+import { createBrushRing } from "./brush-ring";
+import type { OnionSkin } from "./onion-skin";
+import { drawPart, onCanvas, tiltOf } from "./stage-drawing";
 
 const WHEEL_ZOOM = 1.0015;
 const GRAB_PX = 22;
 /** A finger that moves less than this taps. */
 const TAP_PX = 6;
-/** Opacity of the painting over the frame in the view "onion". */
-const ONION_ALPHA = 0.5;
+/** Opacity of the painting, or of the key, over the frame in the view "overlay". */
+const OVERLAY_ALPHA = 0.5;
 
 export interface StageParts {
   store: Store;
@@ -26,6 +32,7 @@ export interface StageParts {
   keys: PaintedKeys;
   paint: PaintTool;
   tools: Partial<Record<Tool, StageTool>>;
+  onion: OnionSkin;
   /** Drawn over the picture and below the tools' marks; the context is in pixels of the video. */
   overlays: readonly ((context: CanvasRenderingContext2D) => void)[];
 }
@@ -34,18 +41,21 @@ export interface Stage {
   redraw(): void;
   fit(): void;
   zoom(factor: number): void;
+  /** Degrees clockwise about the middle. */
+  turn(degrees: number): void;
+  mirror(): void;
   close(): void;
 }
 
 export function mountStage(
   canvas: HTMLCanvasElement,
-  { store, frames, scrub, films, keys, paint, tools, overlays }: StageParts,
+  { store, frames, scrub, films, keys, paint, tools, onion, overlays }: StageParts,
 ): Stage {
   const context = canvas.getContext("2d");
   const pointers = new Map<number, [number, number]>();
   let pending = 0;
   /** "held": a finger that may become the first of two; the tool gets it once it moves or is lifted. */
-  let mode: "tool" | "pan" | "wipe" | "held" | null = null;
+  let mode: "tool" | "pan" | "wipe" | "held" | "size" | null = null;
   let held: PointerEvent | null = null;
   /** The pen that is down; while it is, fingers and the palm are ignored. */
   let pen: number | null = null;
@@ -53,11 +63,13 @@ export function mountStage(
   let penUsed = false;
   let fitted = true;
 
+  const ring = createBrushRing(canvas, store);
+
   const painting = () => PAINT_TOOLS.includes(store.tool.value);
-  const tool = (): StageTool | undefined => (painting() ? paint : tools[store.tool.value]);
+  const tool = (): StageTool | undefined => tools[store.tool.value] ?? (painting() ? paint : undefined);
 
   function redraw(): void {
-    if (!pending) pending = requestAnimationFrame(draw);
+    if (!pending) pending = requestAnimationFrame(drawAll);
   }
 
   function resize(): void {
@@ -68,9 +80,17 @@ export function mountStage(
     redraw();
   }
 
-  function fitPicture(): void {
+  function fitPicture(turned: Partial<View> = store.view.value): void {
     fitted = true;
-    store.view.value = fitView(store.size, { width: canvas.clientWidth, height: canvas.clientHeight }, 12);
+    store.view.value = fitView(store.size, { width: canvas.clientWidth, height: canvas.clientHeight }, 12, turned);
+  }
+
+  const middle = (): [number, number] => [canvas.clientWidth / 2, canvas.clientHeight / 2];
+
+  /** Another turn or mirror of the view, which stays fitted if it was. */
+  function setTurn(view: View): void {
+    if (fitted) fitPicture(view);
+    else setView(view);
   }
 
   function setView(view: View): void {
@@ -80,18 +100,44 @@ export function mountStage(
 
   // -- drawing
 
-  function draw(): void {
+  function drawAll(): void {
     pending = 0;
+    draw();
+  }
+
+  /** Draw the stroke under the pen now, not with the next frame of the page; only where it has changed the picture. */
+  function drawStroke(): void {
+    const shown = paint.shown();
+    if (pending || !shown?.live) {
+      redraw();
+      return;
+    }
+    keys.raster.whole(store.pictureKey(store.frame.value), shown.picture, shown.live);
+    if (keys.raster.changed) draw(keys.raster.changed);
+  }
+
+  /** `part` of the picture; without it, everything. */
+  function draw(part?: Rect): void {
     if (!context || !canvas.width) return;
     const ratio = devicePixelRatio || 1;
     const { scale, x, y } = store.view.value;
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, canvas.width, canvas.height);
-    context.setTransform(ratio * scale, 0, 0, ratio * scale, ratio * x, ratio * y);
+    context.save();
+    const place = part
+      ? onCanvas(part, store.view.value, ratio)
+      : { x: 0, y: 0, width: canvas.width, height: canvas.height };
+    if (part) {
+      context.beginPath();
+      context.rect(place.x, place.y, place.width, place.height);
+      context.clip();
+    }
+    context.clearRect(place.x, place.y, place.width, place.height);
+    const [a, b, c, d] = matrixOf(store.view.value);
+    context.setTransform(ratio * a, ratio * b, ratio * c, ratio * d, ratio * x, ratio * y);
     context.imageSmoothingEnabled = scale < 3;
     const key = !store.compared.value && painting() ? paint.shown() : null;
     const newest = newestFrame();
-    if (!key || !keys.raster.covers(key.picture)) drawSource();
+    if (!key || !hides(key.picture)) drawSource();
     if (newest) drawWhole(newest);
     else if (store.compared.value) drawCompared(store.compared.value);
     else if (painting() && key) drawKey(key);
@@ -102,7 +148,13 @@ export function mountStage(
       for (const overlay of overlays) overlay(context);
       drawOutlines(context, store, px);
     }
+    if (key) onion.draw(context);
     tool()?.draw?.(context, px);
+    context.restore();
+    if (!part) tellState();
+  }
+
+  function tellState(): void {
     canvas.dataset.frame = String(scrubbed() ? store.frame.value : frames.shown);
     canvas.dataset.exact = String(frames.shown === store.frame.value);
     canvas.dataset.compared = store.compared.value ? "variants" : "";
@@ -125,26 +177,24 @@ export function mountStage(
   const scrubbed = (): ImageBitmap | undefined =>
     frames.shown === store.frame.value ? undefined : scrub.at(store.frame.value);
 
+  const hides = (picture: KeyPicture) => store.drawing.view.value === "key" && keys.raster.covers(picture);
+
   function drawKey(shown: ReturnType<PaintTool["shown"]>): void {
-    if (!shown || !context) return;
+    const view = store.drawing.view.value;
+    if (!shown || !context || view === "source") return;
     const key = store.pictureKey(store.frame.value);
-    context.drawImage(keys.raster.whole(key, shown.picture, shown.live), 0, 0);
+    drawOver(keys.raster.whole(key, shown.picture, shown.live), view);
   }
+
+  const drawOver = (picture: CanvasImageSource, view: StageView | PaintView) =>
+    context &&
+    drawPart(context, picture, store, { split: view === "compare", alpha: view === "overlay" ? OVERLAY_ALPHA : 1 });
 
   function drawPainted(): void {
     const shown = films.painting();
     const view = store.stageView.value;
     if (!shown || view === "source" || !context) return;
-    const { width, height } = store.size;
-    const from = view === "compare" ? store.split.value * width : 0;
-    context.save();
-    context.globalAlpha = view === "onion" ? ONION_ALPHA : 1;
-    context.beginPath();
-    context.rect(from, 0, width - from, height);
-    context.clip();
-    context.drawImage(shown.picture, 0, 0, width, height);
-    context.restore();
-    if (view === "compare") drawDivider(context, from, height);
+    drawOver(shown.picture, view);
   }
 
   function drawFilm(): void {
@@ -159,26 +209,8 @@ export function mountStage(
   }
 
   function drawCompared({ left, right }: { left: ImageBitmap; right: ImageBitmap }): void {
-    if (!context) return;
-    const { width, height } = store.size;
-    const from = store.split.value * width;
-    context.drawImage(left, 0, 0, width, height);
-    context.save();
-    context.beginPath();
-    context.rect(from, 0, width - from, height);
-    context.clip();
-    context.drawImage(right, 0, 0, width, height);
-    context.restore();
-    drawDivider(context, from, height);
-  }
-
-  function drawDivider(on: CanvasRenderingContext2D, x: number, height: number): void {
-    const px = 1 / store.view.value.scale;
-    on.fillStyle = "#fff";
-    on.fillRect(x - px, 0, 2 * px, height);
-    on.beginPath();
-    on.arc(x, height / 2, 12 * px, 0, 2 * Math.PI);
-    on.fill();
+    drawWhole(left);
+    drawOver(right, "compare");
   }
 
   // -- pointer
@@ -193,16 +225,23 @@ export function mountStage(
     return {
       at: toPicture(store.view.value, local(event)),
       pressure: pen ? event.pressure : 1,
+      ...(pen && tiltOf(event, store.view.value)),
       shift: event.shiftKey,
       alt: event.altKey,
     };
   }
 
   function onDivider(at: [number, number]): boolean {
-    const { scale, x } = store.view.value;
-    const painted = store.stageView.value === "compare" && store.results.value.has(store.frame.value);
-    const shown = store.compared.value !== null || (!painting() && painted);
-    return shown && Math.abs(x + scale * store.split.value * store.size.width - at[0]) < GRAB_PX;
+    const [x, y] = toPicture(store.view.value, at);
+    const away = store.view.value.scale * Math.abs(store.split.value * store.size.width - x);
+    if (store.compared.value) return away < GRAB_PX;
+    // with a brush, the divider is moved by its handle only
+    if (painting())
+      return (
+        store.drawing.view.value === "compare" &&
+        Math.hypot(away, store.view.value.scale * (y - store.size.height / 2)) < GRAB_PX
+      );
+    return store.stageView.value === "compare" && store.results.value.has(store.frame.value) && away < GRAB_PX;
   }
 
   function pointerDown(event: PointerEvent): void {
@@ -217,7 +256,9 @@ export function mountStage(
       if (mode === "tool") cancelTool();
       mode = "pan";
     } else if (event.button === 1 || (finger && penUsed)) mode = "pan";
-    else if (onDivider(local(event)) && (store.compared.value || store.tool.value === "pan")) mode = "wipe";
+    else if (onDivider(local(event)) && (store.compared.value || painting() || store.tool.value === "pan"))
+      mode = "wipe";
+    else if ((event.ctrlKey || event.metaKey) && ring.grab(local(event))) mode = "size";
     else if (finger) [mode, held] = ["held", event];
     else press(event);
   }
@@ -242,6 +283,7 @@ export function mountStage(
 
   function pointerMove(event: PointerEvent): void {
     const before = pointers.get(event.pointerId);
+    ring.move(local(event));
     if (!before) {
       tool()?.hover?.(sample(event));
       canvas.style.cursor =
@@ -254,7 +296,10 @@ export function mountStage(
       if (Math.hypot(now[0] - x, now[1] - y) < TAP_PX) return;
       press(held);
     }
-    if (mode === "tool") tool()?.move(coalesced(event));
+    if (mode === "tool") {
+      tool()?.move(coalesced(event));
+      if (painting()) drawStroke();
+    } else if (mode === "size") ring.drag(now);
     else if (mode === "wipe")
       store.split.value = Math.min(1, Math.max(0, toPicture(store.view.value, now)[0] / store.size.width));
     else if (mode === "pan") pan(event.pointerId, before, now);
@@ -305,22 +350,30 @@ export function mountStage(
   canvas.addEventListener("pointermove", pointerMove);
   canvas.addEventListener("pointerup", pointerUp);
   canvas.addEventListener("pointercancel", pointerCancel);
-  canvas.addEventListener("pointerleave", () => tool()?.hover?.(null));
+  canvas.addEventListener("pointerleave", () => {
+    ring.move(null);
+    tool()?.hover?.(null);
+  });
   canvas.addEventListener("wheel", wheel, { passive: false });
   const observer = new ResizeObserver(resize);
   observer.observe(canvas);
   const stop = effect(() => {
     const { view, stageView, split, results, compared, history, frame, tool: chosen, region, layerId, playing } = store;
+    const { view: paintView, onion: skin } = store.drawing;
     const seen = [view, stageView, split, results, compared, history, frame, chosen, region, layerId, playing];
+    for (const each of [paintView, skin]) each.value;
     for (const each of seen) each.value;
     redraw();
   });
 
   return {
     redraw,
-    fit: fitPicture,
-    zoom: (factor) => setView(zoomAbout(store.view.value, [canvas.clientWidth / 2, canvas.clientHeight / 2], factor)),
+    fit: () => fitPicture({}),
+    zoom: (factor) => setView(zoomAbout(store.view.value, middle(), factor)),
+    turn: (degrees) => setTurn(turnAbout(store.view.value, middle(), degrees)),
+    mirror: () => setTurn(mirrorAbout(store.view.value, middle())),
     close() {
+      ring.close();
       stop();
       observer.disconnect();
       cancelAnimationFrame(pending);

@@ -1,9 +1,7 @@
-/** The state of the studio: one project, its history, and what is selected. */
+/** The state of the studio while it shows a shot: its frames, what is selected, what the stage shows. */
 
 import { computed, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import type { Asset, Job, Method, Overlay, Section } from "../../api/schemas";
-import type { Project } from "../document/api";
-import type { SaveState } from "../document/autosave";
 import type { Design } from "../document/design";
 import {
   changeLayer,
@@ -15,9 +13,11 @@ import {
   shotOf,
   withPart,
 } from "../document/document";
-import { GROUP_MS, type History, record, redo, startHistory, undo } from "../document/undo";
+import { framesOf } from "../document/shots";
+import type { Tip } from "../document/tip";
+import { GROUP_MS, record } from "../document/undo";
 import type { View } from "../drawing/geometry";
-import type { KeyPicture } from "../drawing/strokes";
+import type { Session, State } from "./session";
 import { clampFrame, type Span, spanWith } from "./timeline";
 
 export type Tool =
@@ -27,27 +27,36 @@ export type Tool =
   | "smudge"
   | "fill"
   | "picker"
+  | "rectangle"
+  | "outline"
+  | "transform"
   | "region"
   | "lasso"
+  | "correct"
   | "direction"
   | "label"
+  | "object"
   | "loupe";
 /** Whether the brush paints on the part of a section. */
 export const isPainted = ({ editor }: Section): boolean => editor === "keys" || editor === "marks";
-export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker"];
+/** Tools that select and move what is painted. */
+export const SELECT_TOOLS: readonly Tool[] = ["rectangle", "outline", "transform"];
+/** Tools with which the stage shows the key. */
+export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker", "object", ...SELECT_TOOLS];
 
-/** What undo restores: the document and the editable pictures of painted keys and marks, by `pictureKey`. */
-export interface State {
-  document: ProjectDocument;
-  pictures: Readonly<Record<string, KeyPicture>>;
-}
+/** Tools whose strokes have a size. */
+export const DRAWN_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "correct"];
+/** Largest width of a brush, px. */
+export const MAX_BRUSH_PX = 400;
 
-const pictureKey = (layer: string, frame: number, part: string): string => `${layer}:${frame}:${part}`;
+const pictureKey = ({ shot, layer }: LayerPlace, frame: number, part: string): string =>
+  `${shot}/${layer}:${frame}:${part}`;
 
 /** What a key of `State.pictures` stands for; `part` is empty in what earlier versions have kept in the browser. */
-export function pictureAt(key: string): { layer: string; frame: number; part: string } {
-  const [layer = "", frame = "0", part = ""] = key.split(":");
-  return { layer, frame: Number(frame), part };
+export function pictureAt(key: string): LayerPlace & { frame: number; part: string } {
+  const [place = "", frame = "0", part = ""] = key.split(":");
+  const [layer = "", shot = ""] = place.split("/").reverse();
+  return { shot, layer, frame: Number(frame), part };
 }
 
 /** A painted frame as a preview or a finished job gave it. */
@@ -64,31 +73,31 @@ export interface Result {
   layer: string | undefined;
 }
 
-/** "onion": the painting, half transparent, over the frame; "flicker": where it flickers; "film": the newest film. */
-export type StageView = "source" | "compare" | "onion" | "painted" | "flicker" | "film";
+/** "overlay": the painting, half transparent, over the frame; "flicker": where it flickers; "film": the newest film. */
+export type StageView = "source" | "compare" | "overlay" | "painted" | "flicker" | "film";
 
 /** Views of paintings, which show the video where there is none. */
-export const PAINTED_VIEWS: readonly StageView[] = ["compare", "onion", "painted"];
-
-export interface Brush {
-  color: string;
-  size: number;
-  opacity: number;
-}
+export const PAINTED_VIEWS: readonly StageView[] = ["compare", "overlay", "painted"];
 
 export class Store {
   readonly projectId: string;
-  readonly history: Signal<History<State>>;
+  readonly methods: readonly Method[];
+  readonly history: Session["history"];
   readonly document: ReadonlySignal<ProjectDocument>;
   readonly shot: ReadonlySignal<Shot>;
   readonly layer: ReadonlySignal<Layer>;
   readonly method: ReadonlySignal<Method | undefined>;
   readonly layerId: Signal<string>;
   readonly frame = signal(0);
+  /** Whether the filmstrip shows the whole clip, to move the shot's in and out points. */
+  readonly trimming = signal(false);
+  /** The frames of the shot: those that can be shown. */
+  readonly reach: ReadonlySignal<Span>;
   /** The frames that the filmstrip shows. */
   readonly span: Signal<Span>;
   readonly tool = signal<Tool>("pan");
-  readonly brush = signal<Brush>({ color: "#b43c25", size: 24, opacity: 1 });
+  readonly brush: Session["brush"];
+  readonly drawing: Session["drawing"];
   readonly paintLayer = signal("paint");
   /** The part of the layer that is painted on, if its method has several that are. */
   readonly paintPart = signal("");
@@ -113,7 +122,7 @@ export class Store {
   readonly previews = signal(false);
   readonly busy = signal("");
   readonly problem = signal("");
-  readonly saving = signal<SaveState>({ name: "saved" });
+  readonly saving: Session["saving"];
   /** Painted keys that are not uploaded yet. */
   readonly uploading = signal(0);
   /** Corrected label maps that are not uploaded yet. */
@@ -121,22 +130,32 @@ export class Store {
   /** Whether the service could not be reached when they were to be uploaded. */
   readonly uploadsWait = signal(false);
 
+  /** `shotId`: the shot that is shown, `asset`: its clip. */
   constructor(
-    project: Project,
+    readonly session: Session,
+    readonly shotId: string,
     readonly asset: Asset,
-    readonly methods: readonly Method[],
   ) {
-    this.projectId = project.id;
-    const { document } = project;
-    const shotId = document.shots[0]?.id ?? "";
-    this.history = signal(startHistory<State>({ document, pictures: {} }));
-    this.document = computed(() => this.history.value.present.document);
-    this.layerId = signal(document.shots[0]?.layers.at(-1)?.id ?? "");
-    this.shot = computed(() => must(shotOf(this.document.value, shotId)));
+    const { document } = session;
+    this.projectId = session.projectId;
+    this.methods = session.methods;
+    this.history = session.history;
+    this.document = document;
+    this.brush = session.brush;
+    this.drawing = session.drawing;
+    this.saving = session.saving;
+    let last = must(shotOf(document.peek(), shotId));
+    this.shot = computed(() => {
+      last = shotOf(document.value, shotId) ?? last; // a shot that was removed is shown until another one is
+      return last;
+    });
+    this.layerId = signal(last.layers.at(-1)?.id ?? "");
     this.layer = computed(() => layerOf(this.shot.value, this.layerId.value) ?? must(this.shot.value.layers.at(-1)));
     this.method = computed(() => this.methodOf(this.layer.value));
-    this.span = signal([0, this.frames]);
-    this.frame.value = Math.floor(this.frames / 3);
+    this.reach = computed(() => (this.trimming.value ? [0, this.frames] : framesOf(this.shot.value, this.frames)));
+    const [first, end] = this.reach.peek();
+    this.span = signal([first, end]);
+    this.frame.value = first + Math.floor((end - first) / 3);
   }
 
   methodOf(layer: Layer): Method | undefined {
@@ -167,7 +186,7 @@ export class Store {
 
   /** Key of the editable picture of the selected layer at a frame. */
   pictureKey(frame: number, section = this.painted()): string {
-    return pictureKey(this.layer.value.id, frame, section?.part ?? "");
+    return pictureKey(this.place, frame, section?.part ?? "");
   }
 
   /** The brush's colour: marks have no other ones than those of their section. */
@@ -177,12 +196,39 @@ export class Store {
     return marks.find(({ colour }) => colour === color)?.colour ?? marks[0]?.colour ?? color;
   }
 
+  /** The tip of the chosen tool; undefined: a plain line. Marks are plain, for they are data. */
+  get tip(): Tip | undefined {
+    if (this.painted()?.editor === "marks" || this.tool.value === "correct") return undefined;
+    const { eraser, smudge } = this.drawing;
+    if (this.tool.value === "eraser") return eraser.value.tip;
+    return this.tool.value === "smudge" ? smudge.value.tip : this.brush.value.tip;
+  }
+
+  /** `size` in px; it is rounded and kept within its limits. */
+  resizeBrush(size: number): void {
+    const rounded = Math.min(MAX_BRUSH_PX, Math.max(1, Math.round(size)));
+    this.brush.value = { ...this.brush.peek(), size: rounded };
+  }
+
+  /** Paint with the background colour, and keep the other one. */
+  swapColours(): void {
+    const { color } = this.brush.peek();
+    this.brush.value = { ...this.brush.peek(), color: this.drawing.background.peek() };
+    this.drawing.background.value = color;
+  }
+
   /** Regions, styles and directions of the selected layer. */
   get design(): Design {
     const section = this.section("regions");
     return (section && (this.layer.value.parts?.[section.part] as Design | undefined)) ?? {};
   }
 
+  /** Whether the film has lost this shot, so that another one is about to be shown. */
+  get removed(): boolean {
+    return !shotOf(this.document.value, this.shotId);
+  }
+
+  /** Of the clip. */
   get frames(): number {
     return Math.max(1, this.asset.info.frames ?? 1);
   }
@@ -200,8 +246,8 @@ export class Store {
   }
 
   goTo(frame: number): void {
-    const shown = clampFrame(frame, this.frames);
-    this.span.value = spanWith(this.span.value, this.frames, shown);
+    const shown = clampFrame(frame, this.reach.value);
+    this.span.value = spanWith(this.span.value, this.reach.value, shown);
     this.frame.value = shown;
   }
 
@@ -236,14 +282,6 @@ export class Store {
   editDesign(label: string, change: (design: Design) => Design, group = "", within = GROUP_MS): void {
     const part = this.section("regions")?.part;
     if (part) this.editPart<Design | undefined>(label, part, (design = {}) => change(design), group, within);
-  }
-
-  undo(): void {
-    this.history.value = undo(this.history.value);
-  }
-
-  redo(): void {
-    this.history.value = redo(this.history.value);
   }
 
   /** The painting of a frame, if it is the film's picture with the present document. */

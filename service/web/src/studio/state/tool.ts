@@ -7,6 +7,9 @@ export interface PointerSample {
   at: Point;
   /** 0..1; 1 for pointers without pressure. */
   pressure: number;
+  /** From upright, and the direction in which the pen leans, clockwise from the right; degrees. */
+  tilt?: number;
+  lean?: number;
   shift: boolean;
   alt: boolean;
 }
@@ -26,4 +29,5 @@ export interface StageTool {
   cursor: string;
 }
 
-export const sampleOf = ({ at, pressure }: PointerSample): Sample => [at[0], at[1], pressure];
+export const sampleOf = ({ at, pressure, tilt, lean }: PointerSample): Sample =>
+  tilt ? [at[0], at[1], pressure, tilt, lean ?? 0] : [at[0], at[1], pressure];

@@ -1,12 +1,13 @@
-/** Paintings to choose from: the library's, those that the user's projects have, and styles that the user has saved. */
+/** Paintings to choose from: the library's, and those that the user's projects have; below them the looks. */
 
 import { useEffect, useState } from "preact/hooks";
-import type { Method, Params } from "../../api/schemas";
-import { Icon, IconButton } from "../../ui/icons";
+import type { Method } from "../../api/schemas";
 import { notify } from "../../ui/notices";
 import { listProjects, readProject } from "../document/api";
-import { addAsset, changeLayer, type Layer, type ProjectDocument } from "../document/document";
+import { addAsset, changeLayer, type ProjectDocument } from "../document/document";
+import { type Look, looksOf, portable } from "../document/looks";
 import type { Store } from "../state/store";
+import { Looks } from "./looks";
 import { libraryPicture, listStyles, pictureOfAsset, type Style, useStyle } from "./styles";
 
 const PROJECTS = 12;
@@ -16,34 +17,10 @@ const paintingInputs = (methods: readonly Method[]): string[] =>
   methods.flatMap(({ studio }) => (studio.painting ? [studio.painting] : []));
 
 /** The same, and those for the pictures that the paintings show. */
-const styleInputs = (methods: readonly Method[]): string[] => [
+export const styleInputs = (methods: readonly Method[]): string[] => [
   ...paintingInputs(methods),
   ...methods.flatMap(({ studio }) => (studio.painting_source ? [studio.painting_source] : [])),
 ];
-
-/** A style as a project's document keeps it, in `ui.styles`. */
-export interface SavedStyle {
-  title: string;
-  method: string;
-  params: Params;
-  /** Asset names by input. */
-  inputs: Record<string, string>;
-}
-
-const savedStyles = ({ ui }: ProjectDocument): SavedStyle[] =>
-  Array.isArray(ui?.styles) ? (ui.styles as unknown as SavedStyle[]) : [];
-
-/** The same with asset ids, which mean the same in every project; inputs without an asset are left out. */
-export const portableStyles = (document: ProjectDocument): SavedStyle[] =>
-  savedStyles(document).map((style) => ({
-    ...style,
-    inputs: Object.fromEntries(
-      Object.entries(style.inputs).flatMap(([input, name]) => {
-        const id = document.assets[name]?.id;
-        return id ? [[input, id]] : [];
-      }),
-    ),
-  }));
 
 /** Asset ids of the paintings that a project's layers use, in inputs of these names. */
 export function paintingsOf(document: ProjectDocument, inputs: readonly string[]): { id: string; title: string }[] {
@@ -75,9 +52,13 @@ export function withPainting(
   });
 }
 
+/** The looks of a document with asset ids, which mean the same in every project. */
+export const portableLooks = (document: ProjectDocument): Look[] =>
+  looksOf(document).map((look) => portable(look, document));
+
 interface Own {
   paintings: { id: string; title: string }[];
-  saved: SavedStyle[];
+  looks: Look[];
 }
 
 export function StyleLibrary({ store, method }: { store: Store; method: Method }) {
@@ -90,8 +71,7 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
     if (input) listStyles().then(setStyles, () => setStyles([]));
   }, [input]);
   const chosen = store.document.value.assets[store.layer.value.inputs?.[input] ?? ""]?.id;
-  const saved = [...portableStyles(store.document.value), ...own.saved];
-  if (!input && !saved.length) return null;
+  if (!input) return <Looks store={store} others={own.looks} />;
 
   const use = async (style: Style) => {
     if (!input) return;
@@ -111,109 +91,46 @@ export function StyleLibrary({ store, method }: { store: Store; method: Method }
     store.editDocument("Choose a painting", (document) =>
       withPainting(document, store.place, { [input]: painting }, replaced),
     );
-  const useSaved = (style: SavedStyle) => {
-    const place = store.place;
-    store.editDocument("Use a saved style", (document) => {
-      const refs = Object.entries(style.inputs).map(([name, id]) => [name, { id, title: style.title }]);
-      const next = withPainting(document, place, Object.fromEntries(refs), replaced);
-      return changeLayer(next, place, (layer): Layer => ({ ...layer, method: style.method, params: style.params }));
-    });
-  };
   return (
-    <details class="group style-library" open={Boolean(input) && !chosen}>
-      <summary>
-        <span>Style library</span>
-      </summary>
-      {input && (
-        <div class="library-cards" role="group" aria-label="Paintings of the library">
-          {styles.map((style) => (
-            <Card
-              key={style.id}
-              title={style.title}
-              help={style.credit}
-              picture={() => libraryPicture(style.id)}
-              disabled={waiting === style.id}
-              onChoose={() => use(style)}
-            />
-          ))}
-        </div>
-      )}
-      {input && own.paintings.length > 0 && (
-        <>
-          <p class="library-title">Yours</p>
-          <div class="library-cards" role="group" aria-label="Your paintings">
-            {own.paintings.map((painting) => (
+    <>
+      <details class="group style-library" open={Boolean(input) && !chosen}>
+        <summary>
+          <span>Style library</span>
+        </summary>
+        {input && (
+          <div class="library-cards" role="group" aria-label="Paintings of the library">
+            {styles.map((style) => (
               <Card
-                key={painting.id}
-                title={painting.title}
-                picture={() => pictureOfAsset(painting.id)}
-                pressed={painting.id === chosen}
-                onChoose={() => useOwnPainting(painting)}
+                key={style.id}
+                title={style.title}
+                help={style.credit}
+                picture={() => libraryPicture(style.id)}
+                disabled={waiting === style.id}
+                onChoose={() => use(style)}
               />
             ))}
           </div>
-        </>
-      )}
-      {saved.length > 0 && (
-        <ul class="region-list" aria-label="Saved styles">
-          {saved.map((style, i) => (
-            <li key={`${style.title}-${i}`}>
-              <button type="button" class="layer-name" onClick={() => useSaved(style)}>
-                {style.title}
-              </button>
-              {i < savedStyles(store.document.value).length && (
-                <IconButton
-                  name="trash"
-                  label={`Remove the style ${style.title}`}
-                  onClick={() => removeSaved(store, i)}
+        )}
+        {input && own.paintings.length > 0 && (
+          <>
+            <p class="library-title">Yours</p>
+            <div class="library-cards" role="group" aria-label="Your paintings">
+              {own.paintings.map((painting) => (
+                <Card
+                  key={painting.id}
+                  title={painting.title}
+                  picture={() => pictureOfAsset(painting.id)}
+                  pressed={painting.id === chosen}
+                  onChoose={() => useOwnPainting(painting)}
                 />
-              )}
-            </li>
-          ))}
-        </ul>
-      )}
-    </details>
+              ))}
+            </div>
+          </>
+        )}
+      </details>
+      <Looks store={store} others={own.looks} />
+    </>
   );
-}
-
-/** Keep the layer's method, settings and painting under a name, for other projects too. */
-export function SaveStyle({ store }: { store: Store }) {
-  const [title, setTitle] = useState("");
-  const save = (event: Event) => {
-    event.preventDefault();
-    const { method, params = {}, inputs = {} } = store.layer.value;
-    const kept = Object.entries(inputs).filter(([input]) => styleInputs(store.methods).includes(input));
-    const style: SavedStyle = { title: title.trim(), method, params, inputs: Object.fromEntries(kept) };
-    store.editDocument("Save a style", (document) => ({
-      ...document,
-      ui: { ...document.ui, styles: [...savedStyles(document), style] as never },
-    }));
-    setTitle("");
-  };
-  return (
-    <form class="save-style" onSubmit={save}>
-      <input
-        type="text"
-        maxLength={80}
-        required
-        value={title}
-        placeholder="Name of this style"
-        aria-label="Name of the style to save"
-        onInput={(event) => setTitle(event.currentTarget.value)}
-      />
-      <button type="submit" class="button small" disabled={!title.trim()}>
-        <Icon name="plus" />
-        Save style
-      </button>
-    </form>
-  );
-}
-
-function removeSaved(store: Store, index: number): void {
-  store.editDocument("Remove a saved style", (document) => ({
-    ...document,
-    ui: { ...document.ui, styles: savedStyles(document).filter((_, i) => i !== index) as never },
-  }));
 }
 
 interface CardProps {
@@ -253,9 +170,9 @@ function Card({ title, help, picture, pressed, disabled, onChoose }: CardProps) 
   );
 }
 
-/** Paintings and saved styles of the user's other projects, those changed last first. */
+/** Paintings and looks of the user's other projects, those changed last first. */
 function useOwn(store: Store): Own {
-  const [own, setOwn] = useState<Own>({ paintings: [], saved: [] });
+  const [own, setOwn] = useState<Own>({ paintings: [], looks: [] });
   useEffect(() => {
     let current = true;
     const read = async () => {
@@ -267,7 +184,7 @@ function useOwn(store: Store): Own {
       );
       const all = [store.document.peek(), ...documents].flatMap((one) => paintingsOf(one, inputs));
       const paintings = [...new Map(all.map((painting) => [painting.id, painting])).values()];
-      if (current) setOwn({ paintings, saved: documents.flatMap(portableStyles) });
+      if (current) setOwn({ paintings, looks: documents.flatMap(portableLooks) });
     };
     read().catch((error) => console.info("Impasto: no styles of other projects.", error));
     return () => {

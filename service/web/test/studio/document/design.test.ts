@@ -11,6 +11,18 @@ test("merged regions have the tubes of both, and the second one's keys are gone"
   expect(merged.keys).toEqual([]);
 });
 
+test("corrections go with their region", () => {
+  const stroke = (region: string) => ({ region, frame: 0, points: [[0, 0]] as [number, number][], width: 0.1 });
+  const one: design.Design = {
+    regions: { a: { polygons: [] }, b: { polygons: [] } },
+    corrections: [stroke("a"), stroke("b"), stroke("rest")],
+  };
+  const of = ({ corrections }: design.Design) => corrections?.map(({ region }) => region);
+  expect(of(design.mergeRegions(one, ["a", "b"]))).toEqual(["a", "a", "rest"]);
+  expect(of(design.removeRegion(one, "b"))).toEqual(["a", "rest"]);
+  expect(of(design.renameRegion(one, "b", "c"))).toEqual(["a", "c", "rest"]);
+});
+
 test("further parts follow the first one out of a region, but for the last", () => {
   const one: design.Design = { regions: { swan: { tubes: [7, 9] }, part: { tubes: [8] } } };
   const moved = design.moveTube(one, "swan", 7, "part");

@@ -1,4 +1,6 @@
 import { expect, test } from "vitest";
+import type { InputSpec } from "../../../src/api/schemas";
+import { applies } from "../../../src/forms/applies";
 import * as doc from "../../../src/studio/document/document";
 
 const base = doc.newDocument("Swan", "ast_1", "multistyle");
@@ -46,4 +48,23 @@ test("assets that nothing refers to are removed", () => {
   const [more] = doc.addAsset(base, "old", { id: "ast_9" });
   expect(doc.pruneAssets(more)).toEqual(base);
   expect(doc.pruneAssets(base)).toBe(base);
+});
+
+test("a layer's inputs are its files and what is drawn in its parts, and hide what needs others", () => {
+  const spec = (name: string, kind: InputSpec["kind"], part = "") => ({ name, kind, part }) as InputSpec;
+  const specs = [
+    spec("video", "video"),
+    spec("style", "image"),
+    spec("keyframes", "images", "keys.image"),
+    spec("masks", "images", "keys.mask"),
+    spec("design", "json", "design"),
+  ];
+  const layer: doc.Layer = { id: "l1", method: "m", inputs: { style: "a" } };
+  expect(doc.inputsOf(layer, specs)).toEqual(["style"]);
+  expect(doc.inputsOf({ ...layer, parts: { keys: [], design: {} } }, specs)).toEqual(["style"]);
+  const drawn = { ...layer, parts: { keys: [{ frame: 3, image: "k3" }], design: { keys: [] } } };
+  expect(doc.inputsOf(drawn, specs)).toEqual(["style", "keyframes", "design"]);
+  const keyed = [{ inputs: ["keyframes"] }];
+  const shown = [layer, drawn].map((one) => applies(keyed, {}, { inputs: doc.inputsOf(one, specs) }));
+  expect(shown).toEqual([false, true]);
 });

@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import type { Pattern } from "../../../src/studio/document/design";
 import type { Point } from "../../../src/studio/document/document";
 import * as g from "../../../src/studio/drawing/geometry";
-import { floodRuns, rowsOf, runsOf, widthAt } from "../../../src/studio/drawing/strokes";
+import { rowsOf, widthAt } from "../../../src/studio/drawing/strokes";
 
 test("a fitted picture is whole and centred", () => {
   const view = g.fitView({ width: 200, height: 100 }, { width: 400, height: 400 }, 10);
@@ -14,6 +14,26 @@ test("zooming keeps the point under the pointer", () => {
   const before = g.toPicture(view, [100, 90]);
   expect(g.toPicture(g.zoomAbout(view, [100, 90], 3), [100, 90])).toEqual(before);
   expect(g.toStage(view, g.toPicture(view, [7, 8]))).toEqual([7, 8]);
+});
+
+test("a turned and mirrored view keeps the point in the middle, and shows it where it is", () => {
+  const size = { width: 200, height: 100 };
+  const stage = { width: 400, height: 300 };
+  let view = g.fitView(size, stage, 10);
+  for (const change of [
+    g.turnAbout(view, [200, 150], 30),
+    g.mirrorAbout(g.turnAbout(view, [200, 150], 30), [200, 150]),
+  ]) {
+    const middle = g.toStage(change, [100, 50]);
+    expect(middle[0]).toBeCloseTo(200);
+    expect(middle[1]).toBeCloseTo(150);
+    const [x, y] = g.toPicture(change, g.toStage(change, [7, 8]));
+    expect([x, y].map((value) => Math.round(1e6 * value) / 1e6)).toEqual([7, 8]);
+  }
+  expect(g.toStage(g.mirrorAbout(view, [200, 150]), [0, 50])[0]).toBeCloseTo(390);
+  view = g.fitView(size, stage, 10, { turn: 90 });
+  expect(view.scale).toBeCloseTo(1.4);
+  expect(g.toStage(view, [0, 50]).map(Math.round)).toEqual([200, 10]);
 });
 
 const SQUARE: Point[] = [
@@ -65,13 +85,6 @@ test("a saddle rotates as a whole", () => {
   const at = (turn: number, x: number, y: number) =>
     g.directionAt([{ pattern: "saddle", at: [0.5, 0.5], angle: turn }], [x, y], 1).angle;
   expect(at(90, 0.5, 0.8)).toBeCloseTo((at(0, 0.8, 0.5) + Math.PI / 2) % Math.PI);
-});
-
-test("a fill stops at another colour", () => {
-  const pixels = new Uint8ClampedArray(4 * 9);
-  for (const wall of [1, 4, 7]) pixels[4 * wall] = 255;
-  expect(floodRuns(pixels, { width: 3, height: 3 }, [0, 0], 10)).toEqual([0, 1, 3, 1, 6, 1]);
-  expect(runsOf(new Uint8Array([0, 1, 1, 0, 1]))).toEqual([1, 2, 4, 1]);
 });
 
 test("a run of filled pixels goes on in the next rows", () => {

@@ -1,4 +1,5 @@
 import { expect, test } from "vitest";
+import { ROUND, type Tip } from "../../../src/studio/document/tip";
 import { Smudger } from "../../../src/studio/drawing/smudge";
 import type { Sample } from "../../../src/studio/drawing/strokes";
 
@@ -75,6 +76,21 @@ test("an opaque picture stays opaque, at its edge too", () => {
     ],
   );
   expect(data.filter((_, i) => i % 4 === 3).every((alpha) => alpha === 255)).toBe(true);
+});
+
+test("with a tip, a smudge has the shape of its stamps", () => {
+  const smudgeWith = (tip: Tip) => {
+    const { data, context } = contextOf((x) => half(x));
+    const smudger = new Smudger(context, { kind: "smudge", size: 12, opacity: 1, samples: ACROSS, tip, seed: 1 });
+    for (const sample of ACROSS) smudger.to(sample);
+    return data;
+  };
+  const [round, flat] = [smudgeWith(ROUND), smudgeWith({ ...ROUND, roundness: 0.3 })];
+  expect(at(round, 23, 20)[3]).toBeGreaterThan(100);
+  expect(at(flat, 23, 20)[3]).toBeGreaterThan(100);
+  expect(at(round, 23, 24)[3]).toBeGreaterThan(100);
+  expect(at(flat, 23, 24)[3]).toBe(0);
+  expect(smudgeWith(ROUND)).toEqual(round);
 });
 
 test("many short steps give the pixels of one long step", () => {

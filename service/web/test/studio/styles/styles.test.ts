@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { newDocument, type ProjectDocument, pruneAssets } from "../../../src/studio/document/document";
 import { withLayerFiles } from "../../../src/studio/shell/layer-files";
-import { paintingsOf, portableStyles, withPainting } from "../../../src/studio/styles/style-library";
+import { paintingsOf, portableLooks, withPainting } from "../../../src/studio/styles/style-library";
 
 const INPUTS = ["style_output", "style"];
 const place = { shot: "s1", layer: "l1" };
@@ -26,12 +26,12 @@ test("a painting of the library takes the place of the one before, and other inp
   expect(paintingsOf(document, INPUTS)).toEqual([{ id: "ast_q", title: "Q" }]);
 });
 
-test("a saved style keeps its painting when the layer has lost it, and means the same in another project", () => {
+test("a style that an earlier version has saved keeps its painting when the layer has lost it, and means the same in another project", () => {
   let document = newDocument("Swan", "ast_v", "analogy");
   document = withPainting(document, place, { style_output: { id: "ast_p", title: "P" } }, INPUTS);
   const style = { title: "Mine", method: "analogy", params: { boil: 1 }, inputs: { style_output: "style_output" } };
   document = { ...withPainting(document, place, {}, INPUTS), ui: { styles: [style] as never } };
-  expect(portableStyles(pruneAssets(document))).toEqual([{ ...style, inputs: { style_output: "ast_p" } }]);
+  expect(portableLooks(pruneAssets(document))).toEqual([{ ...style, inputs: { style_output: "ast_p" } }]);
 });
 
 test("a layer's own video and matte are set and taken away", () => {

@@ -1,0 +1,1 @@
+"""Made from `_async` by client/make_sync.py: do not edit."""

@@ -1,0 +1,1 @@
+"""Who the caller is, keys, members of groups, and signing in with a browser."""

@@ -1,0 +1,48 @@
+"""An object is found by a click on it and by a box around it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.frames import Frame, Mask
+from pipeline.perception.object_mask import Box, object_mask
+
+SIZE = (240, 160)
+
+
+def two_discs() -> tuple[Frame, Mask]:
+    """Two noisy orange discs on a noisy green field, and the pixels of the left one."""
+    draw = np.random.default_rng(1)
+    frame = np.full((SIZE[1], SIZE[0], 3), (90, 140, 70), np.uint8)
+    disc = np.zeros((SIZE[1], SIZE[0]), np.uint8)
+    cv2.circle(disc, (70, 80), 32, 1, -1)
+    frame[disc > 0] = (220, 150, 40)
+    cv2.circle(frame, (180, 80), 24, (220, 150, 40), -1)
+    return np.clip(frame + draw.normal(0, 8, frame.shape), 0, 255).astype(np.uint8), disc > 0
+
+
+def overlap(found: NDArray[np.bool_], wanted: Mask) -> float:
+    return float((found & wanted).sum() / (found | wanted).sum())
+
+
+@pytest.mark.parametrize("box", [(70 / 240, 0.5, 70 / 240, 0.5), (0.45, 0.85, 0.1, 0.15)], ids=["click", "box"])
+def test_the_object_is_found_and_no_other_of_its_colour(box: Box) -> None:
+    frame, disc = two_discs()
+    found = object_mask(frame, box)
+    assert overlap(found, disc) > 0.95
+    np.testing.assert_array_equal(found, object_mask(frame, box))
+
+
+def test_a_box_of_the_whole_frame_finds_what_is_unlike_its_edge() -> None:
+    frame, disc = two_discs()
+    found = object_mask(frame, (0, 0, 1, 1))
+    assert found[disc].mean() > 0.95 and found[80, 180] and found[:10].mean() < 0.05
+
+
+@pytest.mark.parametrize("at", [(0, 0), (1, 1), (0.999, 0.5)])
+def test_a_click_at_the_frames_edge_and_on_a_plain_frame_is_answered(at: tuple[float, float]) -> None:
+    plain = np.full((32, 48, 3), 120, np.uint8)
+    assert object_mask(plain, (*at, *at)).shape == (32, 48)
