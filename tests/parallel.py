@@ -102,6 +102,11 @@ class Scheduling(LoadFileScheduling):
         file = super()._split_scope(nodeid)
         return next((group[0] for group in (*IN_CHROMIUM, ON_RAY) if file in group), file)
 
+    def _reschedule(self, node: Any) -> None:
+        """Give no work to a process that still collects: two that replace ended ones start at different speeds."""
+        if node in self.registered_collections:
+            super()._reschedule(node)
+
     def remove_node(self, node: Any) -> str | None:
         """Give the work of a process that has ended to others, without the test in which it ended: it would end each of
         them. Returns that test."""
