@@ -39,8 +39,10 @@ demo: web ## start the embedded service, render a sample through the real API
 test: install ## run every test in TEST_JOBS processes; tests whose external program is missing are skipped, with the reason
 	$(BIN)/python -m service.bundle npm test
 	$(BIN)/python -m tests.prepare
-	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m serial $$(grep -rlF mark.serial tests --include='test_*.py')
+	@beside=0; serial=0; set -x; \
+	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder || beside=$$?; \
+	$(BIN)/python -m pytest -m serial $$(grep -rlF mark.serial tests --include='test_*.py') || serial=$$?; \
+	exit $$((beside | serial))
 
 check: install ## check format, types and import contracts; types and lint of the pages
 	$(BIN)/ruff check .
