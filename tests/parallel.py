@@ -128,7 +128,8 @@ def how_it_ended(process: subprocess.Popen[bytes]) -> str:
     """How a test process ended, and whether memory was short."""
     with suppress(subprocess.TimeoutExpired):
         process.wait(10)
-    killed = re.search(r"oom_kill (\d+)", Path("/proc/vmstat").read_text())
+    counters = Path("/proc/vmstat")  # of Linux
+    killed = re.search(r"oom_kill (\d+)", counters.read_text()) if counters.exists() else None
     return (
         f"exit status {process.returncode} (negative: a signal; None: it still runs); "
         f"{psutil.virtual_memory().available >> 20} MiB of memory are available; "

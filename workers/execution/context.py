@@ -107,6 +107,7 @@ class AttemptContext:
         """Passes that the method can make."""
         self._passes: PassWriter | None = None
         self._inputs = InputFiles(order, blobs)
+        self._exit_stack.callback(self._inputs.close)
         self.reads = self._inputs.reads
         self.handover: ArtefactHandover | None = None
         """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
@@ -421,7 +422,6 @@ class AttemptContext:
         if self._emission:  # it may still read the opacity from a decoder
             self._emission.close()
         self._exit_stack.close()
-        self._inputs.close()
 
 
 def _checked(name: str) -> str:
