@@ -13,7 +13,7 @@ RUN_STAMP := $(VENV)/.installed-to-run
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
-.PHONY: install web demo test check audit bench costs chaos conformance fuzz laws soak abuse docs gallery clean help
+.PHONY: install web demo test check check-python check-types check-pages audit bench costs chaos conformance fuzz laws soak abuse docs gallery clean help
 
 help: ## list the commands
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -39,14 +39,22 @@ demo: web ## start the embedded service, render a sample through the real API
 test: install ## run every test in TEST_JOBS processes; tests whose external program is missing are skipped, with the reason
 	$(BIN)/python -m service.bundle npm test
 	$(BIN)/python -m tests.prepare
-	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m serial $$(grep -rlF mark.serial tests --include='test_*.py')
+	@beside=0; serial=0; set -x; \
+	$(BIN)/python -m pytest -m "not serial" -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder || beside=$$?; \
+	$(BIN)/python -m pytest -m serial $$(grep -rlF mark.serial tests --include='test_*.py') || serial=$$?; \
+	exit $$((beside | serial))
 
-check: install ## check format, types and import contracts; types and lint of the pages
+check: check-python check-types check-pages ## check format, types and import contracts; types and lint of the pages
+
+check-python: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+check-types: install
+	$(BIN)/mypy
+
+check-pages: install
 	$(BIN)/python -m service.bundle npm run check
 
 audit: install ## check licences of dependencies, and them for known vulnerabilities (needs the network)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service import bundle
-from tests.parallel import Scheduling, arrange
+from tests.parallel import Scheduling, arrange, how_it_ended
 
 if TYPE_CHECKING:  # they are imported where they are needed: most tests have no server
     from tests.real.postgres import Postgres
@@ -152,6 +152,12 @@ def pytest_collection_finish() -> None:
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling:
     return Scheduling(config, log)
+
+
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Say how a test process ended before its time: xdist names the test in which it did, but not the reason."""
+    if error is not None:
+        node.config.get_terminal_writer().line(f"\n{node.gateway.id}: {how_it_ended(node.gateway._io.popen)}")
 
 
 HANGING_S = 420

@@ -7,8 +7,13 @@ takes longest comes first, so that no process works alone at the end.
 
 from __future__ import annotations
 
+import re
+import subprocess
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
@@ -117,3 +122,16 @@ class Scheduling(LoadFileScheduling):
                     super().remove_node(node)
                     return name
         return super().remove_node(node)
+
+
+def how_it_ended(process: subprocess.Popen[bytes]) -> str:
+    """How a test process ended, and whether memory was short."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(10)
+    counters = Path("/proc/vmstat")  # of Linux
+    killed = re.search(r"oom_kill (\d+)", counters.read_text()) if counters.exists() else None
+    return (
+        f"exit status {process.returncode} (negative: a signal; None: it still runs); "
+        f"{psutil.virtual_memory().available >> 20} MiB of memory are available; "
+        f"since its start the system has killed {killed[1] if killed else '?'} processes for want of memory"
+    )

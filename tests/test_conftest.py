@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import subprocess
 from pathlib import Path
 
 import av
 import pytest
 
 from tests.conftest import PARTS, ROOT, TINY_FRAMES, TINY_HEIGHT, TINY_WIDTH, _require
-from tests.parallel import IN_CHROMIUM, LONGEST, arrange
+from tests.parallel import IN_CHROMIUM, LONGEST, arrange, how_it_ended
 
 
 def test_the_tiny_clip_has_pictures_and_sound(tiny_clip: Path) -> None:
@@ -58,6 +59,11 @@ def test_every_file_that_uses_the_browser_is_in_a_group() -> None:
     shared = [path for path in pages if re.search(r"\b(browser: Browser|\w+: Watched)\b", path.read_text())]
     alone = {path.relative_to(ROOT).as_posix() for path in shared if "mark.serial" not in path.read_text()}
     assert alone == {file for group in IN_CHROMIUM for file in group}
+
+
+def test_the_log_tells_how_a_test_process_ended() -> None:
+    ended = how_it_ended(subprocess.Popen(["sh", "-c", "kill -USR1 $$"]))
+    assert re.match(r"exit status -10 .*; \d+ MiB of memory .* \d+ processes", ended)
 
 
 def test_an_unknown_part_is_an_error() -> None:

@@ -26,8 +26,8 @@ NEEDS_MORE = {
 """Parameters that small synthetic films cannot show, with what they need; other tests paint them."""
 _LOOKS = ((1, 1.0), (1, 1.0), (2, 0.3), (4, 1.0))
 """Size and brightness of the films that are tried one after another."""
-
-
+_KEPT = 8
+"""Films without a change that are kept."""
 REQUIRED = 255.0
 """Effect of an input without which another one is refused."""
 
@@ -44,7 +44,22 @@ def inputs() -> Iterator[tuple[str, str]]:
         yield from ((name, spec.name) for spec in chosen.inputs[1:] if not spec.required)
 
 
-def effect_of_parameter(name: str, parameter: str, tries: int = len(_LOOKS)) -> float:
+Paint = Callable[[Case], ways.Frames]
+
+
+class Unchanged:
+    """Films without a change: many parameters are compared with the same one. Keeps the last few."""
+
+    def __init__(self) -> None:
+        self._painted: dict[str, ways.Frames] = {}
+
+    def __call__(self, case: Case, paint: Paint) -> ways.Frames:
+        if (name := f"{paint.__name__} {case}") not in self._painted:
+            self._painted = dict(list(self._painted.items())[-_KEPT:]) | {name: paint(case)}
+        return self._painted[name]
+
+
+def effect_of_parameter(name: str, parameter: str, unchanged: Unchanged, tries: int = len(_LOOKS)) -> float:
     """Mean change of the picture by a parameter where its conditions hold, gray levels; 0: no try has shown any."""
     chosen, alternatives = method(name), method(name).Params.applies_when.get(parameter, ())
     is_piece = any(when.way == "piece" for when in alternatives)
@@ -53,13 +68,13 @@ def effect_of_parameter(name: str, parameter: str, tries: int = len(_LOOKS)) -> 
         case = _plain(name, seed)
         for number in range(max(1, len(alternatives))):
             situation = meeting(case, alternatives[number : number + 1])
-            if (found := _most(situation, parameter, properties_of(chosen)[parameter], paint)) > 0:
+            if (found := _most(situation, parameter, properties_of(chosen)[parameter], paint, unchanged)) > 0:
                 return found
     return 0.0
 
 
-def _most(case: Case, parameter: str, schema: Mapping[str, Any], paint: Callable[[Case], ways.Frames]) -> float:
-    before = paint(case)
+def _most(case: Case, parameter: str, schema: Mapping[str, Any], paint: Paint, unchanged: Unchanged) -> float:
+    before = unchanged(case, paint)
     changes = (
         difference(before, paint(case.with_params(**{parameter: value}))) for value in extremes(schema, parameter)
     )

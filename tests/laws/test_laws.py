@@ -48,9 +48,14 @@ def test_everything_wrong_is_said_in_one_list() -> None:
     assert places(iter(range(SAID))) == {fault.__name__ for fault in FAULTS}, "every kind of fault is tried"
 
 
+@pytest.fixture(scope="module")
+def unchanged() -> effects.Unchanged:
+    return effects.Unchanged()
+
+
 @pytest.mark.parametrize(("name", "parameter"), [*effects.parameters()])
-def test_a_parameter_has_an_effect(name: str, parameter: str) -> None:
-    assert effects.effect_of_parameter(name, parameter) > 0
+def test_a_parameter_has_an_effect(name: str, parameter: str, unchanged: effects.Unchanged) -> None:
+    assert effects.effect_of_parameter(name, parameter, unchanged) > 0
 
 
 @pytest.mark.parametrize(("name", "given"), [*effects.inputs()])
@@ -73,7 +78,7 @@ def test_a_parameter_that_is_switched_off_is_found(monkeypatch: pytest.MonkeyPat
         honest(self, params.model_copy(update={"relief": 1.0}), *args, **kwargs)
 
     monkeypatch.setattr(LocalContext, "__init__", without_relief)
-    assert effects.effect_of_parameter("multistyle", "relief") == 0
+    assert effects.effect_of_parameter("multistyle", "relief", effects.Unchanged()) == 0
 
 
 def test_a_key_that_is_one_frame_late_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

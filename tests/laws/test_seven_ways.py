@@ -75,7 +75,7 @@ def _options(case: Case, files: Mapping[str, Path]) -> list[str]:
     return ["--method", case.method, "--seed", str(case.seed), *inputs, *params]
 
 
-def command(case: Case, folder: Path) -> Frames:
+def command(case: Case, folder: Path, client: TestClient) -> Frames:
     files, out = _files(case, folder), folder / "film.zip"
     words = ["render", str(files["video"]), "-o", str(out), "--home", str(folder), *_options(case, files)]
     done = CliRunner().invoke(app, words)
@@ -83,7 +83,7 @@ def command(case: Case, folder: Path) -> Frames:
     return _unzipped(out.read_bytes())
 
 
-def pipe(case: Case, folder: Path) -> Frames:
+def pipe(case: Case, folder: Path, client: TestClient) -> Frames:
     files, (width, height) = _files(case, folder), case.size
     words = ["render", "-", "-o", "-", "--raw", f"{width}x{height}", *_options(case, files)]
     raw = b"".join(frame.tobytes() for frame in case.film())
@@ -93,63 +93,45 @@ def pipe(case: Case, folder: Path) -> Frames:
     return dict(enumerate(np.array(frames)))
 
 
-def library(case: Case, folder: Path) -> Frames:
+def library(case: Case, folder: Path, client: TestClient) -> Frames:
     return ways.library(case)
 
 
-def iterator(case: Case, folder: Path) -> Frames:
+def iterator(case: Case, folder: Path, client: TestClient) -> Frames:
     return ways.iterator(case)
 
 
-def service(case: Case, folder: Path) -> Frames:
-    with _Service(folder) as client:
-        ids = _uploaded(client, _files(case, folder))
-        body = {"method": case.method, "inputs": ids, "params": case.params, "seed": case.seed}
-        made = client.post("/v1/jobs", json={**body, "output": {"format": "png"}})
-        assert made.status_code == 201, made.text
-        return _painted(client, made.json()["id"])
+def service(case: Case, folder: Path, client: TestClient) -> Frames:
+    ids = _uploaded(client, _files(case, folder))
+    body = {"method": case.method, "inputs": ids, "params": case.params, "seed": case.seed}
+    made = client.post("/v1/jobs", json={**body, "output": {"format": "png"}})
+    assert made.status_code == 201, made.text
+    return _painted(client, made.json()["id"])
 
 
-def project(case: Case, folder: Path) -> Frames:
-    with _Service(folder) as client:
-        ids = _uploaded(client, _files(case, folder))
-        layer: dict[str, Any] = {"id": "l1", "method": case.method, "params": case.params, "seed": case.seed}
-        layer["inputs"] = {name: name for name in case.inputs}
-        shot = {"id": "s1", "video": "video", "layers": [layer]}
-        assets = {name: {"id": asset} for name, asset in ids.items()}
-        output = {"format": "png"}
-        document = {"schema": 1, "name": "Film", "assets": assets, "output": output, "shots": [shot]}
-        made = client.post("/v1/projects", json={"document": document})
-        assert made.status_code == 201, made.text
-        jobs = client.post(f"/v1/projects/{made.json()['id']}/jobs", json={})
-        assert jobs.status_code == 201, jobs.text
-        return _painted(client, jobs.json()["items"][0]["job"]["id"])
+def project(case: Case, folder: Path, client: TestClient) -> Frames:
+    ids = _uploaded(client, _files(case, folder))
+    layer: dict[str, Any] = {"id": "l1", "method": case.method, "params": case.params, "seed": case.seed}
+    layer["inputs"] = {name: name for name in case.inputs}
+    shot = {"id": "s1", "video": "video", "layers": [layer]}
+    assets = {name: {"id": asset} for name, asset in ids.items()}
+    output = {"format": "png"}
+    document = {"schema": 1, "name": "Film", "assets": assets, "output": output, "shots": [shot]}
+    made = client.post("/v1/projects", json={"document": document})
+    assert made.status_code == 201, made.text
+    jobs = client.post(f"/v1/projects/{made.json()['id']}/jobs", json={})
+    assert jobs.status_code == 201, jobs.text
+    return _painted(client, jobs.json()["items"][0]["job"]["id"])
 
 
-def live(case: Case, folder: Path) -> Frames | None:
+def live(case: Case, folder: Path, client: TestClient) -> Frames | None:
     """None: live refuses the case by the name of an input or parameter."""
     return ways.live(case) if ways.is_live(case) else None
 
 
-WAYS: tuple[Callable[[Case, Path], Frames | None], ...] = (
-    command, pipe, library, iterator, service, project, live,
-)  # fmt: skip
-
-
-class _Service:
-    """A service with its own farm, and a client of it."""
-
-    def __init__(self, folder: Path) -> None:
-        self._farm = open_farm(FarmSettings(home=folder / "farm", pool="local", workers=1))
-        self._client = TestClient(create_app(Settings(home=folder / "farm"), self._farm), "http://127.0.0.1:8420")
-
-    def __enter__(self) -> TestClient:
-        self._farm.start()
-        return self._client.__enter__()
-
-    def __exit__(self, *error: object) -> None:
-        self._client.__exit__(None, None, None)
-        self._farm.stop()
+Way = Callable[[Case, Path, TestClient], Frames | None]
+"""Paints a case: with files in an empty folder, and a service's client."""
+WAYS: tuple[Way, ...] = (command, pipe, library, iterator, service, project, live)
 
 
 def _uploaded(client: TestClient, files: Mapping[str, Path]) -> dict[str, str]:
@@ -171,6 +153,17 @@ def _painted(client: TestClient, job: str) -> Frames:
 
 
 @pytest.fixture(scope="module")
+def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """A client of a service with a farm of one worker."""
+    home = tmp_path_factory.mktemp("farm")
+    farm = open_farm(FarmSettings(home=home, pool="local", workers=1))
+    farm.start()
+    with TestClient(create_app(Settings(home=home), farm), "http://127.0.0.1:8420") as made:
+        yield made
+    farm.stop()
+
+
+@pytest.fixture(scope="module")
 def films() -> Iterator[dict[int, Frames]]:
     yield {number: ways.film(case) for number, case in enumerate(CASES)}
 
@@ -178,9 +171,9 @@ def films() -> Iterator[dict[int, Frames]]:
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 @pytest.mark.parametrize("number", range(len(CASES)), ids=lambda number: f"{CASES[number].method}-{number}")
 def test_every_way_gives_the_same_frames(
-    films: dict[int, Frames], number: int, way: Callable[[Case, Path], Frames | None], tmp_path: Path
+    films: dict[int, Frames], number: int, way: Way, tmp_path: Path, client: TestClient
 ) -> None:
-    found: dict[int, Frame] | None = way(CASES[number], tmp_path)
+    found: dict[int, Frame] | None = way(CASES[number], tmp_path, client)
     assert found is None or ways.difference(films[number], found) == 0
 
 

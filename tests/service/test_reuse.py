@@ -43,6 +43,20 @@ def service(home: Path, **changes: Any) -> Iterator[httpx.Client]:
 
 
 @pytest.fixture(scope="module")
+def http(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A client of a service that reuses results. To start one and load a method takes 3 s of a processor."""
+    with service(tmp_path_factory.mktemp("reuses") / "home") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def forgetful(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """A client of a service that reuses nothing."""
+    with service(tmp_path_factory.mktemp("forgets") / "home", reuse_s=0) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
 def clip() -> bytes:
     return encoded((1, 2), SHOT_FRAMES)
 
@@ -119,7 +133,9 @@ def true_labels() -> bytes:
     return cv2.imencode(".png", image)[1].tobytes()
 
 
-def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_path: Path) -> None:
+def test_a_correction_repeats_only_the_tasks_that_depend_on_it(
+    clip: bytes, tmp_path: Path, forgetful: httpx.Client
+) -> None:
     with service(tmp_path / "home") as http:
         value = document(upload(http, clip, "two.mkv"))
         project = http.post("/v1/projects", json={"document": value}).json()["id"]
@@ -143,27 +159,23 @@ def test_a_correction_repeats_only_the_tasks_that_depend_on_it(clip: bytes, tmp_
     }
     painted = f"paint/run-{SHOT_FRAMES + half:07d}"
     assert {"scan/inputs", f"register/run-{start}", painted, "assemble/assemble"} <= ran
-    with service(tmp_path / "other", reuse_s=0) as http:  # rendered as a whole
-        value = corrected(http, document(upload(http, clip, "two.mkv")), drawn)
-        whole = rendered(http, http.post("/v1/projects", json={"document": value}).json()["id"])
-        assert not any(tasks(http, whole).values())
-        assert film(http, whole) == film_of_both
+    value = corrected(forgetful, document(upload(forgetful, clip, "two.mkv")), drawn)
+    whole = rendered(forgetful, forgetful.post("/v1/projects", json={"document": value}).json()["id"])
+    assert not any(tasks(forgetful, whole).values())
+    assert film(forgetful, whole) == film_of_both
 
 
-def test_a_correction_does_not_register_other_runs_of_its_shot_again(tmp_path: Path) -> None:
+def test_a_correction_does_not_register_other_runs_of_its_shot_again(http: httpx.Client) -> None:
     frames, at, solve = 48, 45, [44, 48]
     image = np.ones(SIZE[::-1], np.uint16)
     cv2.rectangle(image, (10, 10), (30, 50), 40, -1)
-    with service(tmp_path / "home") as http:
-        value = document(upload(http, encoded((1,), frames), "one.mkv"))
-        project = http.post("/v1/projects", json={"document": value}).json()["id"]
-        rendered(http, project)
-        value["assets"]["map"] = {"id": upload(http, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
-        value["shots"][0]["layers"][0].setdefault("parts", {})["labels"] = [
-            {"frame": at, "image": "map", "solve": solve}
-        ]
-        http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
-        found = tasks(http, rendered(http, project))
+    value = document(upload(http, encoded((1,), frames), "one.mkv"))
+    project = http.post("/v1/projects", json={"document": value}).json()["id"]
+    rendered(http, project)
+    value["assets"]["map"] = {"id": upload(http, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
+    value["shots"][0]["layers"][0].setdefault("parts", {})["labels"] = [{"frame": at, "image": "map", "solve": solve}]
+    http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
+    found = tasks(http, rendered(http, project))
     ran = {name for name, reused in found.items() if not reused}
     again = {name for name in ran if name.startswith(("cluster/", "correct/", "register/"))}
     last = "0000036"
@@ -173,23 +185,24 @@ def test_a_correction_does_not_register_other_runs_of_its_shot_again(tmp_path: P
     assert again == {*correct, f"register/run-{last}"}, sorted(ran)
 
 
-def test_a_correction_paints_only_the_patches_again_that_show_its_frames(tmp_path: Path) -> None:
+def test_a_correction_paints_only_the_patches_again_that_show_its_frames(
+    http: httpx.Client, forgetful: httpx.Client
+) -> None:
     """The wall is painted once for frames 0 to 23, once to 47, and once to 71, with fades between them."""
     frames, at, solve, params = 72, 54, [52, 57], {"longest_patch": 24}
     image = np.ones(SIZE[::-1], np.uint16)
     cv2.circle(image, (10, 10), 6, 40, -1)
     films = []
-    for folder, changes in (("home", {}), ("other", {"reuse_s": 0})):
-        with service(tmp_path / folder, **changes) as http:
-            value = document(upload(http, encoded((1,), frames), "one.mkv"), params=params)
-            project = http.post("/v1/projects", json={"document": value}).json()["id"]
-            if not changes:
-                rendered(http, project)
-            value["assets"]["map"] = {"id": upload(http, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
-            value["shots"][0]["layers"][0]["parts"] = {"labels": [{"frame": at, "image": "map", "solve": solve}]}
-            http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
-            job = rendered(http, project)
-            films.append((tasks(http, job), film(http, job)))
+    for client in (http, forgetful):
+        value = document(upload(client, encoded((1,), frames), "one.mkv"), params=params)
+        project = client.post("/v1/projects", json={"document": value}).json()["id"]
+        if client is http:
+            rendered(client, project)
+        value["assets"]["map"] = {"id": upload(client, cv2.imencode(".png", image)[1].tobytes(), "map.png")}
+        value["shots"][0]["layers"][0]["parts"] = {"labels": [{"frame": at, "image": "map", "solve": solve}]}
+        client.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
+        job = rendered(client, project)
+        films.append((tasks(client, job), film(client, job)))
     (found, again), (whole, anew) = films
     assert again == anew and found.keys() == whole.keys() and not any(whole.values())
     ran = {name for name, reused in found.items() if not reused}
@@ -201,39 +214,37 @@ def test_a_correction_paints_only_the_patches_again_that_show_its_frames(tmp_pat
     assert painted and min(int(name[-7:]) for name in painted) >= 36 and len(painted) <= 5, sorted(painted)
 
 
-def test_another_look_does_not_estimate_the_motion_again(clip: bytes, tmp_path: Path) -> None:
+def test_another_look_does_not_estimate_the_motion_again(clip: bytes, http: httpx.Client) -> None:
     flows = {"multistyle": "paint/flow-", "patches": "cluster/flow-"}
     changes = {"multistyle": {"style": "pointillism"}, "patches": {"style": "circles"}}
-    with service(tmp_path / "home") as http:
-        for name, prefix in flows.items():
-            value = document(upload(http, clip, "two.mkv"))
-            value["output"] = {"format": "png"}
-            layer = value["shots"][0]["layers"][0]
-            layer["method"] = name
-            project = http.post("/v1/projects", json={"document": value}).json()["id"]
-            rendered(http, project)
-            layer["params"] = changes[name]
-            http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
-            found = tasks(http, rendered(http, project))
-            again = {task for task, reused in found.items() if not reused}
-            assert {task for task in found if task.startswith(prefix)} and not any(t.startswith(prefix) for t in again)
-            assert {task for task in found if task.startswith("paint/run")} <= again
-            layer["params"] = {"flow": "tvl1"}
-            http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"2"'}).raise_for_status()
-            found = tasks(http, rendered(http, project))
-            assert not any(reused for task, reused in found.items() if task.startswith(prefix)), "other motion"
-
-
-def test_results_outlive_the_job_that_made_them(clip: bytes, tmp_path: Path) -> None:
-    """A job is deleted after a second one has reused its results; a third one reuses them from the second."""
-    with service(tmp_path / "home") as http:
+    for name, prefix in flows.items():
         value = document(upload(http, clip, "two.mkv"))
-        value["shots"][0] |= {"range": [0, 8]}
+        value["output"] = {"format": "png"}
+        layer = value["shots"][0]["layers"][0]
+        layer["method"] = name
         project = http.post("/v1/projects", json={"document": value}).json()["id"]
-        first, second = rendered(http, project), rendered(http, project)
-        kept = film(http, first)
-        assert http.delete(f"/v1/jobs/{first['id']}").status_code == 204
-        third = rendered(http, project)
-        for job in (second, third):
-            ran = [name for name, reused in tasks(http, job).items() if not reused]
-            assert ran == ["assemble/assemble"] and film(http, job) == kept
+        rendered(http, project)
+        layer["params"] = changes[name]
+        http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"1"'}).raise_for_status()
+        found = tasks(http, rendered(http, project))
+        again = {task for task, reused in found.items() if not reused}
+        assert {task for task in found if task.startswith(prefix)} and not any(t.startswith(prefix) for t in again)
+        assert {task for task in found if task.startswith("paint/run")} <= again
+        layer["params"] = {"flow": "tvl1"}
+        http.put(f"/v1/projects/{project}", json=value, headers={"If-Match": '"2"'}).raise_for_status()
+        found = tasks(http, rendered(http, project))
+        assert not any(reused for task, reused in found.items() if task.startswith(prefix)), "other motion"
+
+
+def test_results_outlive_the_job_that_made_them(clip: bytes, http: httpx.Client) -> None:
+    """A job is deleted after a second one has reused its results; a third one reuses them from the second."""
+    value = document(upload(http, clip, "two.mkv"))
+    value["shots"][0] |= {"range": [0, 8]}
+    project = http.post("/v1/projects", json={"document": value}).json()["id"]
+    first, second = rendered(http, project), rendered(http, project)
+    kept = film(http, first)
+    assert http.delete(f"/v1/jobs/{first['id']}").status_code == 204
+    third = rendered(http, project)
+    for job in (second, third):
+        ran = [name for name, reused in tasks(http, job).items() if not reused]
+        assert ran == ["assemble/assemble"] and film(http, job) == kept

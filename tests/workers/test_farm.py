@@ -83,7 +83,7 @@ def test_bad_input_is_not_retried(farm: Farm, data: Path) -> None:
 def test_a_shortage_of_storage_or_descriptors_costs_no_attempt(
     open_farm: Callable[..., Farm], data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: str
 ) -> None:
-    monkeypatch.setattr("workers.scheduling.dispatcher._RESOURCE_AWAY_S", 0.05)
+    monkeypatch.setattr("workers.scheduling.outcome_writer._RESOURCE_AWAY_S", 0.05)
     farm = open_farm(attempts=1)
     params = {"trouble": trouble, "mark": str(tmp_path / "mark")}
     job = finished(farm, farm.jobs.submit(request_on(farm, data, params=params)).id)

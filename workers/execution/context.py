@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import TypeVar
 
 from pydantic import JsonValue
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadParameter, Cancelled
-from pipeline.formats import IMAGES
 from pipeline.frames import Frame, Plane
 from pipeline.methods.base import AnyParams, Arrays, MadePass
 from pipeline.passes.made import PASSES
 from pipeline.perception.cuts import thumbnail
-from pipeline.video.guard.files import GuardedImages
 from pipeline.video.guard.reader import GuardedReader
-from pipeline.video.headers import sniff
 from pipeline.video.index import Index
 from pipeline.video.media import SourceOptions
-from pipeline.video.numbered import by_frame
-from pipeline.video.numbering import numbers_of_runs
-from pipeline.video.shot_files import ShotFiles
 from pipeline.video.writer import SegmentSpec
 from workers.blobs.base import Blobs
 from workers.contract.order import ProgressReport, TaskOrder
@@ -39,10 +32,11 @@ from workers.execution.decoders import Decoders
 from workers.execution.emission import Emission, EmissionSource, EmitError
 from workers.execution.frame_cache import FrameCache
 from workers.execution.input_damage import InputDamage, within
+from workers.execution.input_files import InputFiles
 from workers.execution.pair_recorder import keep_pairs
 from workers.execution.pass_files import PassWriter
 from workers.execution.preview_publisher import PreviewPublisher
-from workers.execution.reuse import ReadRecord, RecordedImages, arrays_digest
+from workers.execution.reuse import arrays_digest
 from workers.execution.stage_timer import StageTimer
 from workers.jobs.frame_window import video_info
 from workers.process.heartbeat import current_heartbeat
@@ -112,8 +106,9 @@ class AttemptContext:
         self.made_passes: tuple[MadePass, ...] = ()
         """Passes that the method can make."""
         self._passes: PassWriter | None = None
-        self._opened: dict[str, Mapping[int, AnyArray]] = {}
-        self.reads = ReadRecord(order, self._images, {})
+        self._inputs = InputFiles(order, blobs)
+        self._exit_stack.callback(self._inputs.close)
+        self.reads = self._inputs.reads
         self.handover: ArtefactHandover | None = None
         """Holds saved artefacts for later tasks in this process; None: tasks read them from the blob store only."""
         self.reads_again = False
@@ -166,7 +161,7 @@ class AttemptContext:
             options: None: those of the job; others: the frame cache is not used.
         """
         first, last = self._span(name, start, stop)
-        key, cache = self._input(name), self.frame_cache if options is None else None
+        key, cache = self._inputs.key(name), self.frame_cache if options is None else None
         to_decode = first if cache is None else cache.first_missing(self._cache_key(name), first)
         with self._decoders.reader(key, to_decode, options or self._options(name)) as reader:
             self._has_alpha[name] = reader.has_alpha
@@ -197,7 +192,7 @@ class AttemptContext:
     def _cache_key(self, name: str) -> str:
         """Key of the input's frames in the frame cache."""
         options = self._options(name)
-        return self._input(name) + ("" if options == SourceOptions() else f" {options}")
+        return self._inputs.key(name) + ("" if options == SourceOptions() else f" {options}")
 
     def _is_first_pass(self, name: str, start: int | None, stop: int | None) -> bool:
         """Whether the first step reads the whole video: then, frames for the quality report are saved."""
@@ -218,63 +213,28 @@ class AttemptContext:
         with self.stages.waiting("decode"):
             return next(source, None)
 
-    def has(self, name: str) -> bool:
-        self.reads.record(f"has {name}")
-        return name in self._order.inputs
-
     def image(self, name: str) -> Frame:
         return next(self.frames(name, 0, 1))
 
+    def has(self, name: str) -> bool:
+        return self._inputs.has(name)
+
     def json(self, name: str) -> JsonValue:
-        try:
-            return cast("JsonValue", json.loads(self._blobs.get(self._input(name))))
-        except ValueError as error:
-            raise BadParameter(f"The input is not JSON: {error}.", field=f"inputs.{name}") from None
+        return self._inputs.json(name)
 
     def images(self, name: str) -> Mapping[int, AnyArray]:
-        return RecordedImages(name, self._images(name), self.reads)
-
-    def _images(self, name: str) -> Mapping[int, AnyArray]:
-        if name not in self._opened:
-            path = self._exit_stack.enter_context(self._blobs.local(self._input(name, whole=False)))
-            found = GuardedImages(path, f"inputs.{name}")
-            self._exit_stack.callback(found.close)
-            self._opened[name] = by_frame(found, self._numbers(), f"inputs.{name}")
-        return self._opened[name]
-
-    def _numbers(self) -> tuple[int, ...]:
-        """Numbers of the frames of the source, if it is a sequence of images."""
-        return tuple(numbers_of_runs(self._order.input_info["video"].get("numbers", ())))
+        return self._inputs.images(name)
 
     def entries(self, name: str) -> Mapping[str, bytes]:
-        path = self._exit_stack.enter_context(self._blobs.local(self._input(name)))
-        with path.open("rb") as stream:
-            if (found_type := sniff(stream)) != "application/zip":
-                form = next((form for form in IMAGES if form.media_type == found_type and form.carries.planes), None)
-                return {} if form is None else {f"{name}{form.suffixes[0]}": path.read_bytes()}
-        found = ShotFiles(path)
-        self._exit_stack.callback(found.close)
-        return found
+        return self._inputs.entries(name)
 
     def passes(self) -> Mapping[str, bytes]:
-        return self.entries("video")
+        return self._inputs.entries("video")
 
     @property
     def pass_facts(self) -> Mapping[str, JsonValue]:
         found: Mapping[str, JsonValue] = self._order.input_info["video"].get("passes", {})
         return found
-
-    def _input(self, name: str, whole: bool = True) -> str:
-        """Blob key of an input. `whole`: the task may read all of it."""
-        if whole:
-            self.reads.record(f"input {name}")
-        if name not in self._order.inputs:
-            raise BadParameter(
-                f"The input {name!r} is needed and was not given.",
-                field=f"inputs.{name}",
-                remedy=f"Upload it and name it in the job's inputs as {name!r}.",
-            )
-        return self._order.inputs[name]
 
     # -- artefacts
 
@@ -388,7 +348,7 @@ class AttemptContext:
 
     def _matte(self, start: int, stop: int) -> Iterator[AnyArray] | None:
         """The opacity of the frames [start, stop) of the film, gray; None if its source has none."""
-        key, options = self._input(self.opacity_of), self._options(self.opacity_of)
+        key, options = self._inputs.key(self.opacity_of), self._options(self.opacity_of)
         if self.opacity_of not in self._has_alpha:
             with self._decoders.reader(key, 0, options) as reader:
                 self._has_alpha[self.opacity_of] = reader.has_alpha
@@ -401,7 +361,7 @@ class AttemptContext:
     def _video_index(self) -> Index:
         """Presentation times of the source's frames; the index is reused if the step has read the video."""
         if self._index is None:
-            with self._decoders.reader(self._input("video"), 0, self._order.reading) as reader:
+            with self._decoders.reader(self._inputs.key("video"), 0, self._order.reading) as reader:
                 self._index = reader.index
                 self._has_alpha["video"] = reader.has_alpha
         return self._index

@@ -15,7 +15,6 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 
 import ray
@@ -44,7 +43,8 @@ from workers.pools.capacity import (
 )
 from workers.pools.local_pool import Listen, TaskRunner
 from workers.pools.ray_cluster import connect
-from workers.pools.ray_types import RAY, Actor, ObjectRef
+from workers.pools.ray_types import RAY, ObjectRef
+from workers.pools.slot_actor import SlotActor
 from workers.settings import FarmSettings
 
 log = logging.getLogger(__name__)
@@ -58,36 +58,6 @@ _START_S = 60.0
 _SHARED_BYTES = 64 << 20
 """Maximum bytes of artefacts in Ray's shared memory, over all nodes: far below the amount at which Ray begins to spill
 to disk, even with new artefacts. Spilling took a seventh of the time of two processors."""
-
-
-@dataclass
-class _SlotActor:
-    """An actor and its current attempt."""
-
-    actor: Actor
-    hello: ObjectRef
-    """Reference to the answer of `hello`; None once it has arrived."""
-    capacity: Capacity
-    """Resources that Ray has reserved for the actor."""
-    avoids: frozenset[str] = frozenset()
-    """Ids of Ray nodes on which it must not start."""
-    name: str = ""
-    node: str = ""
-    attempt_id: str = ""
-    made_at: float = field(default_factory=time.monotonic)
-    """Time of its request, monotonic s."""
-    waiting_since: float = field(default_factory=time.monotonic)
-    """Time since which it has waited for a machine and no idle actor was ended for it."""
-    too_large_since: float | None = None
-    """Time since which no machine of the cluster is large enough for it, even if idle; monotonic s."""
-    signs: int = -1
-    """Sign of life that its actor has last answered with."""
-    answer: ObjectRef = None
-    """Reference to the outcome of the attempt."""
-
-    @property
-    def idle(self) -> bool:
-        return bool(self.name) and not self.attempt_id
 
 
 class RayPool:
@@ -110,7 +80,7 @@ class RayPool:
         # A file just written on this machine is read as quickly as shared memory.
         self.shares_memory = not (here and isinstance(blobs, DiskBlobs))
         self._shared = SharedArtefacts(_SHARED_BYTES)
-        self._workers: list[_SlotActor] = []
+        self._workers: list[SlotActor] = []
         self._lock = threading.RLock()
         self._news = threading.Event()
         self._stopping = False
@@ -135,7 +105,7 @@ class RayPool:
         with self._lock:
             return len(self._idle())
 
-    def _idle(self) -> list[_SlotActor]:
+    def _idle(self) -> list[SlotActor]:
         return [worker for worker in self._workers if worker.idle and worker.node not in self._drained]
 
     def slots(self) -> tuple[Slot, ...]:
@@ -178,7 +148,7 @@ class RayPool:
             self._listen(Report(order.attempt_id, lost=True))
         self._news.set()
 
-    def _place_for(self, capacity: Capacity) -> _SlotActor | None:
+    def _place_for(self, capacity: Capacity) -> SlotActor | None:
         idle = self._idle()
         fitting = [worker for worker in idle if worker.capacity.covers(capacity)]
         if fitting or not idle:  # the smallest that suffices: larger ones may be needed for other tasks
@@ -247,7 +217,7 @@ class RayPool:
             self._take(ref, awaited[ref])
         return True
 
-    def _take(self, ref: ObjectRef, worker: _SlotActor) -> None:
+    def _take(self, ref: ObjectRef, worker: SlotActor) -> None:
         try:
             value = RAY.get(ref)
         except ray.exceptions.RayTaskError as error:  # the actor is alive; our own code has raised the error
@@ -261,13 +231,13 @@ class RayPool:
         else:
             self._greeted(worker, *value)
 
-    def _greeted(self, worker: _SlotActor, name: str, node_id: str) -> None:
+    def _greeted(self, worker: SlotActor, name: str, node_id: str) -> None:
         node = _node_names().get(node_id, node_id[:12])
         with self._lock:
             worker.name, worker.node, worker.hello, worker.too_large_since = name, node, None, None
         self._listen(Report("", worker=name))
 
-    def _answered(self, worker: _SlotActor, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
+    def _answered(self, worker: SlotActor, outcome: TaskOutcome, made: dict[str, tuple[ObjectRef, int]]) -> None:
         self._shared.add(made)
         with self._lock:
             worker.attempt_id, worker.answer = "", None
@@ -289,7 +259,7 @@ class RayPool:
         for ref in come:
             self._report_progress(ref, asked[ref])
 
-    def _report_progress(self, ref: ObjectRef, worker: _SlotActor) -> None:
+    def _report_progress(self, ref: ObjectRef, worker: SlotActor) -> None:
         try:
             attempt_id, done, preview, signs = ray.get(ref)
         except RayError:
@@ -316,7 +286,7 @@ class RayPool:
         if not starting or late:
             self._update_shortage(machines)
 
-    def _check_waiting(self, worker: _SlotActor, machines: Machines, now: float) -> None:
+    def _check_waiting(self, worker: SlotActor, machines: Machines, now: float) -> None:
         """Free capacity for a waiting actor, or fail its attempt if no machine is large enough."""
         suitable = machines_with(worker.capacity, machines)
         if suitable:
@@ -331,7 +301,7 @@ class RayPool:
         if worker.attempt_id and now - worker.too_large_since > self._settings.capacity_wait_s:
             self._give_up(worker, machines)
 
-    def _give_up(self, worker: _SlotActor, machines: Machines) -> None:
+    def _give_up(self, worker: SlotActor, machines: Machines) -> None:
         """Fail the attempt of an actor that has waited too long for a machine that does not exist."""
         remedy = "Add such a machine to the cluster, or choose a smaller video, then retry the job."
         error = NoCapacity(
@@ -360,7 +330,7 @@ class RayPool:
                 self._workers.remove(found)
                 self._owed += 1
 
-    def _new_actor(self, capacity: Capacity) -> _SlotActor:
+    def _new_actor(self, capacity: Capacity) -> SlotActor:
         elsewhere = {"ray.io/node-id": f"!in({','.join(sorted(self._avoided))})"} if self._avoided else None
         actor = RenderActor.options(
             num_cpus=capacity.cpus,
@@ -368,23 +338,23 @@ class RayPool:
             memory=capacity.memory_bytes or None,
             label_selector=elsewhere,
         ).remote(self._make_runner, self._blobs)
-        return _SlotActor(actor, actor.hello.remote(), capacity, self._avoided)
+        return SlotActor(actor, actor.hello.remote(), capacity, self._avoided)
 
-    def _exchange(self, worker: _SlotActor, capacity: Capacity) -> _SlotActor:
+    def _exchange(self, worker: SlotActor, capacity: Capacity) -> SlotActor:
         """End an idle actor; another one replaces it."""
         ray.kill(worker.actor)
         new = self._new_actor(capacity)
         self._workers[self._workers.index(worker)] = new
         return new
 
-    def _replace(self, worker: _SlotActor, lost: str = "") -> None:
+    def _replace(self, worker: SlotActor, lost: str = "") -> None:
         with self._lock:
             if worker in self._workers:
                 self._workers[self._workers.index(worker)] = self._new_actor(self._usual)
         if lost:
             self._listen(Report(lost, lost=True, worker=worker.name))
 
-    def _at_work(self, attempt_id: str) -> _SlotActor | None:
+    def _at_work(self, attempt_id: str) -> SlotActor | None:
         with self._lock:
             return next((worker for worker in self._workers if worker.attempt_id == attempt_id), None)
 

@@ -6,15 +6,17 @@ import contextlib
 import faulthandler
 import os
 import signal
+import threading
 import time
+from collections import Counter
+from pathlib import Path
 
 import psutil
 
 STACKS = signal.SIGUSR1
 """Signal at which a process of `show_stacks_on_signal` prints its stacks."""
-_SAMPLE_S = 0.5
-_BUSY = 0.1
-"""Share of a processor from which on a thread counts as spinning; on a busy machine it gets a part of one."""
+_LOOKS, _LOOK_EVERY_S = 10, 0.05
+"""How often a process that hangs is looked at, and the time between two looks, seconds."""
 
 
 def moved_bytes(pid: int) -> int:
@@ -32,19 +34,26 @@ def show_stacks_on_signal() -> None:
 
 
 def diagnose_hang(pid: int) -> str:
-    """Which threads of a process spin. Takes half a second. A process other than this one, which has called
-    `show_stacks_on_signal`, prints its stacks."""
-    with contextlib.suppress(psutil.Error, OSError):
-        before = _cpu_s(pid)
+    """Which threads of a process spin: they run, or wait for a processor, in most looks. Takes half a second. A process
+    other than this one, which has called `show_stacks_on_signal`, prints its stacks."""
+    with contextlib.suppress(OSError):
         if pid != os.getpid():
             os.kill(pid, STACKS)
-        time.sleep(_SAMPLE_S)
-        shares = {thread: (cpu_s - before.get(thread, cpu_s)) / _SAMPLE_S for thread, cpu_s in _cpu_s(pid).items()}
-        spinning = [f"thread {t} spins ({share:.0%} of a processor)" for t, share in shares.items() if share > _BUSY]
+        seen: Counter[int] = Counter()
+        for _ in range(_LOOKS):
+            time.sleep(_LOOK_EVERY_S)
+            seen.update(_running(pid))
+        spinning = [f"thread {thread} spins" for thread, looks in seen.items() if looks > _LOOKS / 2]
         return "; ".join(spinning) or "its threads sleep"
     return "its process has ended"
 
 
-def _cpu_s(pid: int) -> dict[int, float]:
-    """CPU seconds of each thread by its id."""
-    return {thread.id: thread.user_time + thread.system_time for thread in psutil.Process(pid).threads()}
+def _running(pid: int) -> list[int]:
+    """Ids of the threads that run or wait for a processor. Raises OSError if the process has ended."""
+    found = []
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        with contextlib.suppress(OSError):  # the thread has ended
+            state = (thread / "stat").read_text().rpartition(")")[2].split()[0]
+            if state == "R" and int(thread.name) != threading.get_native_id():
+                found.append(int(thread.name))
+    return found

@@ -15,8 +15,7 @@ from collections.abc import Callable, Sequence
 
 from pipeline.errors import StorageError
 from workers.contract.order import TaskOutcome
-from workers.contract.record import Fault
-from workers.faults import failed_outcome, is_final, is_resource_away
+from workers.faults import failed_outcome
 from workers.jobs import state_machine as machine
 from workers.operator_views import DrainScope, Slot, WorkerInfo
 from workers.pools.base import Pool, Report
@@ -24,6 +23,7 @@ from workers.process.log_context import log_extra
 from workers.scheduling import step_planner
 from workers.scheduling.flights import Flight, facts_of, log_end, log_hang, lost_outcome, stall_limit_s
 from workers.scheduling.orders import Orders
+from workers.scheduling.outcome_writer import OutcomeWriter
 from workers.scheduling.process_lock import ProcessLock
 from workers.scheduling.step_planner import StepPlanner, is_user_error
 from workers.scheduling.versions import is_readable
@@ -49,8 +49,6 @@ _LATE_S = 5.0
 """A gap between two ticks of this length is not counted as silence of the attempts, seconds."""
 _MOVES_BYTES = 1 << 20
 """An attempt that has moved so many bytes since the last look does not hang."""
-_RESOURCE_AWAY_S = 3.0
-"""Delay of a task after an unreachable store, a full disk or exhausted descriptors."""
 
 
 class Dispatcher:
@@ -83,6 +81,7 @@ class Dispatcher:
         self._orders = Orders(store, pool.shares_memory)
         self._flights: dict[str, Flight] = {}
         self._planner = StepPlanner(store)
+        self._outcomes = OutcomeWriter(store.queue)
         self._reports: deque[Report] = deque()
         self._postponed: deque[tuple[float, Flight, Report]] = deque()
         """Reports that could not be handled, and when each is tried again, monotonic s."""
@@ -228,54 +227,22 @@ class Dispatcher:
         if report.worker and report.worker != flight.worker:
             flight.worker, flight.reported = report.worker, False
         if report.lost:
-            self._store_outcome(report.attempt_id, flight, lost_outcome(report))
+            self._end(report.attempt_id, flight, lost_outcome(report))
         elif report.outcome is not None:
-            self._store_outcome(report.attempt_id, flight, report.outcome)
+            self._end(report.attempt_id, flight, report.outcome)
         elif (report.progress, report.preview or flight.preview) != (flight.progress, flight.preview):
             flight.progress, flight.preview = report.progress, report.preview or flight.preview
             flight.reported = False
 
-    def _store_outcome(self, attempt_id: str, flight: Flight, outcome: TaskOutcome) -> None:
-        """Write an outcome to the store. The attempt is forgotten here only after that has succeeded.
-
-        An outcome that cannot be written (a NaN, an object that is not JSON) fails its attempt; if even that cannot be
-        written, the attempt is returned to the queue. So one outcome never delays the others.
-        """
-        try:
-            counted = self._commit(outcome, flight.worker)
-        except StorageError:
-            raise
-        except Exception as error:
-            log.exception("the outcome cannot be stored", extra=facts_of(attempt_id, flight))
-            counted = self._commit_unstorable(attempt_id, flight, error)
+    def _end(self, attempt_id: str, flight: Flight, outcome: TaskOutcome) -> None:
+        """Write an outcome to the store. The attempt is forgotten here only after that has succeeded."""
+        counted = self._outcomes.write(attempt_id, flight, outcome, self._stopping)
         self._flights.pop(attempt_id, None)
         log_end(attempt_id, flight, outcome, counted)
         jobs = self._store.jobs
         over = jobs.succeeded(flight.job_id) if counted and flight.last_step else not jobs.exists(flight.job_id)
         if over:
             self._collect(flight.job_id)
-
-    def _commit_unstorable(self, attempt_id: str, flight: Flight, error: Exception) -> bool:
-        try:
-            return self._commit(failed_outcome(attempt_id, error), flight.worker)
-        except StorageError:
-            raise
-        except Exception:
-            log.exception("the failure cannot be stored either", extra=facts_of(attempt_id, flight))
-            return self._store.queue.postpone(attempt_id, step_planner.SKIP_S, "The outcome could not be stored.")
-
-    def _commit(self, outcome: TaskOutcome, worker: str) -> bool:
-        work, fault = self._store.queue, outcome.fault
-        if outcome.cancelled and self._stopping:
-            return work.postpone(outcome.attempt_id, 0.0, outcome.log)
-        if outcome.cancelled:
-            # The method stopped by itself, which is its error. If the job was cancelled, the store refuses the outcome.
-            fault = fault or Fault("cancelled", "The task stopped without being cancelled.", "See the log of the task.")
-        if fault is None:
-            return work.finish(outcome, worker=worker)
-        if is_resource_away(fault):
-            return work.postpone(outcome.attempt_id, _RESOURCE_AWAY_S, outcome.log)
-        return work.finish(outcome, machine.Failed(fault, is_final(fault)), worker)
 
     def _write_progress(self) -> None:
         news = {attempt_id: flight for attempt_id, flight in self._flights.items() if not flight.reported}

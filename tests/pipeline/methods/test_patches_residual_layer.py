@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
-from pipeline.methods.patches.compositing import PaintedPatch
 from pipeline.methods.patches.paint_source import NO_SOURCE, PaintSource
+from pipeline.methods.patches.painted_patch import PaintedPatch
 from pipeline.methods.patches.painter import HertzmannPainter
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.patch_track import PatchTrack
