@@ -53,9 +53,10 @@ def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _condition(field: Mapping[str, Any]) -> str:
-    """The conditions under which a parameter has an effect, as a sentence."""
+    """Sentences: whether a parameter may vary, and the conditions under which it has an effect."""
     when = tuple(When(**one) for one in field.get("applies_when", ()))
-    return f" Applies only {in_words(when)}." if when else ""
+    over_time = " May have values over time." if "varies" in field else ""
+    return over_time + (f" Applies only {in_words(when)}." if when else "")
 
 
 def _range(field: Mapping[str, Any]) -> str:
