@@ -51,7 +51,8 @@ class Varies:
         number = handler(schema)
         key = {"type": "array", "prefixItems": [{"type": "integer", "minimum": 0, "maximum": LAST_FRAME}, dict(number)]}
         key |= {"minItems": 2, "maxItems": 2}
-        return {**number, "type": ["number", "array"], "items": key, "minItems": 1, "maxItems": MOST_KEYS, "varies": True}
+        keys = {"type": ["number", "array"], "items": key, "minItems": 1, "maxItems": MOST_KEYS}
+        return {**number, **keys, "varies": True}
 
 
 def _increasing(keys: list[tuple[int, float]]) -> Keys:
