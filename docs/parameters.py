@@ -20,6 +20,18 @@ from pipeline.methods.base import Method
 PAGE = Path(__file__).resolve().parent / "abstraction.md"
 METHODS_PAGE = PAGE.with_name("methods.md")
 BEGIN, END = "<!-- parameters: written by docs/make_abstraction_figures.py -->", "<!-- end of parameters -->"
+OVER_TIME = """\
+## Values over time
+
+Instead of one number for the whole film, a parameter of this list may have values over time: `[[frame, value], ...]`,
+with the film's frame numbers from 0 in increasing order, for example `{"vividness": [[0, 0.2], [48, 0.9]]}`. The value is
+linear between two keys, and constant before the first and after the last one. The same list is accepted by the HTTP API,
+the library, a layer of a project, and the command line, where `--param vividness=0:0.2,48:0.9` means the same; the studio sets
+keys at the shown frame (the diamond beside the parameter's name). A piece of a film has the values that its frames have in
+the film. A live stream has no such frames and refuses a list. A painting that several frames share has one value: a patch
+of `patches` is divided by the value at the beginning of each span. Methods with a memory, such as `steady`, follow a
+sudden change within some frames.
+"""
 SYMBOLS = {"sigma_e": "σₑ", "epsilon": "ε", "phi_e": "φₑ", "lambda": "λ", "T_f": "T_f", "N(h)": "N(h)"}
 
 
@@ -96,6 +108,11 @@ def methods_page(found: Iterable[Method]) -> str:
     """A page that lists methods with all their inputs. The methods' own pages list the parameters."""
     listed = list(found)
     lines = ["# Methods", "", "Written by `python -m docs.parameters` from the registry.", "", *methods_table(listed)]
+    lines += ["", OVER_TIME]
+    lines += [
+        f"- `{method.name}`: {', '.join(f'`{name}`' for name in method.Params.varying())}"
+        for method in listed if method.Params.varying()
+    ]  # fmt: skip
     for method in listed:
         lines += ["", f"## {method.title}: `{method.name}`", "", method.summary, "", *_inputs(method)]
         lines += ["", "[Passes](method-passes.md):", "", *_passes(method)] if method.makes_passes else []

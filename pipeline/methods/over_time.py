@@ -23,7 +23,8 @@ class Keys(tuple[tuple[int, float], ...]):
 
     def at(self, frame: int) -> float:
         """The value of a frame: linear between two keys, constant before the first and after the last."""
-        return float(np.interp(frame, *zip(*self, strict=True)))
+        frames, values = np.array(self, np.float64).T
+        return float(np.interp(frame, frames, values))
 
 
 def largest(value: float | Keys) -> float:
@@ -49,8 +50,8 @@ class Varies:
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         number = handler(schema)
-        key = {"type": "array", "prefixItems": [{"type": "integer", "minimum": 0, "maximum": LAST_FRAME}, dict(number)]}
-        key |= {"minItems": 2, "maxItems": 2}
+        frame = {"type": "integer", "minimum": 0, "maximum": LAST_FRAME}
+        key = {"type": "array", "prefixItems": [frame, number], "minItems": 2, "maxItems": 2}
         keys = {"type": ["number", "array"], "items": key, "minItems": 1, "maxItems": MOST_KEYS}
         return {**number, **keys, "varies": True}
 
