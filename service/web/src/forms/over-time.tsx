@@ -73,7 +73,7 @@ export function OverTime({ keys, time, Slider, ...props }: OverTimeProps) {
         >
           {exact ? "Remove the key at this frame" : "Add a key at this frame"}
         </button>
-        {` ${keys.length > 1 ? "Keys at frames" : "Key at frame"} ${keys.map(([at]) => at + 1).join(", ")}.`}
+        <span>{`${keys.length > 1 ? "Keys at frames" : "Key at frame"} ${keys.map(([at]) => at + 1).join(", ")}.`}</span>
       </p>
     </div>
   );
