@@ -23,14 +23,13 @@ BEGIN, END = "<!-- parameters: written by docs/make_abstraction_figures.py -->",
 OVER_TIME = """\
 ## Values over time
 
-Instead of one number for the whole film, a parameter of this list may have values over time: `[[frame, value], ...]`,
-with the film's frame numbers from 0 in increasing order, for example `{"vividness": [[0, 0.2], [48, 0.9]]}`. The value is
-linear between two keys, and constant before the first and after the last one. The same list is accepted by the HTTP API,
-the library, a layer of a project, and the command line, where `--param vividness=0:0.2,48:0.9` means the same; the studio sets
-keys at the shown frame (the diamond beside the parameter's name). A piece of a film has the values that its frames have in
-the film. A live stream has no such frames and refuses a list. A painting that several frames share has one value: a patch
-of `patches` is divided by the value at the beginning of each span. Methods with a memory, such as `steady`, follow a
-sudden change within some frames.
+A number of this list may have values over time instead of one for the whole film: `[[frame, value], ...]`, with the
+film's frame numbers, from 0, in increasing order; for example `{"vividness": [[0, 0.2], [48, 0.9]]}`. The value is
+linear between two keys, and constant before the first and after the last one. The HTTP API, the library and layers of
+projects take this list; `--param vividness=0:0.2,48:0.9` of the command is the same. The studio sets keys at the
+shown frame (the diamond beside the parameter's name). A piece of a film has the values that its frames have in the
+film. Methods with a memory, such as `steady`, follow a sudden change within some frames. A live stream refuses a
+list: its frames have no numbers of a film.
 """
 SYMBOLS = {"sigma_e": "σₑ", "epsilon": "ε", "phi_e": "φₑ", "lambda": "λ", "T_f": "T_f", "N(h)": "N(h)"}
 
