@@ -98,7 +98,10 @@ MethodOption = Annotated[str, typer.Option("--method", "-m", help="See `impasto 
 ParamOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--param", "-p", metavar="NAME=VALUE", rich_help_panel=WHAT,
+        "--param",
+        "-p",
+        metavar="NAME=VALUE",
+        rich_help_panel=WHAT,
         help="A parameter of the method; repeatable. Values over time: vividness=0:0.2,48:0.9 (frame:value), or JSON.",
     ),
 ]
