@@ -290,7 +290,7 @@ def pipeline(media: Path) -> Frame:
     analysis = session.analyzer.step(frame)
     if known is None or analysis.flow is None or analysis.residual is None or analysis.lines is None:
         raise RuntimeError("The figure needs a frame with previous frames.")
-    limit = session.regions.params.flow_error_limit
+    limit = session.regions.segmenter.params.flow_error_limit
     remainder = session.regions.segmenter.remainder
     propagated = smooth_labels(propagate(known.labels, analysis.flow, remainder, analysis.residual, limit)[0])
     session.compositor.prepare(analysis)

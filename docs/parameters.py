@@ -20,6 +20,17 @@ from pipeline.methods.base import Method
 PAGE = Path(__file__).resolve().parent / "abstraction.md"
 METHODS_PAGE = PAGE.with_name("methods.md")
 BEGIN, END = "<!-- parameters: written by docs/make_abstraction_figures.py -->", "<!-- end of parameters -->"
+OVER_TIME = """\
+## Values over time
+
+A number of this list may have values over time instead of one for the whole film: `[[frame, value], ...]`, with the
+film's frame numbers, from 0, in increasing order; for example `{"vividness": [[0, 0.2], [48, 0.9]]}`. The value is
+linear between two keys, and constant before the first and after the last one. The HTTP API, the library and layers of
+projects take this list; `--param vividness=0:0.2,48:0.9` of the command is the same. The studio sets keys at the
+shown frame (the diamond beside the parameter's name). A piece of a film has the values that its frames have in the
+film. Methods with a memory, such as `steady`, follow a sudden change within some frames. A live stream refuses a
+list: its frames have no numbers of a film.
+"""
 SYMBOLS = {"sigma_e": "σₑ", "epsilon": "ε", "phi_e": "φₑ", "lambda": "λ", "T_f": "T_f", "N(h)": "N(h)"}
 
 
@@ -53,9 +64,10 @@ def table(properties: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _condition(field: Mapping[str, Any]) -> str:
-    """The conditions under which a parameter has an effect, as a sentence."""
+    """Sentences: whether a parameter may vary, and the conditions under which it has an effect."""
     when = tuple(When(**one) for one in field.get("applies_when", ()))
-    return f" Applies only {in_words(when)}." if when else ""
+    over_time = " May have values over time." if "varies" in field else ""
+    return over_time + (f" Applies only {in_words(when)}." if when else "")
 
 
 def _range(field: Mapping[str, Any]) -> str:
@@ -95,6 +107,11 @@ def methods_page(found: Iterable[Method]) -> str:
     """A page that lists methods with all their inputs. The methods' own pages list the parameters."""
     listed = list(found)
     lines = ["# Methods", "", "Written by `python -m docs.parameters` from the registry.", "", *methods_table(listed)]
+    lines += ["", OVER_TIME]
+    lines += [
+        f"- `{method.name}`: {', '.join(f'`{name}`' for name in method.Params.varying())}"
+        for method in listed if method.Params.varying()
+    ]  # fmt: skip
     for method in listed:
         lines += ["", f"## {method.title}: `{method.name}`", "", method.summary, "", *_inputs(method)]
         lines += ["", "[Passes](method-passes.md):", "", *_passes(method)] if method.makes_passes else []

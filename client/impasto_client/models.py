@@ -139,9 +139,9 @@ class Asset(TypedDict):
 
 class When(TypedDict):
     """Conditions that must all hold. Attributes: params: parameter -> values of which it must have one. above:
-    parameter -> number that its value must exceed. inputs: names of inputs of which one must be given. without:
-    names of inputs of which none may be given. without_passes: kinds of render passes (`PassFacts.kinds`) of
-    which the video may have none. way: the way in which frames are painted."""
+    parameter -> number that its value must exceed, somewhere in the film. inputs: names of inputs of which one
+    must be given. without: names of inputs of which none may be given. without_passes: kinds of render passes
+    (`PassFacts.kinds`) of which the video may have none. way: the way in which frames are painted."""
 
     params: dict[str, list[str]]
     above: dict[str, float]

@@ -64,7 +64,8 @@ def describe(chosen: Method) -> Json:
 
 
 def parameters(chosen: Method) -> list[Json]:
-    """One row per parameter: name, type, unit, range, default, symbol, group, when it applies (empty: always), help."""
+    """One row per parameter: name, type, unit, range, default, symbol, group, when it applies (empty: always), help;
+    and whether it may have values over time."""
     schema = chosen.Params.model_json_schema()
     kinds = schema.get("$defs", {})
     return [_parameter(name, _resolved(field, kinds)) for name, field in schema["properties"].items()]
@@ -83,7 +84,8 @@ def _parameter(name: str, field: Json) -> Json:
 
     return {
         "name": name,
-        "type": "choice" if "enum" in field else field.get("type", "value"),
+        "type": "choice" if "enum" in field else "number" if "varies" in field else field.get("type", "value"),
+        "varies": field.get("varies", False),
         "unit": field.get("unit", ""),
         "range": _range(field),
         "default": field.get("default"),
@@ -98,7 +100,7 @@ def _range(field: Json) -> str:
     """Allowed values as text: "0 to 50", "more than 0", "off, on"."""
     if "enum" in field:
         return ", ".join(str(value) for value in field["enum"])
-    if "maxItems" in field:
+    if "maxItems" in field and "varies" not in field:
         return f"at most {field['maxItems']} of {field['items']['pattern']}"
     low, above = field.get("minimum"), field.get("exclusiveMinimum")
     high, below = field.get("maximum"), field.get("exclusiveMaximum")
@@ -154,6 +156,7 @@ def _section(title: str) -> None:
 
 def _teach_parameter(row: Json) -> None:
     facts = [f"default {_shown(row['default'])}", row["range"] or row["type"]]
+    facts += ["may vary over time"] if row["varies"] else []
     facts += [row["unit"]] if row["unit"] else []
     facts += [f"{row['symbol']} in the paper"] if row["symbol"] else []
     out.print(Text.assemble((f"  {row['name']}", "bold"), ("  " + "; ".join(facts), "dim")))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
+import re
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -97,7 +98,11 @@ MethodOption = Annotated[str, typer.Option("--method", "-m", help="See `impasto 
 ParamOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--param", "-p", metavar="NAME=VALUE", help="A parameter of the method; repeatable.", rich_help_panel=WHAT
+        "--param",
+        "-p",
+        metavar="NAME=VALUE",
+        rich_help_panel=WHAT,
+        help="A parameter of the method; repeatable. Values over time: vividness=0:0.2,48:0.9 (frame:value), or JSON.",
     ),
 ]
 InputOption = Annotated[
@@ -270,9 +275,10 @@ Options = TypeVar("Options")
 def params_of(options: Sequence[str]) -> Json:
     """`["sigma_px=1.5", "lines=off"]` -> `{"sigma_px": 1.5, "lines": "off"}`.
 
-    A value that is valid JSON is parsed, anything else is text: `off`, `on` and names need no quotes.
+    A value that is valid JSON is parsed, `0:0.2,48:0.9` are values over time, anything else is text: `off`, `on` and
+    names need no quotes.
     """
-    return _pairs(options, "--param", "sigma_px=1.5", _json_or_text)
+    return _pairs(options, "--param", "sigma_px=1.5", _value)
 
 
 def inputs_of(options: Sequence[str]) -> dict[str, Path]:
@@ -349,12 +355,19 @@ def _pairs(options: Sequence[str], flag: str, example: str, read: Callable[[str]
     return found
 
 
-def _json_or_text(text: str) -> JsonValue:
+def _value(text: str) -> JsonValue:
+    if _KEYS.fullmatch(text):
+        pairs = (key.split(":") for key in text.split(","))
+        return [[int(frame), float(value)] for frame, value in pairs]
     try:
         value: JsonValue = json.loads(text)
         return value
     except ValueError:
         return text
+
+
+_KEY = r"\d+:-?\d+(\.\d+)?"
+_KEYS = re.compile(f"{_KEY}(,{_KEY})*")
 
 
 def takes_options(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:

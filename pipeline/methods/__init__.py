@@ -98,4 +98,9 @@ def _param_fault(chosen: Method, found: ErrorDetails) -> BadParameter:
     if isinstance(value, str) and (own := chosen.Params.removed_values.get(name, {}).get(value)):
         return BadParameter(f"{name} = {value!r} no longer exists.", field=field, value=value, remedy=own)
     remedy = f"See `impasto methods {chosen.name}` or GET /v1/methods/{chosen.name}."
+    if found["type"] == "unsorted_keys":
+        remedy = "Sort the keys by frame, with one key for a frame."
+    elif isinstance(value, list | tuple) and found["type"] in ("float_type", "int_type") and len(found["loc"]) == 1:
+        varying = ", ".join(chosen.Params.varying()) or "none"
+        remedy = f"Give one number for the whole film; parameters that can vary over it: {varying}."
     return BadParameter(f"{found['msg']}.", field=field, value=value, remedy=remedy)

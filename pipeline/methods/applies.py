@@ -12,6 +12,8 @@ from typing import Any, Literal
 
 from pydantic import JsonValue
 
+from pipeline.methods.over_time import Keys, largest
+
 Way = Literal["", "film", "piece"]
 """`film`: not in streams, where frames are painted as they arrive (live, pipes); `piece`: only in a piece of a film."""
 
@@ -27,7 +29,7 @@ class When:
 
     Attributes:
         params: parameter -> values of which it must have one.
-        above: parameter -> number that its value must exceed.
+        above: parameter -> number that its value must exceed, somewhere in the film.
         inputs: names of inputs of which one must be given.
         without: names of inputs of which none may be given.
         without_passes: kinds of render passes (`PassFacts.kinds`) of which the video may have none.
@@ -61,7 +63,7 @@ class When:
         values, given = situation.params, situation.inputs
         return (
             all(values.get(name) in allowed for name, allowed in self.params.items())
-            and all(values.get(name, 0) > limit for name, limit in self.above.items())
+            and all(largest(values.get(name, 0)) > limit for name, limit in self.above.items())
             and (not self.inputs or any(name in given for name in self.inputs))
             and not any(name in given for name in self.without)
             and not any(kind in situation.video_passes for kind in self.without_passes)
@@ -131,6 +133,10 @@ def ineffective(
         value = situation.params.get(name)
         if value != defaults.get(name) and not any(when.holds(situation) for when in alternatives):
             yield _found(f"params.{name}", value, f"{name} = {value}", alternatives)
+    for name, value in situation.params.items():
+        if situation.stream and isinstance(value, Keys):
+            message = f"{name} has values over time, by the frames of a film; a live stream has no such frames."
+            yield Ineffective(f"params.{name}", value, message, f"Give one number for {name}.")
     for name, alternatives in inputs.items():
         if alternatives and name in situation.inputs and not any(when.holds(situation) for when in alternatives):
             yield _found(f"inputs.{name}", "", f"The input {name!r}", alternatives)

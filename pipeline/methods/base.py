@@ -323,8 +323,8 @@ class Method:
             video_passes: kinds of render passes that the video has.
         """
         conditions = {spec.name: spec.applies_when for spec in self.inputs_of(params)}
-        situation = Situation(params.model_dump(), inputs, stream, piece, video_passes)
-        found = ineffective(params.applies_when, type(params)().model_dump(), conditions, situation)
+        situation = Situation(dict(params), inputs, stream, piece, video_passes)
+        found = ineffective(params.applies_when, dict(type(params)()), conditions, situation)
         lost = unmade(self.artefacts_when, artefacts, situation, "output.artefacts")
         return [*found, *lost, *unmade(self.passes_when, passes, situation, "output.passes")]
 

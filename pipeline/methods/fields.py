@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, JsonValue, StringConstraints, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from pipeline.methods.applies import Alternatives
+from pipeline.methods.over_time import Keys, Varies
 
 RemovedValues = Mapping[str, Mapping[str, str]]
 """Parameter -> removed value -> remedy, one sentence. A request with such a value is refused with it."""
@@ -34,6 +35,21 @@ class Params(BaseModel):
         for name, alternatives in cls.applies_when.items():
             schema["properties"][name]["applies_when"] = [when.as_json() for when in alternatives]
         return schema
+
+    @property
+    def over_time(self) -> dict[str, Keys]:
+        """Parameters that have values over time, by name."""
+        return {name: value for name, value in self if isinstance(value, Keys)}
+
+    def at(self, frame: int) -> Self:
+        """The parameters of one frame, every one a single value. `frame`: its number in the film."""
+        changed = {name: keys.at(frame) for name, keys in self.over_time.items()}
+        return self.model_copy(update=changed) if changed else self
+
+    @classmethod
+    def varying(cls) -> tuple[str, ...]:
+        """Names of the parameters that may have values over time."""
+        return tuple(name for name, field in cls.model_fields.items() if Varies() in field.metadata)
 
     @property
     def lead_frames(self) -> int:
@@ -73,6 +89,18 @@ def number(
     """
     extra: dict[str, JsonValue] = {"unit": unit, "group": group, **({"symbol": symbol} if symbol else {})}
     return Field(default, ge=low, le=high, title=title, description=help_, json_schema_extra=extra)
+
+
+def varying(
+    default: float, low: float, high: float, title: str, help_: str, unit: str, group: str, symbol: str = ""
+) -> Any:
+    """Field for a number that may have values over time: see `number`, and `Keys`.
+
+    The method reads it frame by frame, from `Params.at`; neither its plan nor the form of its state depends on it.
+    """
+    field = number(default, low, high, title, help_, unit, group, symbol)
+    field.metadata.append(Varies())
+    return field
 
 
 def preroll(default: int) -> Any:

@@ -15,6 +15,7 @@ import numpy as np
 
 from pipeline.frames import Plane
 from pipeline.perception.flow.warp import warp_back
+from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.images import NOWHERE, Offsets, Target
 from pipeline.synthesis.motion import Motion
 from pipeline.synthesis.operations import FrameState, LoadedStyle, Operations, RandomKey, T
@@ -127,6 +128,7 @@ class Sweep(Generic[T]):
         forward: direction in time.
         keep_first: whether to keep the previous offsets of the first frame, because the sweep before ended with it.
         last: neighbour of the first frame: the last frame of the run before this one; None = there is no such run.
+        energy: the energy function of each frame, if they differ in weights; None = that of the style.
     """
 
     ops: Operations[T]
@@ -137,6 +139,7 @@ class Sweep(Generic[T]):
     forward: bool
     keep_first: bool = False
     last: SolvedFrame[T] | None = None
+    energy: Callable[[int], Energy] | None = None
 
     def run(self, frames: Iterable[int]) -> Iterator[SolvedFrame[T]]:
         """Solve frames in the given order; yields each as soon as all its work is submitted.
@@ -157,6 +160,8 @@ class Sweep(Generic[T]):
 
     def _solve(self, index: int, state: FrameState[T]) -> T:
         """Offsets of frame `index`."""
+        if self.energy is not None:
+            self.style = replace(self.style, energy=self.energy(index))
         painted = self.animation.fixed_offsets(index)
         fixed = None if painted is None else self.ops.upload(painted)
         previous = self.previous(index, state)

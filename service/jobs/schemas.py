@@ -106,7 +106,11 @@ class Work(_Body):
 
     method: str = Field(min_length=1, max_length=64)
     inputs: dict[Name, AssetRef] = Field(max_length=64, description="Input name -> asset id.")
-    params: Json = Field(default_factory=dict, max_length=256)
+    params: Json = Field(
+        default_factory=dict, max_length=256,
+        description="Parameters of the method by name. A number whose schema has `varies` may be a list of keys: "
+        "[[frame, value], ...].",
+    )  # fmt: skip
     seed: int = Field(default=0, ge=0, le=MAX_SEED)
 
 

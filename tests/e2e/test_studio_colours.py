@@ -15,7 +15,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from pipeline.scenes import scene
 from pipeline.video.stills import encode_png
-from tests.e2e.pages import HEIGHT, WIDTH, Watched, accessibility_faults
+from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched, accessibility_faults
 from tests.e2e.studio import (
     asset,
     draw,
@@ -224,3 +224,46 @@ def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: 
     boxed = marked()
     assert ((boxed[..., 3] > 127) & (disc > 0)).sum() / ((boxed[..., 3] > 127) | (disc > 0)).sum() > 0.85
     assert boxed[HEIGHT // 2, WIDTH * 9 // 22].tolist() == [0, 0, 0, 255]
+
+
+def test_a_number_gets_keys_over_time_and_the_film_follows(
+    watched: Watched, service: str, video: str, tmp_path: Path, axe: str
+) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "abstraction", params=FLAT)
+    row = page.locator(".all-settings .field", has=page.get_by_text("Vividness", exact=True))
+    slider = row.get_by_role("slider", name="Vividness", exact=True)
+
+    def keys() -> Any:
+        saved(page)
+        return layer_of(stored(service, project))["params"].get("vividness")
+
+    def to_frame(key: str, frame: int) -> None:
+        page.locator(".stage-canvas").focus()
+        page.keyboard.press(key)
+        expect(page.locator(".stage-canvas")).to_have_attribute("data-frame", str(frame))
+
+    open_group(page, "Colour")
+    to_frame("Home", 0)
+    row.get_by_role("button", name="Vividness over time").click()
+    assert keys() == [[0, 1]]
+    to_frame("End", FRAMES - 1)
+    row.get_by_role("spinbutton").fill("0")
+    assert keys() == [[0, 1], [FRAMES - 1, 0]]
+    to_frame("ArrowLeft", FRAMES - 2)
+    expect(slider).to_have_attribute("aria-valuetext", f"{1 / (FRAMES - 1):.4g} ratio")
+    row.get_by_role("button", name="Add a key at this frame").click()
+    assert keys()[1] == [FRAMES - 2, pytest.approx(1 / (FRAMES - 1))], "a new key has the value of its time"
+    row.get_by_role("button", name="Remove the key at this frame").click()
+    row.get_by_role("slider", name="Vividness at frame 1", exact=True).press("ArrowUp")
+    changed = keys()
+    assert changed == [[0, 1.05], [FRAMES - 1, 0]]
+    expect(row.get_by_role("img", name=f"0 at frame {FRAMES}")).to_be_visible()
+    press_until(page, "Undo", lambda: keys() is None)
+    press_until(page, "Redo", lambda: keys() == changed)
+    assert accessibility_faults(page, axe) == []
+    film = result(service, render(page))
+    assert film == rendered_by_command(service, project, tmp_path)
+    chroma = [float(np.ptp(frame.astype(int), axis=-1).mean()) for frame in frames_of(film)]
+    assert chroma == sorted(chroma, reverse=True) and chroma[0] > 30 and chroma[-1] < 0.3 * chroma[0]
+    watched.check()

@@ -28,6 +28,8 @@ def frames_zip(count: int) -> bytes:
 
 
 def test_parameters_are_parsed_as_json_where_possible() -> None:
+    keys = options.params_of(["a=0:0.2,48:-0.9", "b=12:3", "c=1:2:3", "d=0:x", "e=[[0, 1]]"])
+    assert keys == {"a": [[0, 0.2], [48, -0.9]], "b": [[12, 3]], "c": "1:2:3", "d": "0:x", "e": [[0, 1]]}
     found = options.params_of(["a=1.5", "b=off", "c=true", "d=[1, 2]", 'e="1"', "f=x=y", "g="])
     assert found == {"a": 1.5, "b": "off", "c": True, "d": [1, 2], "e": "1", "f": "x=y", "g": ""}
 

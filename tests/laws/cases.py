@@ -59,6 +59,8 @@ WITH_INPUT: Mapping[tuple[str, str, str], Any] = {
 SLOW: Mapping[str, float] = {"levels": 4, "iterations": 5, "sweeps": 2, "key_iterations": 3, "patch_radius": 5}
 """Largest values to draw of parameters that multiply the time of a frame."""
 SEE_LEAD = 2000
+OVER_TIME, KEYED = 61, 0.4
+"""Further seed of the draws of values over time, and the share of the cases that have some."""
 LONG, LONGER = 0.06, 4
 """Share of the cases whose film has several runs of frames, and the factor on the number of its frames."""
 
@@ -136,6 +138,7 @@ def generated(seed: int, name: str | None = None) -> Case:
     properties = properties_of(chosen)
     changed = draw.choice(sorted(properties), size=int(draw.integers(0, 4)), replace=False)
     params = {str(one): drawn_value(properties[one], str(one), draw) for one in changed if one != "preroll"}
+    params = with_keys(chosen, params, seed, frames)
     inputs = [spec.name for spec in chosen.inputs[1:] if spec.required or draw.random() < 0.25]
     cut = int(draw.integers(2, frames - 1)) if draw.random() < 0.3 else 0
     if draw.random() < LONG:
@@ -183,6 +186,17 @@ def drawn_value(schema: Mapping[str, Any], name: str, draw: np.random.Generator)
     if schema["type"] == "integer":
         return int(draw.choice([value for value in range(int(low), int(high) + 1) if value != schema["default"]]))
     return float(np.round(draw.choice([low, high, draw.uniform(low, high)]), 4))
+
+
+def with_keys(chosen: Method, params: Params, seed: int, frames: int) -> Params:
+    """The parameters, perhaps with values over time for one that may have them."""
+    draw = np.random.default_rng((seed, OVER_TIME))
+    varying = chosen.Params.varying()
+    if not varying or draw.random() > KEYED:
+        return params
+    name = str(draw.choice(varying))
+    at = sorted(int(frame) for frame in draw.choice(frames + 4, size=int(draw.integers(1, 4)), replace=False))
+    return {**params, name: [[frame, drawn_value(properties_of(chosen)[name], name, draw)] for frame in at]}
 
 
 def extremes(schema: Mapping[str, Any], name: str) -> list[Any]:

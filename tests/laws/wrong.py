@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.errors import ImpastoError
 from pipeline.methods.base import InputSpec, Method
-from tests.laws.cases import HEIGHT, WIDTH, Case, document, generated
+from tests.laws.cases import HEIGHT, WIDTH, Case, document, generated, properties_of
 from workers.contract.record import Asset
 from workers.contract.request import JobRequest, OutputSpec
 from workers.scheduling.check_request import check_request
@@ -134,6 +134,14 @@ def out_of_range(request: Request, draw: np.random.Generator) -> str:
     return f"params.{name}"
 
 
+def unsorted_keys(request: Request, draw: np.random.Generator) -> str:
+    varying = request.chosen.Params.varying()
+    name = str(draw.choice(varying or ("seedling",)))
+    low = properties_of(request.chosen)[name]["minimum"] if varying else 0
+    request.params[name] = [[5, low], [2, low]]
+    return f"params.{name}"
+
+
 def unknown_input(request: Request, draw: np.random.Generator) -> str:
     request.assets["matt"] = next(iter(request.assets.values()))
     return "inputs.matt"
@@ -167,7 +175,7 @@ def piece_outside(request: Request, draw: np.random.Generator) -> str:
 
 FAULTS: tuple[Fault, ...] = (
     other_size, other_aspect, too_short, no_such_frame, wrong_kind, broken_document, unknown_parameter, out_of_range,
-    unknown_input, missing_input, unknown_artefact, bad_output, piece_outside,
+    unsorted_keys, unknown_input, missing_input, unknown_artefact, bad_output, piece_outside,
 )  # fmt: skip
 
 

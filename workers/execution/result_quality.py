@@ -95,7 +95,7 @@ class ResultQuality:
         return alone[0], alone[1]
 
     def _paint(self, picture: Frame, number: int, params: AnyParams) -> Frame:
-        single = self._method.single_frame_params(params)
+        single = self._method.single_frame_params(params.at(number))
         context = LocalContext(single, [picture], self._inputs(number, single), self._order.seed)
         run_plan(self._method, context)
         return context.emitted[0]

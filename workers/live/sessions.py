@@ -163,8 +163,7 @@ class LiveSessions:
         chosen = method(name)
         parsed = parse_params(chosen, params)
         film, stream = (chosen.ineffective(parsed, {"video"}, way, True) for way in (False, True))
-        elsewhere = {found.field for found in film}
-        if lost := [found for found in stream if found.field not in elsewhere]:
+        if lost := [found for found in stream if found not in film]:
             raise together([
                 BadParameter(found.message, field=found.field, value=found.value, remedy=found.remedy) for found in lost
             ])  # fmt: skip

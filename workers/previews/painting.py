@@ -52,9 +52,10 @@ class LayerPainter:
         self._check()
         if (own := self._by_method(lead, number, total)) is not None:
             return own
-        if (streamed := self._streamed(lead, side_px)) is not None:
+        if (streamed := self._streamed(lead, number, side_px)) is not None:
             return streamed
-        params = self._params if total == 1 else self._method.single_frame_params(self._params)
+        params = self._params.at(number)
+        params = params if total == 1 else self._method.single_frame_params(params)
         size = (lead[-1].shape[1], lead[-1].shape[0])
         inputs = self._files(number, self._scale(lead[-1]))
         drawn = {name: self._images(name, number, number + 1) for name in self._layer.images}
@@ -75,14 +76,16 @@ class LayerPainter:
         drawn = {name: self._images(name, 0, total) for name in self._layer.images}
         images: Mapping[str, Mapping[int, AnyArray]] = {**drawn, **self._archives}
         return PreviewRequest(
-            self._params, self._layer.seed, lead, number, total, self._documents(), images, self._artefacts
+            self._params.at(number), self._layer.seed, lead, number, total, self._documents(), images, self._artefacts
         )
 
-    def _streamed(self, lead: Sequence[Frame], side_px: int) -> Frame | None:
+    def _streamed(self, lead: Sequence[Frame], number: int, side_px: int) -> Frame | None:
         pictures = {name: self._reference(key, side_px) for name, key in sorted(self._layer.files.items())
                     if self._kinds[name] not in ("json", "images")}  # fmt: skip
         size = (lead[0].shape[1], lead[0].shape[0])
-        session = self._method.stream(self._params, size, self._layer.seed, {**pictures, **self._documents()})
+        session = self._method.stream(
+            self._params.at(number), size, self._layer.seed, {**pictures, **self._documents()}
+        )
         if session is None:
             return None
         picture: Frame | None = None

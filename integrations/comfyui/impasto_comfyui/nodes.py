@@ -143,6 +143,6 @@ def _widget(schema: Mapping[str, Any], advanced: bool) -> tuple[Any, ...]:
     limits = {short: schema[name] for short, name in (("min", "minimum"), ("max", "maximum")) if name in schema}
     if schema["type"] == "integer":
         return "INT", {**options, **limits}
-    if schema["type"] == "number":
+    if "number" in schema["type"]:  # also of a number that may have values over time
         return "FLOAT", {**options, **limits, "step": 0.01, "round": False}
     return ("BOOLEAN" if schema["type"] == "boolean" else "STRING"), options

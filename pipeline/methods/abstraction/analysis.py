@@ -66,6 +66,8 @@ class FrameAnalysis:
     """0..1: 1 = the light is steady; towards 0 in a fade, when past colours do not predict the current ones."""
     contrast: float
     """0..1: by how much colours differ, relative to a usual shot, for the tolerances of regions."""
+    params: AbstractionParams
+    """The parameters of this frame."""
 
 
 class SmoothedFrame(NamedTuple):
@@ -112,7 +114,7 @@ class FrameAnalyzer:
 
     def step(
         self, frame: Frame, mask: Plane | None = None, given: Flow | None = None,
-        features: FrameFeatures | None = None,
+        features: FrameFeatures | None = None, number: int = 0,
     ) -> FrameAnalysis:  # fmt: skip
         """Analysis of the next frame, with `given` flow from the previous frame at the size of the analysis, or an
         estimated one. Importance, edges and lines run in the background when there is a helper; edges
@@ -120,9 +122,11 @@ class FrameAnalyzer:
 
         Args:
             features: of the frame; None = made here.
+            number: of the frame in the film, for parameters that vary over it.
         """
+        params = self.params.at(number)
         fresh = self._begins_shot(same_size(frame, self.sizes.frame))
-        contrast = self._contrast(fresh)
+        contrast = self._contrast(fresh, params.contrast_adaptation)
         small, planes, gray = self.smoothed(frame) if features is None else features.smoothed.result()
         flow = None
         if not fresh and (flow := given) is None:
@@ -132,12 +136,13 @@ class FrameAnalyzer:
         importance = self.background(self._importance, small, gray, coarse, fresh, mask)
         self._sharpen(small, planes, faces)
         raise_contrast(planes[0][..., None], tracked, self.sizes.frame)
-        back, planes, residual = self._denoise(planes, flow)
+        back, planes, residual = self._denoise(planes, flow, params.steadiness)
         denoised = np.asarray(cv2.merge(list(planes)), np.uint8)
-        edge_map = self.background.submit_stateless(self._edges, planes, importance, faces, contrast)
+        threshold = params.edge_threshold * contrast
+        edge_map = self.background.submit_stateless(self._edges, planes, importance, faces, threshold)
         past = None if flow is None or residual is None else PreviousFrame(flow, residual)
         submit = self.background.submit
-        lines = submit(self._lines, self.lines, planes, importance, past, line_faces) if self.lines else None
+        lines = submit(self._lines, params, planes, importance, past, line_faces) if self.lines else None
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
@@ -155,6 +160,7 @@ class FrameAnalyzer:
             self.shot,
             self.light_steadiness,
             contrast,
+            params,
         )  # fmt: skip
 
     def smoothed(self, frame: Frame) -> SmoothedFrame:
@@ -229,17 +235,19 @@ class FrameAnalyzer:
                 self.importance.continue_search()
 
     def _edges(
-        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], contrast: float
+        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], threshold: float
     ) -> NDArray[np.uint8]:  # fmt: skip
         with self.clock("edges"):
-            return edges(planes, importance.result(), self.params.edge_threshold * contrast, faces)
+            return edges(planes, importance.result(), threshold, faces)
 
     def _lines(
-        self, lines: LineExtractor, planes: LabPlanes, importance: Pending[Plane], past: PreviousFrame | None,
+        self, params: AbstractionParams, planes: LabPlanes, importance: Pending[Plane], past: PreviousFrame | None,
         faces: Sequence[FaceCrop],
     ) -> Lines:  # fmt: skip
+        assert self.lines is not None
         with self.clock("lines"):
-            return lines.step(planes, importance.result(), past, faces)
+            self.lines.params = params
+            return self.lines.step(planes, importance.result(), past, faces)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""
@@ -254,8 +262,8 @@ class FrameAnalyzer:
         self.light_steadiness = light_steadiness(before, small)
         return cut
 
-    def _contrast(self, fresh: bool) -> float:
-        """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `contrast_adaptation=0`.
+    def _contrast(self, fresh: bool, adaptation: float) -> float:
+        """Contrast of the shot, for the tolerances of regions: 1 = the usual one, or `adaptation` = 0.
 
         In a fade it is the usual one, so that no small regions remain from the dim frames.
         """
@@ -264,10 +272,10 @@ class FrameAnalyzer:
             self.contrast = None
             return 1.0
         self.contrast = contrast_after(None if fresh else self.contrast, self.thumbnail)
-        return 1 + self.params.contrast_adaptation * (self.contrast - 1)
+        return 1 + adaptation * (self.contrast - 1)
 
     def _denoise(
-        self, lab: LabPlanes, flow: Flow | None
+        self, lab: LabPlanes, flow: Flow | None, steadiness: float
     ) -> tuple[BackwardMaps | None, LabPlanes, NDArray[np.uint8] | None]:  # fmt: skip
         if flow is None or self.denoised is None:
             return None, lab, None
@@ -278,7 +286,7 @@ class FrameAnalyzer:
                 self.denoised,
                 flow,
                 back,
-                self.params.steadiness * self.light_steadiness,
+                steadiness * self.light_steadiness,
                 ANALYSIS.denoise_tolerance,
             )
         return back, denoised, residual

@@ -59,7 +59,7 @@ class Compositor:
     """
 
     def __init__(self, params: AbstractionParams, sizes: Sizes, clock: Clock, background: FrameExecutor) -> None:
-        self.params, self.sizes, self.clock, self.background = params, sizes, clock, background
+        self.sizes, self.clock, self.background = sizes, clock, background
         self.ink = ink_rgb(params)
         self.round_px = params.boundary_smoothing / 1000 * min(sizes.work)
         self.curves = BorderCurves(params, sizes) if sizes.curves else None
@@ -69,7 +69,7 @@ class Compositor:
     def prepare(self, analysis: FrameAnalysis) -> None:
         """Start the work that needs no regions: warp the previous output to the current frame."""
         self._past, picture, back, flow = None, self.picture, analysis.back, analysis.flow
-        if picture is None or not self.params.paint_memory:
+        if picture is None or not analysis.params.paint_memory:
             return
         if self.sizes.work != self.sizes.output:
             if flow is not None:
@@ -98,7 +98,7 @@ class Compositor:
         picture = flat(labels, coloured.colours, background=self.background)
         lines = analysis.lines.result() if analysis.lines else None
         if lines is not None:
-            overlay(picture, lines.coverage, self.ink, self.params.line_opacity, self.background)
+            overlay(picture, lines.coverage, self.ink, analysis.params.line_opacity, self.background)
         self.picture = self._fade(picture, analysis)
         return CompositedFrame(self.picture, coloured.regions, labels, coloured.colours, lines, None, analysis)
 
@@ -112,14 +112,14 @@ class Compositor:
         self.picture = self._fade(fill_regions(borders, colours, self.sizes.output, self.background), analysis)
         frame = self.picture.copy()
         if lines is not None:
-            overlay(frame, lines.coverage, self.ink, self.params.line_opacity, self.background)
+            overlay(frame, lines.coverage, self.ink, analysis.params.line_opacity, self.background)
         return CompositedFrame(frame, regions, labels, colours, lines, borders, analysis)
 
     def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
         """The picture, blended with the previous one along borders."""
         if self._past is None or analysis.residual is None:
             return picture
-        past, weights = self._past.result(), past_weights(self.params.paint_memory * analysis.light_steadiness)
+        past, weights = self._past.result(), past_weights(analysis.params.paint_memory * analysis.light_steadiness)
         flow = analysis.flow if self.curves else None  # soft borders may be wide
         blend_colours(picture, past, analysis.residual, flow, weights, self.background)
         return past

@@ -87,7 +87,7 @@ class Lines(NamedTuple):
 
 
 class LineExtractor:
-    """Draws lines for frame after frame.
+    """Draws lines for frame after frame. `params` are those of the next frame.
 
     Ridges of the line response are traced at a resolution where the narrow Gaussian is about a pixel wide, and become
     strokes of a pen, which are drawn at the size of the output. The response of the previous frame and its
@@ -101,10 +101,14 @@ class LineExtractor:
         shrink = max(math.ceil(sizes.frame[1] / sizes.work[1]), round(sigma_px))
         self.small = (max(1, sizes.frame[0] // shrink), max(1, sizes.frame[1] // shrink))
         self.sigma_px = sigma_px / shrink
-        self.shortest_px = params.line_length / 1000 * min(self.small)
         self.marks: Marks | None = None
         self.strokes: Strokes | None = None
         self.response: Plane | None = None
+
+    @property
+    def shortest_px(self) -> float:
+        """Length of the shortest weak line, px of the line planes."""
+        return self.params.line_length / 1000 * min(self.small)
 
     def step(
         self, planes: LabPlanes, importance: Plane, past: PreviousFrame | None, faces: Sequence[FaceCrop] = ()

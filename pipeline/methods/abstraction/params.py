@@ -8,7 +8,18 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from pipeline.methods.base import Alternatives, Params, When
-from pipeline.methods.fields import Colour, FlowName, RemovedValues, Switch, choice, colour, colours, number, preroll
+from pipeline.methods.fields import (
+    Colour,
+    FlowName,
+    RemovedValues,
+    Switch,
+    choice,
+    colour,
+    colours,
+    number,
+    preroll,
+    varying,
+)
 
 PRINTED: Mapping[str, Any] = {
     "core_tolerance": 1e6, "smallest_region": 0.0, "merge_similar": 0.0, "edges": "soft", "analysis": "full",
@@ -46,27 +57,27 @@ class AbstractionParams(Params):
     }
 
     # -- regions
-    growing_limit: float = number(
+    growing_limit: float = varying(
         20, 4, 60, "Region tolerance",
         "How far a pixel's colour may be from its region's: the 20 in 20 (1.2 - I(p)). Larger = fewer, larger regions.",
         "CIELAB", "Regions", "20",
     )  # fmt: skip
-    core_tolerance: float = number(
+    core_tolerance: float = varying(
         0.4, 0.2, 1.5, "Core tolerance",
         "Tolerance of a new region's core, as a share of the region tolerance. Smaller = more shades in a gradient.",
         "ratio", "Regions",
     )  # fmt: skip
-    smallest_region: float = number(
+    smallest_region: float = varying(
         0.2, 0, 5, "Smallest region",
         "Regions under this share of the frame join a neighbour; a fifth of it where importance is 1, less "
         "where they differ strongly from all neighbours.",
         "per mille of the frame", "Regions",
     )  # fmt: skip
-    merge_similar: float = number(
+    merge_similar: float = varying(
         5, 0, 30, "Merge similar regions",
         "A region is merged into a larger neighbour whose mean colour differs by less than this.", "CIELAB", "Regions",
     )  # fmt: skip
-    edge_threshold: float = number(
+    edge_threshold: float = varying(
         90, 10, 1000, "Edge threshold",
         "Upper hysteresis threshold of the edges that hold regions apart, where importance is 0.8; "
         "it varies per pixel, inversely with importance.", "gray levels", "Regions",
@@ -89,7 +100,7 @@ class AbstractionParams(Params):
         "regions, and twice the time.", "Regions",
     )  # fmt: skip
 
-    contrast_adaptation: float = number(
+    contrast_adaptation: float = varying(
         1, 0, 1, "Adapt to contrast",
         "In a dim or hazy shot, smaller differences of colour make regions: weight of its contrast in their tolerances "
         "and in the edge threshold, which fall to half at most; 0 = the same in every shot, as in the paper.",
@@ -104,12 +115,12 @@ class AbstractionParams(Params):
         "dis-ultrafast", "Optical flow",
         "Motion from frame to frame: dense inverse search (fast) or TV-L1 (the paper's, OpenCL).", "Time",
     )  # fmt: skip
-    flow_error_limit: float = number(
+    flow_error_limit: float = varying(
         12, 1, 60, "Flow error limit",
         "A label is not propagated to a pixel that differs by more from its source (the paper: 5 to 20).",
         "CIELAB", "Time", "T_f",
     )  # fmt: skip
-    steadiness: float = number(
+    steadiness: float = varying(
         0.85, 0, 0.95, "Steadiness",
         "Weight of the past in the input of regions and lines, where nothing moves; removes sensor noise.",
         "ratio", "Time",
@@ -118,16 +129,16 @@ class AbstractionParams(Params):
         2, 0, 20, "Stillness",
         "A pixel whose 5x5 surroundings changed by at most this is treated as still.", "gray levels", "Time",
     )  # fmt: skip
-    boundary_margin: float = number(
+    boundary_margin: float = varying(
         7, 0, 60, "Boundary margin",
         "A boundary pixel changes region only if the other fits better by more than this.", "CIELAB", "Time",
     )  # fmt: skip
-    paint_memory: float = number(
+    paint_memory: float = varying(
         0.7, 0, 0.95, "Paint memory",
         "Weight of the previous output along borders, where the source agrees with its past: borders move smoothly.",
         "ratio", "Time",
     )  # fmt: skip
-    colour_half_life: float = number(
+    colour_half_life: float = varying(
         3, 0, 60, "Colour half-life",
         "A region's colour follows the picture with this half-life, on top of eq. 4; 0 = eq. 4 alone.",
         "frames", "Time",
@@ -174,19 +185,19 @@ class AbstractionParams(Params):
         "per mille of the shorter side",
         "Lines", "sigma_e",
     )  # fmt: skip
-    line_threshold: float = number(
+    line_threshold: float = varying(
         1.1, 0, 10, "Line threshold", "Response below which nothing is drawn; lower where importance is high.",
         "gray levels", "Lines", "epsilon",
     )  # fmt: skip
-    line_sharpness: float = number(
+    line_sharpness: float = varying(
         0.65, 0.05, 10, "Line sharpness", "How fast lines become opaque above the threshold.", "1/gray level", "Lines",
         "phi_e",
     )  # fmt: skip
     line_colour: str = colour(
         "#0e0b10", "Line colour", "Colour of full ink, as #rrggbb: a warm black by default.", "Lines"
     )
-    line_opacity: float = number(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
-    line_length: float = number(
+    line_opacity: float = varying(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
+    line_length: float = varying(
         40, 0, 300, "Shortest line",
         "Weak lines that are shorter are not drawn; stronger and important ones may be shorter in proportion, and "
         "lines in texture, as in foliage, must be longer or stronger.",
@@ -202,11 +213,11 @@ class AbstractionParams(Params):
         30, 1, 180, "Hue neighbourhood", "Width of the neighbourhood of mean shift (eq. 1).", "degrees",
         "Colour", "N(h)",
     )  # fmt: skip
-    keep_brightness: float = number(
+    keep_brightness: float = varying(
         2 / 3, 0, 1, "Keep brightness", "Share of its own brightness that the video keeps with a reference (eq. 3).",
         "ratio", "Colour", "lambda",
     )  # fmt: skip
-    vividness: float = number(
+    vividness: float = varying(
         1.0, 0, 3, "Vividness", "Factor on the chroma of every region; 1 = unchanged.", "ratio", "Colour"
     )
     palette: tuple[Colour, ...] = colours(

@@ -73,16 +73,16 @@ class PrintedAnalyzer(FrameAnalyzer):
         return NO_FACES, [], []
 
     def _denoise(
-        self, lab: LabPlanes, flow: Flow | None
+        self, lab: LabPlanes, flow: Flow | None, steadiness: float
     ) -> tuple[BackwardMaps | None, LabPlanes, NDArray[np.uint8] | None]:  # fmt: skip
         if flow is None or self.denoised is None:
             return None, lab, None
         return None, lab, flow_error(self.denoised, lab, flow)
 
     def _edges(
-        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], contrast: float
+        self, planes: LabPlanes, importance: Pending[Plane], faces: Sequence[FaceCrop], threshold: float
     ) -> NDArray[np.uint8]:  # fmt: skip
         with self.clock("edges"):
             light = np.zeros_like(planes)
             light[0] = cv2.GaussianBlur(planes[0], (0, 0), analysis_blur_px(self.sizes))  # Canny's first step
-            return edges(light, importance.result(), self.params.edge_threshold)
+            return edges(light, importance.result(), threshold)

@@ -51,14 +51,15 @@ class RegionStage:
     def __init__(
         self, params: AbstractionParams, size: tuple[int, int], reference: ColourStats | None, clock: Clock
     ) -> None:  # fmt: skip
-        self.params, self.clock = params, clock
+        self.clock = clock
         segmenter = PrintedSegmenter if params.algorithm == "printed" else Segmenter
-        self.segmenter = segmenter(_segmenter(params), size)
+        self.segmenter = segmenter(_segmenter(params.at(0)), size)
         self.palette = Palette(params, reference)
         self.shot = -1
 
     def step(self, analysis: FrameAnalysis) -> ColouredRegions:
-        importance = analysis.importance.result()
+        importance, params = analysis.importance.result(), analysis.params
+        self.segmenter.params = self.segmenter.scaled = _segmenter(params)
         with self.clock("segment"):
             if analysis.flow is None:
                 self._begin(analysis.shot)
@@ -67,6 +68,7 @@ class RegionStage:
                 analysis.lab, analysis.edges, importance, analysis.flow, analysis.residual, fading, analysis.contrast
             )
         with self.clock("colour"):
+            self.palette.params = params
             colours = self.palette.step(regions, analysis.tone, analysis.light_steadiness)
         return ColouredRegions(analysis, regions, colours)
 

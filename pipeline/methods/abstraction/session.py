@@ -182,22 +182,22 @@ class PipelinedRunner:
 
         Args:
             masks: importance by frame number, see `AbstractionSession.step`.
-            first: index of the first frame.
+            first: number of the first frame in the film.
             motion: of the frames, if it need not be estimated.
         """
         waiting: deque[_Waiting] = deque()
         for number, frame in enumerate(frames, first):
             done = self._composite(waiting) if len(waiting) == AHEAD else None
             given = motion.flow(number - 1, number, self.session.sizes.work)
-            waiting.append(self._begin(frame, masks.get(number) if masks else None, given))
+            waiting.append(self._begin(number, frame, masks.get(number) if masks else None, given))
             if done:
                 yield done
         while waiting:
             yield self._composite(waiting)
 
-    def _begin(self, frame: Frame, mask: Plane | None, given: Flow | None) -> _Waiting:
+    def _begin(self, number: int, frame: Frame, mask: Plane | None, given: Flow | None) -> _Waiting:
         features = None if self._features is None else self._prepare(self._features, frame, given)
-        analysis = self._analyzer.submit(self._analyze, frame, mask, given, features)
+        analysis = self._analyzer.submit(self._analyze, number, frame, mask, given, features)
         return _Waiting(analysis, self._regions.submit(self._segment, analysis) if self._regions else None)
 
     def _prepare(self, threads: Executor, frame: Frame, given: Flow | None) -> FrameFeatures:
@@ -211,9 +211,9 @@ class PipelinedRunner:
         return FrameFeatures(now, Ready(None) if given is not None else threads.submit(flow))
 
     def _analyze(
-        self, frame: Frame, mask: Plane | None, given: Flow | None, features: FrameFeatures | None
+        self, number: int, frame: Frame, mask: Plane | None, given: Flow | None, features: FrameFeatures | None
     ) -> FrameAnalysis:  # fmt: skip
-        analysis = self.session.analyzer.step(frame, mask, given, features)
+        analysis = self.session.analyzer.step(frame, mask, given, features, number)
         self._analysed += 1
         if self._deferring is not None and self._analysed - self._composited > AHEAD // 2:
             self._deferring.finish()

@@ -27,7 +27,7 @@ class SvgArchive:
 
     def __init__(self, key: str, params: AbstractionParams, last: Segmentation | None) -> None:
         self._last = last
-        self._rgb, self._opacity = ink_rgb(params), params.line_opacity
+        self._rgb = ink_rgb(params)
         self.name = f"svg-{key}.zip"
         self._bytes = io.BytesIO()
         self._zip = zipfile.ZipFile(self._bytes, "w", zipfile.ZIP_DEFLATED, compresslevel=6)
@@ -40,7 +40,7 @@ class SvgArchive:
 
     def _write(self, index: int, painting: CompositedFrame) -> None:
         strokes = None if painting.lines is None else stroke_outlines(*painting.lines.strokes)
-        lines = None if strokes is None else Lines(strokes, self._rgb, self._opacity)
+        lines = None if strokes is None else Lines(strokes, self._rgb, painting.analysis.params.line_opacity)
         page = to_svg(
             painting.labels, painting.colours, painting.regions.ids, lines=lines,
             smoothing=painting.borders or DEFAULT_PASSES, size=painting.frame.shape[1::-1],

@@ -207,8 +207,8 @@ class Analogy(Method):
         return params.model_copy(update={"temporal": "off", "guided_stills": "off"})
 
     def propagator(self, params: AnalogyParams, frames: Sequence[Frame], seed: int) -> KeyPropagator | None:
-        """Propagates an edited keyframe along the motion; None without temporal coherence."""
-        return Propagator(frames, params, seed) if params.temporal == "on" else None
+        """Propagates an edited keyframe along the motion; None without temporal coherence, or with values over time."""
+        return Propagator(frames, params, seed) if params.temporal == "on" and not params.over_time else None
 
     def resources(self, step: str, context: PlanContext[AnalogyParams]) -> Resources:
         """Peak memory of a task: measured with `python -m benchmarks.task_memory`, plus 20 %.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.methods.analogy.params import AnalogyParams
 from pipeline.synthesis.images import Bytes
 
 _BOIL_BLOCK_PX = 32
@@ -19,12 +20,12 @@ class Boil:
     """Deliberate flicker: in each frame, some blocks of the picture lose their temporal coherence.
 
     Attributes:
-        fraction: fraction of the blocks, 0..1.
+        params: with the fraction of the blocks, 0..1, `boil`, of each frame.
         seed: random seed.
         level: 0 = full size.
     """
 
-    fraction: float
+    params: AnalogyParams
     seed: int
     level: int
 
@@ -36,5 +37,5 @@ class Boil:
         draws = np.random.Generator(np.random.Philox(key=[self.seed, first])).random(
             (_MAX_BOIL_BLOCKS, _MAX_BOIL_BLOCKS)
         )
-        coherent = (draws >= self.fraction).astype(np.uint8)[: shape[0], : shape[1]]
+        coherent = (draws >= self.params.at(first).boil).astype(np.uint8)[: shape[0], : shape[1]]
         return np.ascontiguousarray(coherent.repeat(block, 0).repeat(block, 1)[:height, :width])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ class KeyframeSynthesizer(Synthesizer):
         frames = LevelFrames(inputs, context.clock, interval.start, interval.stop, 0)
         velocities = EstimatedVelocities(frames)  # while the keyframes are read
         levels = levels_of(inputs.params, context.size, min(context.size))
-        pad = energy_of(inputs.params, inputs.guides, 0).pad
+        pad = energy_of(inputs.params.at(0), inputs.guides, 0).pad
         further = _given_style_pair(context, inputs) if inputs.layer < 0 and inputs.has_style_pair() else None
         style = keyframe_style(context, inputs, interval, frames, levels, pad, further)
         self.interval = interval
@@ -141,7 +142,8 @@ class KeyframeSynthesizer(Synthesizer):
         painting, shown, keys = super().painting(index, offsets), self._shown_at(index), self._painted
         last = max((i for i in keys if i < shown), default=None)
         following = min((i for i in keys if i > shown), default=None)
-        if self.params.key_blend == 0 or shown in keys or last is None or following is None or not self._coherent:
+        key_blend = self.params.at(shown).key_blend
+        if key_blend == 0 or shown in keys or last is None or following is None or not self._coherent:
             return painting
         share = weighted((shown - last) / (following - last), *self.interval.weights)
         before, after = (
@@ -156,7 +158,7 @@ class KeyframeSynthesizer(Synthesizer):
                 np.ascontiguousarray(colours(self.style(0).style, offsets + np.array(step, np.float32))[..., :3])
                 for step in ((1, 0), (0, 1))
             )
-            blended = with_blended_colours(Synthesised(opaque, right, below), before, after, self.params.key_blend)
+            blended = with_blended_colours(Synthesised(opaque, right, below), before, after, key_blend)
         return np.ascontiguousarray(np.concatenate([blended, painting[..., 3:]], axis=-1))
 
     def _level(
@@ -174,7 +176,10 @@ class KeyframeSynthesizer(Synthesizer):
         for number, frames in enumerate(sweeps):
             previous, keep_first = self._previous_result(level, solved, coarser), frames[0] in solved
             schedule = self.schedule(level, level * 8 + number)
-            sweep = Sweep(self.ops, style, animation, previous, schedule, frames.step > 0, keep_first)
+            sweep = Sweep(
+                self.ops, style, animation, previous, schedule, frames.step > 0, keep_first,
+                energy=partial(self.energy, level),
+            )  # fmt: skip
             with self.context.clock("synthesis"):
                 for each in sweep.run(frames):
                     solved[each.index] = SolvedFrame(each.index, _without_inputs(each.state), each.offsets)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from pipeline.methods.base import Alternatives, Params, When
-from pipeline.methods.fields import FlowName, Switch, choice, number
+from pipeline.methods.fields import FlowName, Switch, choice, number, varying
 
 _KEYED = (When(inputs=("keyframes",)),)
 _COHERENT = When(params={"temporal": ("on",)})
@@ -42,7 +42,7 @@ class AnalogyParams(Params):
     }
 
     # -- likeness
-    guide_weight: float = number(
+    guide_weight: float = varying(
         4, 0, 50, "Likeness to the scene",
         "Weight of the difference between the video and the style input at the chosen position. Larger values show the "
         "subject more clearly, smaller values keep brush strokes whole.", "per squared gray level", "Likeness", "w_in",
@@ -52,13 +52,13 @@ class AnalogyParams(Params):
         "Weight of hue differences relative to lightness differences. Larger values bind the colours of the style to "
         "the hues of the scene. With matched tones, hues of a nearly gray video count less.", "ratio", "Likeness",
     )  # fmt: skip
-    texture_weight: float = number(
+    texture_weight: float = varying(
         1, 0, 50, "Likeness to the style",
         "Weight of the difference between a neighbourhood of the result and one of the style. Larger values reproduce "
         "the texture of the style more faithfully.",
         "per squared gray level", "Likeness", "w_out",
     )  # fmt: skip
-    coherence_weight: float = number(
+    coherence_weight: float = varying(
         15, 0, 500, "Spatial coherence",
         "Penalty if neighbouring pixels do not come from neighbouring positions of the style. Larger values keep "
         "larger pieces of the style whole.", "per px^2", "Likeness", "w_sc",
@@ -173,7 +173,7 @@ class AnalogyParams(Params):
         "on = paint moves with the scene; off = every frame is synthesised independently and flickers, for comparison.",
         "Time",
     )  # fmt: skip
-    steadiness: float = number(
+    steadiness: float = varying(
         1.5, 0, 100, "Steadiness",
         "Penalty on changes of colour along the motion. Larger values flicker less and adapt less to changes of the "
         "scene.",
@@ -205,7 +205,7 @@ class AnalogyParams(Params):
         "less occlusion.",
         "px^2", "Time", "epsilon",
     )  # fmt: skip
-    boil: float = number(
+    boil: float = varying(
         0, 0, 1, "Boil",
         "Deliberate flicker: the fraction of the picture that is chosen anew in each frame. Larger values look more "
         "like drawn animation; 0 = off.", "ratio", "Time",
@@ -221,7 +221,7 @@ class AnalogyParams(Params):
     )  # fmt: skip
 
     # -- keyframes
-    key_guide_weight: float = number(
+    key_guide_weight: float = varying(
         2, 0, 50, "Likeness between keys", "Replaces `guide_weight` where painted keyframes are the style.",
         "per squared gray level", "Keyframes", "w_in",
     )  # fmt: skip
@@ -248,7 +248,7 @@ class AnalogyParams(Params):
         "is seen over the frame that it was painted over, as in the paint program, from a tenth on. In a layer with a "
         "silhouette it is the layer's opacity.", "Keyframes",
     )  # fmt: skip
-    key_blend: float = number(
+    key_blend: float = varying(
         0, 0, 1, "Blend of keys",
         "Share to which the colours of frames between two keyframes are adjusted to a blend of both, while their "
         "texture stays. Larger values change colours more smoothly where the keyframes differ; above 0, the result has "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from pipeline.arrays import AnyArray, Arrays
@@ -69,6 +70,7 @@ class SweepSynthesizer(Synthesizer):
             self._frames = SweepFrames(inputs, context.clock, match)
             self._guided_still = is_guided_still(context, inputs, pair)
             if self._guided_still:
+                params = params.at(context.video.first)
                 guides = self._frames.at(0, 0, 1).guides[0]
                 params = guided_still_params(params, _stretch(guides, pair, params, inputs))
         super().__init__(context, inputs, pair, params, is_scaled(inputs))
@@ -158,6 +160,7 @@ class SweepSynthesizer(Synthesizer):
         sweep = Sweep(
             self.ops, self.style(task.level), self.animation(level_frames, task.fine), previous,
             self._sweep_schedule(task), task.forward, keep_first=task.sweep > 0 and not task.from_coarser,
+            energy=partial(self.energy, task.level),
         )  # fmt: skip
         if task.neighbour:
             state = self.ops.prepare(self.style(task.level), level_frames.target(before))

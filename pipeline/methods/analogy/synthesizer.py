@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ from pipeline.methods.analogy.shot_layers import paint_artefact
 from pipeline.methods.analogy.style_images import StylePyramid, energy_of
 from pipeline.methods.base import TaskContext, TaskResult
 from pipeline.methods.holds import painted_frame
+from pipeline.methods.over_time import largest
 from pipeline.synthesis.device_memory import operations
+from pipeline.synthesis.energy import Energy
 from pipeline.synthesis.exemplar import PaintingColours
 from pipeline.synthesis.images import Bytes, Offsets, unpack_offsets
 from pipeline.synthesis.operations import FrameState, LoadedStyle
@@ -71,17 +74,16 @@ class Synthesizer:
         """The style at a level, in device memory."""
         if level not in self._loaded:
             with self.context.clock("style"):
-                channels = self.pair.output.shape[2]
-                energy = energy_of(
-                    self.params,
-                    self.inputs.guides,
-                    level,
-                    colours=channels,
-                    keyframe_style=self.keyframe_style,
-                    subpixel=self._colours is not None,
-                )
+                energy = self.energy(level, 0)
                 self._loaded[level] = self.ops.load(self.pyramid.at(level, energy), energy)
         return self._loaded[level]
+
+    def energy(self, level: int, index: int) -> Energy:
+        """The energy function of a frame at a level. The form of the style does not depend on the frame."""
+        return energy_of(
+            self.params.at(index), self.inputs.guides, level, colours=self.pair.output.shape[2],
+            keyframe_style=self.keyframe_style, subpixel=self._colours is not None,
+        )  # fmt: skip
 
     def _style_side(self, level: int) -> int:
         """Longer side of the style at a level, px."""
@@ -89,7 +91,7 @@ class Synthesizer:
 
     def boil(self, level: int) -> Boil | None:
         """The deliberate flicker at a level; None = off."""
-        return Boil(self.params.boil, self.context.seed, level) if self.params.boil > 0 else None
+        return Boil(self.params, self.context.seed, level) if largest(self.params.boil) > 0 else None
 
     def shown(self, index: int, begin: int) -> int:
         """The frame whose painting is shown at frame `index`; paintings are counted from the frame `begin`."""
@@ -137,7 +139,10 @@ class Synthesizer:
         coarser: tuple[int, SolvedFrame[Any]] | None = None
         for level in reversed(range(self.levels)):
             previous, schedule = self._upsampled(coarser), self.schedule(level, 64 + level)
-            sweep = Sweep(self.ops, self.style(level), animation(level), previous, schedule, True)
+            sweep = Sweep(
+                self.ops, self.style(level), animation(level), previous, schedule, True,
+                energy=partial(self.energy, level),
+            )  # fmt: skip
             with self.context.clock("synthesis"):
                 coarser = level, next(sweep.run([index]))
                 self.ops.finish()

@@ -50,6 +50,12 @@ class LayersParams(Params):
         """The most that a layer needs."""
         return max((parse_params(layer.chosen, layer.params).lead_frames for layer in self.layers), default=0)
 
+    def at(self, frame: int) -> Self:
+        """The layers with the parameters of one frame."""
+        rows = (parse_params(layer.chosen, layer.params).at(frame).model_dump(mode="json") for layer in self.layers)
+        layers = zip(self.layers, rows, strict=True)
+        return self.model_copy(update={"layers": tuple(one.model_copy(update={"params": row}) for one, row in layers)})
+
     @field_validator("layers")
     @classmethod
     def _complete(cls, layers: tuple[LayerParams, ...]) -> tuple[LayerParams, ...]:

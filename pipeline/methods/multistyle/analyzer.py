@@ -27,6 +27,7 @@ from pipeline.methods.multistyle.styles import (
     PIXEL_FIELDS,
     STYLES,
     LayerStyle,
+    Style,
     Values,
     chosen_style,
     layer_style,
@@ -127,8 +128,9 @@ class StrokeAnalyzer:
         factor, usual = (max(halved, round(min(size) / wanted)) for wanted in (rows, USUAL_ROWS))
         self.small = (max(1, size[0] // factor), max(1, size[1] // factor))
         self.faint = FAINT * min(factor / usual, 1.0)
-        self.style, self.technique = chosen_style(params), named.technique
-        self.design = None if design is None else DesignFields(design, self.style, self.technique, size, self.small)
+        self.technique = named.technique
+        style = chosen_style(params.at(0))
+        self.design = None if design is None else DesignFields(design, style, self.technique, size, self.small)
         self.denoiser = TemporalDenoiser(params.noise_floor * named.denoise_factor)
         self.importance = ImportanceTracker(_importance(params), size)
         self.strokes = StrokeLayers(params, size, self.work, seed)
@@ -151,11 +153,12 @@ class StrokeAnalyzer:
         return self.place_strokes(self.observe(frame, placed))
 
     def observe(
-        self, frame: Frame, placed: RegionPlacement | None = None, given: Flow | None = None
+        self, frame: Frame, placed: RegionPlacement | None = None, given: Flow | None = None, number: int = 0
     ) -> Observation:  # fmt: skip
         """The first half of `step`, with `given` flow to the previous frame at the working size, or an estimated one.
         It uses no state of `place_strokes`, which may work on the previous frames in
-        another thread at the same time."""
+        another thread at the same time. `number`: of the frame in the film, for parameters that vary over it."""
+        params = self.params.at(number)
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
         gray = gray_of(frame)
@@ -168,9 +171,9 @@ class StrokeAnalyzer:
             picture = self.denoiser.step(downscaled(frame, self.work).astype(np.float32), back, attention)
             raise_contrast(picture, faces, self.size)
         changed = self.denoiser.changed
-        field = self._directions(picture, back, placed)
+        field = self._directions(picture, back, placed, params.default_angle)
         with self.clock("style"):
-            values = self._values(placed)
+            values = self._values(placed, chosen_style(params))
             style = layer_style(values, detail, min(self.size))
         motion = None if forward is None or back is None else FrameMotion(forward, back, changed)
         return Observation(frame, picture, field, motion, changed, detail, features, faces, values, style)
@@ -201,9 +204,10 @@ class StrokeAnalyzer:
         layer = self.face_layer.step(frame, faces, seen.style, forward, revealed, birth)
         return () if layer is None else (layer,)
 
-    def _values(self, placed: RegionPlacement | None) -> Values:
+    def _values(self, placed: RegionPlacement | None, style: Style) -> Values:
         if placed is None or self.design is None:
-            return uniform(self.style, self.technique)
+            return uniform(style, self.technique)
+        self.design.base = style
         return self.design.values(placed)
 
     def _stored(self, values: Values, name: str) -> float | Half:
@@ -264,7 +268,9 @@ class StrokeAnalyzer:
             return None, None
         return np.maximum(heads, features), features
 
-    def _directions(self, picture: Frame, back: Flow | None, placed: RegionPlacement | None) -> OrientationField:
+    def _directions(
+        self, picture: Frame, back: Flow | None, placed: RegionPlacement | None, default_deg: float
+    ) -> OrientationField:
         """Orientation field, float32 (2, h', w'), of unit length, smoothed over space and time."""
         with self.clock("directions"):
             small = downscaled(picture, self.small)
@@ -279,7 +285,7 @@ class StrokeAnalyzer:
             near = edge_field(now, self.faint)
             wide = np.stack([blurred(plane, sigma * ANALYZER.broad_sigma) for plane in near])
             edges = np.asarray(near + np.float32(ANALYZER.broad_weight) * wide, np.float32)
-            default = field_of(math.radians(self.params.default_angle), ANALYZER.default_weight)[:, None, None]
+            default = field_of(math.radians(default_deg), ANALYZER.default_weight)[:, None, None]
             field = _unit(edges + default)
             if flow is not None and self.field is not None:
                 field = denoise_directions(field, self.field, flow, ANALYZER.direction_tolerance)

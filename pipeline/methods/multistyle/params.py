@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar, Literal, get_args
 
 from pipeline.methods.base import Alternatives, Params, When
-from pipeline.methods.fields import FlowName, RemovedValues, Switch, choice, number, preroll
+from pipeline.methods.fields import FlowName, RemovedValues, Switch, choice, number, preroll, varying
 
 StyleName = Literal["van-gogh", "impressionism", "expressionism", "pointillism", "colorist-wash", "watercolor"]
 STYLE_NAMES: tuple[StyleName, ...] = get_args(StyleName)
@@ -66,21 +66,21 @@ class MultistyleParams(Params):
         "Which of two strokes of a layer covers the other: mixed = the darker one, with random variation that differs "
         "by style; colour = the paper's total order (luminance, then green, red, blue).", "Style",
     )  # fmt: skip
-    stroke_size: float = number(1, 0.25, 4, "Stroke size", "Factor on the width of strokes.", "ratio", "Style")
-    stroke_length: float = number(
+    stroke_size: float = varying(1, 0.25, 4, "Stroke size", "Factor on the width of strokes.", "ratio", "Style")
+    stroke_length: float = varying(
         1, 0, 4, "Stroke length", "Factor on the length of strokes; 0 = dots.", "ratio", "Style"
     )
-    opacity: float = number(1, 0.1, 2, "Opacity", "Factor on the opacity of strokes.", "ratio", "Style")
-    hue: float = number(0, -180, 180, "Hue", "Shift of hue of all strokes.", "degrees", "Style")
-    saturation: float = number(0, -1, 1, "Saturation", "Shift of saturation.", "ratio", "Style")
-    value: float = number(0, -1, 1, "Brightness", "Shift of brightness.", "ratio", "Style")
-    jitter: float = number(
+    opacity: float = varying(1, 0.1, 2, "Opacity", "Factor on the opacity of strokes.", "ratio", "Style")
+    hue: float = varying(0, -180, 180, "Hue", "Shift of hue of all strokes.", "degrees", "Style")
+    saturation: float = varying(0, -1, 1, "Saturation", "Shift of saturation.", "ratio", "Style")
+    value: float = varying(0, -1, 1, "Brightness", "Shift of brightness.", "ratio", "Style")
+    jitter: float = varying(
         1, 0, 3, "Colour jitter", "Factor on the random variation of colour between strokes.", "ratio", "Style"
     )
-    relief: float = number(1, 0, 4, "Relief", "Factor on the height of the paint.", "ratio", "Style")
-    grain: float = number(1, 0, 2, "Grain", "Factor on the bristle texture in strokes.", "ratio", "Style")
-    layers: float = number(0, -2, 2, "Layers", "Number of layers added to those of the style.", "layers", "Style")
-    threshold: float = number(
+    relief: float = varying(1, 0, 4, "Relief", "Factor on the height of the paint.", "ratio", "Style")
+    grain: float = varying(1, 0, 2, "Grain", "Factor on the bristle texture in strokes.", "ratio", "Style")
+    layers: float = varying(0, -2, 2, "Layers", "Number of layers added to those of the style.", "layers", "Style")
+    threshold: float = varying(
         1, 0, 4, "Error threshold", "Factor on the error above which finer strokes are painted; 0 = everywhere.",
         "ratio", "Style",
     )  # fmt: skip
@@ -123,7 +123,7 @@ class MultistyleParams(Params):
         0.85, 0, 0.98, "Edge memory", "Weight of previous frames in the edge field, along the motion.", "ratio",
         "Direction",
     )  # fmt: skip
-    default_angle: float = number(
+    default_angle: float = varying(
         -35, -90, 90, "Default direction", "Stroke angle where the picture has no edges nearby.", "degrees",
         "Direction",
     )  # fmt: skip

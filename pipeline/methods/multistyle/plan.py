@@ -182,7 +182,9 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
         for number in range(start, stop)
     )  # fmt: skip
     wanted = [name for name in ("flow", "orientation") if context.wants_pass(name)]
-    for seen in _observed(analyzer, context.frames("video", start, stop), map(placed, range(start, stop)), given):
+    for seen in _observed(
+        analyzer, context.frames("video", start, stop), map(placed, range(start, stop)), given, start
+    ):
         analysis = analyzer.place_strokes(seen)
         if wanted:
             made = observed_passes(seen)
@@ -206,12 +208,13 @@ def _observed(
     frames: Iterator[Frame],
     placed: Iterator[RegionPlacement | None],
     given: Iterator[Flow | None],
+    first: int,
 ) -> Iterator[Observation]:
-    """Observations of the frames, made by a thread that is `OBSERVED_AHEAD` frames ahead."""
+    """Observations of the frames from number `first` on, made by a thread that is `OBSERVED_AHEAD` frames ahead."""
     with ThreadPoolExecutor(1, "impasto-observe") as thread:
         ahead = deque[Future[Observation]]()
-        for frame, regions, flow in zip(frames, placed, given, strict=False):
-            ahead.append(thread.submit(analyzer.observe, frame, regions, flow))
+        for number, (frame, regions, flow) in enumerate(zip(frames, placed, given, strict=False), first):
+            ahead.append(thread.submit(analyzer.observe, frame, regions, flow, number))
             if len(ahead) > OBSERVED_AHEAD:
                 yield ahead.popleft().result()
         while ahead:

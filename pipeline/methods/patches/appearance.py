@@ -220,7 +220,7 @@ def appearance_periods(
     current, overall = rect.zeros(), rect.zeros()
     for (start, stop), part in zip(colour_spans(track), sums, strict=True):
         total = part.total
-        if found and not appearance_changed(current[part.box], total, grid, params):
+        if found and not appearance_changed(current[part.box], total, grid, params.at(start)):
             found[-1] = found[-1][0], stop
         else:
             found.append((start, stop))

@@ -275,7 +275,7 @@ class PatchCompositor:
         self._residual.prepare_cross_fade(following, self._params.frames_per_painting)
 
     def _cover(self, index: int, frame: Frame) -> PatchCover:
-        limit = np.float32(self._params.misfit) * error_tolerance(frame, self._grid.unit)
+        limit = np.float32(self._params.at(index).misfit) * error_tolerance(frame, self._grid.unit)
         if (at_features := self._faces.tolerance(index)) is not None:
             limit = limit * at_features
         trace = PatchTrace.of(self._size) if self.traced else None

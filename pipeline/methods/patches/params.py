@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from pipeline.methods.base import Alternatives, Params, When
-from pipeline.methods.fields import FlowName, RemovedValues, choice, number
+from pipeline.methods.fields import FlowName, RemovedValues, choice, number, varying
 
 Temporal = Literal["on", "off"]
 StyleName = Literal["hertzmann", "circles", "impressionist", "expressionist", "wash"]
@@ -209,7 +209,7 @@ class PatchesParams(Params):
         "strokes on rigid objects steadier; 0 = never, as in the paper.",
         "px at the working size", "Patches",
     )  # fmt: skip
-    misfit: float = number(
+    misfit: float = varying(
         28, 5, 400, "Misfit",
         "Colour difference between a patch and the frame above which the frame is painted instead. Larger values keep "
         "the patch's strokes, and changes such as an opening mouth appear less. In smooth areas a third of it applies.",

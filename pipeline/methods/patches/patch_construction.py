@@ -138,7 +138,7 @@ def _run_whole(task: Task, track: PatchTrack, context: TaskContext[PatchesParams
         periods = appearance_periods(sums.values(), track, rect, grid, context.params)
     for number, (start, stop) in enumerate(periods.spans):
         of_period = (part for span, part in sums.items() if start <= span[0] < stop)
-        _paint_period(number, of_period, periods.overall, faces, track, rect, context)
+        _paint_period(number, start, of_period, periods.overall, faces, track, rect, context)
         context.progress(0.5 + 0.5 * (number + 1) / len(periods.spans))
     return result | _period_result(periods, rect)
 
@@ -177,7 +177,7 @@ def _run_period(task: Task, track: PatchTrack, context: TaskContext[PatchesParam
     for number, (start, stop) in enumerate(periods.spans):
         if start in starts:
             sums, faces = _load_sums(track, start, stop, context), load_weights(context, track)
-            _paint_period(number, sums, periods.overall, faces, track, rect, context)
+            _paint_period(number, start, sums, periods.overall, faces, track, rect, context)
     return {}
 
 
@@ -226,12 +226,13 @@ def _report_energy(
 
 
 def _paint_period(
-    number: int, sums: Iterable[ColourSum], overall: ColourSum, faces: Weights | None, track: PatchTrack,
+    number: int, start: int, sums: Iterable[ColourSum], overall: ColourSum, faces: Weights | None, track: PatchTrack,
     rect: PanoramaRect, context: TaskContext[PatchesParams],
 ) -> None:  # fmt: skip
-    """Compute and save panorama and painting of one period."""
+    """Compute and save panorama and painting of one period that begins at the frame `start`."""
     with context.clock("mean"):
-        panorama: Frame = period_picture(sums, overall, rect, WorkingGrid.of(context.size), context.params.misfit)
+        misfit = context.params.at(start).misfit
+        panorama: Frame = period_picture(sums, overall, rect, WorkingGrid.of(context.size), misfit)
     painter, size = patch_painter(track, context), panorama.shape[:2]
     if context.wants_pass(STROKE_IDS):
         painter = replace(painter, trace=StrokeTrace(np.zeros(size, np.uint32), np.zeros(size, np.float32)))

@@ -13,6 +13,7 @@ from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.buffers import Buffers
 from pipeline.kernels.executors import INLINE, FrameExecutor
+from pipeline.methods.over_time import largest
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
 from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
 from pipeline.methods.steady.equation import LARGEST_AGE, add_clipped, age_weights, equation_terms, remember, show
@@ -85,8 +86,6 @@ class SteadyFilter:
         self._analyzing, self._applying = Buffers(), Buffers()
         self._everywhere = np.ones((size[1], size[0]), np.float32)
         self._amounts = NO_AMOUNTS
-        half_life = params.colour_half_life
-        self._return = 2 ** (1 / half_life) - 1 if half_life > 0 else 0.0
 
     def step(self, source: Frame, styled: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the result.
@@ -106,12 +105,13 @@ class SteadyFilter:
         """The source of the last analysed frame."""
         return self._source
 
-    def analyze(self, source: Frame, flows: tuple[Flow, Flow] | None = None) -> SourceAnalysis | None:
+    def analyze(self, source: Frame, flows: tuple[Flow, Flow] | None = None, number: int = 0) -> SourceAnalysis | None:
         """First half of `step`: motion and confidence; None at the first frame of a shot, where the result starts
         afresh.
 
         Args:
             flows: `motion` between the last source and this one; None = estimated here.
+            number: of the frame in the film, for parameters that vary over it.
 
         Raises: BadFrame.
         """
@@ -121,7 +121,8 @@ class SteadyFilter:
             self._memory = source.astype(np.float32)
             self._age = np.full(source.shape[:2], LARGEST_AGE, np.float32)
             return None
-        two_sided, alpha = self.params.look_ahead > 0, self.params.trail_suppression
+        params = self.params.at(number)
+        two_sided, alpha = params.look_ahead > 0, params.trail_suppression
         back, forth = motion(before, source, two_sided) if flows is None else flows
         there, buffers = positions(back), self._analyzing
         round_trip, expected = buffers.get("round trip", forth.shape), buffers.get("expected", source.shape)
@@ -134,12 +135,14 @@ class SteadyFilter:
             cv2.remap(self._age, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32
         )
         weight = np.empty_like(trust)
-        age_weights(self._age, trust, np.float32(self.params.strength), weight)
+        age_weights(self._age, trust, np.float32(params.strength), weight)
         remember(source, expected, weight, self._memory)
         onward = onward_motion(before, source, (back, forth), alpha, buffers) if two_sided else None
         return SourceAnalysis(TrustedMotion(there, trust), weight, onward)
 
-    def apply(self, analysis: SourceAnalysis | None, styled: AnyArray, mask: Plane | None = None) -> AnyArray:
+    def apply(
+        self, analysis: SourceAnalysis | None, styled: AnyArray, mask: Plane | None = None, number: int = 0
+    ) -> AnyArray:
         """Second half of `step`. `styled`: uint8, or uint16 or float32 if the filter is deep. Raises: BadFrame."""
         same_size(styled, self.size, "styled")
         levels = styled if styled.dtype == np.uint8 else styled.astype(np.float32) * np.float32(_LEVELS[styled.dtype])
@@ -150,8 +153,8 @@ class SteadyFilter:
         target = buffers.get("target", shape)
         np.copyto(target, levels)
         mask = self._everywhere if mask is None else mask
-        self._solve(analysis, target, mask)
-        if self.params.detail > 0:
+        self._solve(analysis, target, mask, self.params.at(number))
+        if largest(self.params.detail) > 0:
             self._amounts = amounts_of(self._result, target, self._amounts, buffers, self._background)
         if self._deep:
             return (target + mask[..., None] * (self._result - target)) / np.float32(255)
@@ -167,7 +170,7 @@ class SteadyFilter:
 
         self._background.rows(span, height)
 
-    def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane) -> None:
+    def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane, params: SteadyParams) -> None:
         """Replace the previous result by the solution of the equation for the styled frame `target`."""
         buffers, back = self._applying, analysis.back
         moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
@@ -180,10 +183,12 @@ class SteadyFilter:
             )
 
         self._rows(move, height)
-        sharpen(blurred, back, self._amounts, self.params.detail, moved, self._background)
+        sharpen(blurred, back, self._amounts, params.detail, moved, self._background)
         weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
         np.multiply(analysis.weight, mask, out=weight)
-        equation_terms(moved, target, back.trust, weight, self._return, (absorb, source))
+        half_life = params.colour_half_life
+        returning = 2 ** (1 / half_life) - 1 if half_life > 0 else 0.0
+        equation_terms(moved, target, back.trust, weight, returning, (absorb, source))
         found = solve_screened(absorb, source, buffers, self._background)
         self._rows(lambda rows: add_clipped(target[rows], found[rows], self._result[rows]), height)
 

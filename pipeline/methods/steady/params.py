@@ -6,23 +6,23 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from pipeline.methods.base import Alternatives, Params, When
-from pipeline.methods.fields import number, preroll
+from pipeline.methods.fields import number, preroll, varying
 
 
 class SteadyParams(Params):
     """Parameters of blind video temporal consistency (bonneel2015blind)."""
 
-    strength: float = number(
+    strength: float = varying(
         40, 0, 200, "Strength",
         "Weight of the previous result, moved along the motion, relative to the gradients of the styled frame. "
         "0 = the styled video as it is.", "ratio", "Time", "lambda",
     )  # fmt: skip
-    trail_suppression: float = number(
+    trail_suppression: float = varying(
         25, 0, 1000, "Trail suppression",
         "How fast the weight falls where the source differs from what the motion predicts. Higher values leave fewer "
         "trails and more flicker on things that move fast.", "per squared RGB distance, RGB in 0..1", "Time", "alpha",
     )  # fmt: skip
-    colour_half_life: float = number(
+    colour_half_life: float = varying(
         60, 0, 1000, "Colour half-life",
         "Time in which the result loses half of its difference to the colours of the styled video. 0 = never.",
         "frames", "Time",
@@ -47,7 +47,7 @@ class SteadyParams(Params):
     def lead_frames(self) -> int:
         return self.preroll
 
-    detail: float = number(
+    detail: float = varying(
         1, 0, 1, "Restored detail",
         "Share of the fine detail that the styled frames have and the result lacks which is restored by sharpening. "
         "0 = off; higher values flicker more.",

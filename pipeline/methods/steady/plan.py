@@ -170,7 +170,7 @@ def _part(
             made = _passes(analysis, context.size)
             context.emit_passes(index, {name: made[name] for name in passes})
         with context.clock("steady"):
-            result = steady.apply(analysis, frame.styled, frame.mask)
+            result = steady.apply(analysis, frame.styled, frame.mask, index)
         yield FilteredFrame(index, result, frame.mask, analysis.onward if analysis else None)
 
 
@@ -195,10 +195,10 @@ def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[
                 return back, forth
             return motion(before, source, context.params.look_ahead > 0)
 
-    def analyze(source: Frame, estimated: Future[tuple[Flow, Flow]] | None) -> SourceAnalysis | None:
+    def analyze(source: Frame, estimated: Future[tuple[Flow, Flow]] | None, index: int) -> SourceAnalysis | None:
         between = None if estimated is None else estimated.result()
         with context.clock("motion"):
-            return steady.analyze(source, between)
+            return steady.analyze(source, between, index)
 
     waiting: deque[_Waiting] = deque()
     before = steady.source
@@ -211,7 +211,7 @@ def _analyzed(steady: SteadyFilter, start: int, stop: int, context: TaskContext[
     with ThreadPoolExecutor(threads, "impasto-flow") as flow, ThreadPoolExecutor(1, "impasto-motion") as thread:
         for index, (source, styled, mask) in enumerate(zip(*inputs, strict=False), start):
             estimated = None if before is None else flow.submit(flows, before, source, index)
-            waiting.append(_Waiting(thread.submit(analyze, source, estimated), styled, mask))
+            waiting.append(_Waiting(thread.submit(analyze, source, estimated, index), styled, mask))
             before = source
             if len(waiting) > ahead:
                 yield waiting.popleft()

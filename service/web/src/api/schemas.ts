@@ -74,7 +74,7 @@ export interface Schema {
   oneOf?: Schema[];
   properties?: Record<string, Schema>;
   items?: Schema;
-  type?: string;
+  type?: string | string[];
   enum?: unknown[];
   const?: unknown;
   title?: string;
@@ -92,5 +92,7 @@ export interface Schema {
   symbol?: string;
   group?: string;
   applies_when?: When[];
+  /** Whether the number may have values over time: [[frame, value], ...]. */
+  varies?: boolean;
   nullable?: boolean;
 }

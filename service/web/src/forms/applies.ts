@@ -1,6 +1,7 @@
 /** Whether a parameter or an input has an effect with the others: the conditions are data of the method. */
 
 import type { Params, When } from "../api/schemas";
+import { keysOf } from "./keyed-values";
 
 /** What is known besides the parameters; conditions on what is unknown count as met. */
 export interface Situation {
@@ -19,6 +20,10 @@ export function applies(when: readonly When[] | undefined, params: Params, situa
   return !when?.length || when.some((one) => holds(one, params, situation));
 }
 
+/** The largest value of a number in the film. */
+const largest = (value: unknown): number =>
+  Math.max(...(keysOf(value)?.map(([, number]) => number) ?? [Number(value ?? 0)]));
+
 function holds(when: When, params: Params, { inputs, stream, piece, passes }: Situation): boolean {
   const {
     params: values = {},
@@ -30,7 +35,7 @@ function holds(when: When, params: Params, { inputs, stream, piece, passes }: Si
   } = when;
   return (
     Object.entries(values).every(([name, allowed]) => allowed.includes(String(params[name]))) &&
-    Object.entries(above).every(([name, limit]) => Number(params[name] ?? 0) > limit) &&
+    Object.entries(above).every(([name, limit]) => largest(params[name]) > limit) &&
     (!inputs || !needed.length || needed.some((name) => inputs.includes(name))) &&
     (!inputs || !without.some((name) => inputs.includes(name))) &&
     !absent.some((kind) => passes?.includes(kind)) &&

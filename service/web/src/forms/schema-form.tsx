@@ -7,6 +7,8 @@ import { Icon } from "../ui/icons";
 import { applies, type Situation } from "./applies";
 import type { Ids } from "./control";
 import { CONTROLS, INLINE, same } from "./fields";
+import { keysOf } from "./keyed-values";
+import { type FilmTime, OverTime, OverTimeButton } from "./over-time";
 import { type Field, fieldsOf } from "./schema";
 
 export interface FormProps {
@@ -24,10 +26,12 @@ export interface FormProps {
   faults?: Record<string, string>;
   /** Hides the fields that have no effect in it, unless they were changed. */
   situation?: Situation;
+  /** The film's time, if numbers can be set over it. */
+  time?: FilmTime;
 }
 
 export function Form(props: FormProps) {
-  const { schema, values, onChange, open = 1, search = false, faults = {}, situation = {} } = props;
+  const { schema, values, onChange, open = 1, search = false, faults = {}, situation = {}, time } = props;
   const fields = useMemo(() => fieldsOf(schema), [schema]);
   const emitted = useRef(values);
   const epoch = useRef(0);
@@ -94,6 +98,7 @@ export function Form(props: FormProps) {
                 epoch={epoch.current}
                 fault={wrong[field.name] ?? faults[field.name] ?? ""}
                 hidden={!fits(field)}
+                time={time}
                 onChange={(value) => change(field, value)}
                 onFault={(why) => refuse(field, why)}
                 onReset={() => {
@@ -155,16 +160,19 @@ interface RowProps {
   epoch: number;
   fault: string;
   hidden: boolean;
+  time: FilmTime | undefined;
   onChange(value: unknown): void;
   onFault(why: string): void;
   onReset(): void;
 }
 
-function Row({ field, value, changed, idle, epoch, fault, hidden, onChange, onFault, onReset }: RowProps) {
+function Row({ field, value, changed, idle, epoch, fault, hidden, time, onChange, onFault, onReset }: RowProps) {
   const id = useId();
   const row = useRef<HTMLDivElement>(null);
   const ids: Ids = { input: `${id}-input`, label: `${id}-label`, help: `${id}-help`, error: `${id}-error` };
-  const Control = CONTROLS[field.kind];
+  const keys = field.varies ? keysOf(value) : undefined;
+  const Control = CONTROLS[keys && !time ? "json" : field.kind];
+  const given = { field, ids, value, epoch, wrong: Boolean(fault), onChange, onFault };
   const reset = () => {
     onReset();
     const inputs = "input, select, textarea";
@@ -193,17 +201,10 @@ function Row({ field, value, changed, idle, epoch, fault, hidden, onChange, onFa
         >
           <Icon name="retry" />
         </button>
+        {field.varies && time && <OverTimeButton {...given} time={time} />}
         {field.unit && field.unit !== "ratio" && <span class="unit">{unitWord(field.unit)}</span>}
       </div>
-      <Control
-        field={field}
-        ids={ids}
-        value={value}
-        epoch={epoch}
-        wrong={Boolean(fault)}
-        onChange={onChange}
-        onFault={onFault}
-      />
+      {keys && time ? <OverTime {...given} keys={keys} time={time} Slider={Control} /> : <Control {...given} />}
       <p class="field-help" id={ids.help}>
         {idle && "Without effect at present. "}
         {field.help}

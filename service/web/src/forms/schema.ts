@@ -43,6 +43,8 @@ export interface Field {
   min: number | undefined;
   max: number | undefined;
   step: number | "any";
+  /** Whether it may have values over time, see `keyed-values`. */
+  varies: boolean;
   /** Greatest number of items of a list. */
   most: number | undefined;
 }
@@ -67,7 +69,8 @@ function resolve(property: Schema, defs: Definitions): Schema {
   return property;
 }
 
-function field(name: string, schema: Schema, defs: Definitions): Field {
+function field(name: string, given: Schema, defs: Definitions): Field {
+  const schema = given.varies ? { ...given, type: "number" } : given;
   const { min, max } = bounds(schema);
   const curve = curveOf(schema, min, max);
   return {
@@ -85,6 +88,7 @@ function field(name: string, schema: Schema, defs: Definitions): Field {
     min,
     max,
     step: stepOf(schema, min, max, curve),
+    varies: Boolean(schema.varies),
     most: schema.maxItems,
     options: optionsOf(schema, defs),
     kind: kindOf(schema, min, max, defs),

@@ -1,6 +1,7 @@
 /** Styles of regions as numbers: between two keys they change as the film changes them. Pure functions. */
 
 import type { Params, Schemas, Section } from "../../api/schemas";
+import { paramsAt } from "../../forms/keyed-values";
 import { type Design, type OwnStyle, type StyleKey, trackOf } from "../document/design";
 import { freeName } from "../document/document";
 import { eased } from "../state/timeline";
@@ -76,12 +77,19 @@ export function keysAround(track: readonly StyleKey[], frame: number): [StyleKey
   return [before, after, eased(before.ease ?? "linear", (frame - before.frame) / (after.frame - before.frame))];
 }
 
+/** The context with the layer's parameters as they are at a frame. */
+export const contextAt = (context: StyleContext, frame: number): StyleContext => ({
+  ...context,
+  params: paramsAt(context.params, frame),
+});
+
 /** The style of a region at a frame, as the film has it; undefined without a key of the region. */
 export function styleAt(context: StyleContext, region: string, frame: number): Style | undefined {
   const around = keysAround(trackOf(context.design.keys, region), frame);
   if (!around) return undefined;
   const [before, after, t] = around;
-  const [one, other] = [styleOf(context, before), styleOf(context, after)];
+  const now = contextAt(context, frame);
+  const [one, other] = [styleOf(now, before), styleOf(now, after)];
   const turning = new Set(context.section.sliders.filter(({ circular }) => circular).map(({ name }) => name));
   return {
     values: mixed(one.values, other.values, t, turning),
@@ -119,7 +127,7 @@ export function keyHere(
   const [before, , t] = around;
   const key = { ...before, region, frame };
   if (t === 0) return { key, styles: design.styles };
-  const base = styleBelow(context, before.style);
+  const base = styleBelow(contextAt(context, frame), before.style);
   if (same(base.technique, style.technique)) {
     const set = Object.entries(style.values).filter(
       ([name, value]) => value !== base.values[name] || before.set?.[name] !== undefined,

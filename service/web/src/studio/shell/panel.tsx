@@ -217,6 +217,7 @@ function AllSettings({ store, method }: { store: Store; method: Method }) {
         open={0}
         situation={situationOf(store, method)}
         search
+        time={{ frame: store.frame, span: store.reach }}
         onChange={(values, valid) => {
           if (valid) store.editLayer("Change settings", (layer) => ({ ...layer, params: values }), "params");
         }}
