@@ -91,7 +91,8 @@ export class Foreground {
   }
 }
 
-function veilOf(mask: ImageBitmap): Veil {
+/** `mask`: white where the foreground is. */
+export function veilOf(mask: ImageBitmap): Veil {
   const [canvas, context] = createCanvas(mask);
   context.drawImage(mask, 0, 0);
   const image = context.getImageData(0, 0, mask.width, mask.height);

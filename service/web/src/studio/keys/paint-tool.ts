@@ -27,7 +27,7 @@ import { MASK } from "./layer-edits";
 const LEAST_DISTANCE_PX = 0.5;
 /** How often a stroke under the pen is kept in this browser. */
 const KEEP_MS = 500;
-const LOCKED = {
+export const LOCKED = {
   title: "The layer's transparency is locked",
   message: "The eraser changes where a layer has paint.",
   remedy: "Clear “Lock transparency” of the layer, or choose another layer.",

@@ -17,6 +17,7 @@ import { Foreground } from "../keys/foreground";
 import { KeyActions } from "../keys/key-actions";
 import { acceptKeys, askScaling, withoutKey } from "../keys/key-input";
 import { PaintedKeys } from "../keys/keys";
+import { LayerMatte } from "../keys/matte";
 import { type Neighbours, startNeighbours } from "../keys/neighbours";
 import { createObjectTool } from "../keys/object-tool";
 import { createPaintTool, type PaintTool } from "../keys/paint-tool";
@@ -65,6 +66,7 @@ export class Designer {
   readonly clusters: Clusters;
   readonly flicker: Flicker;
   readonly foreground: Foreground;
+  readonly matte: LayerMatte;
   readonly onion: OnionSkin;
   readonly parts: StageParts;
   readonly playback: Playback;
@@ -96,11 +98,13 @@ export class Designer {
     this.clusters = new Clusters(store, notify, redraw);
     this.flicker = new Flicker(store, redraw);
     this.foreground = new Foreground(store, redraw);
+    this.matte = new LayerMatte(store, redraw);
     this.onion = createOnionSkin(store, redraw);
     const tools = {
       ...{ rectangle: select, outline: select, transform: select },
       loupe: createLoupeTool(store, redraw),
       object: createObjectTool(store, this.keys, this.paint, redraw),
+      matte: this.matte.tool,
       label: createLabelTool(store, this.clusters, redraw),
       region: this.regions,
       lasso: createLassoTool(store, redraw),
@@ -108,7 +112,7 @@ export class Designer {
       direction: createDirectionTool(store, this.field, redraw),
     };
     const overlays = [
-      ...[this.flicker, this.foreground, this.clusters].map(
+      ...[this.flicker, this.foreground, this.clusters, this.matte].map(
         (part) => (context: CanvasRenderingContext2D) => part.draw(context),
       ),
       this.regions.drawAll,
@@ -134,7 +138,7 @@ export class Designer {
       select,
       paint: () => void films.submit(() => this.saveAll()).catch(notify),
       tools: () => [
-        ...(store.previews.value ? (["loupe"] as const) : []),
+        ...(store.previews.value ? (["loupe", "matte"] as const) : []),
         ...toolsOf(store, store.previews.value, this.clusters.available.value),
       ],
     };
@@ -273,6 +277,7 @@ export class Designer {
     this.clusters.close();
     this.flicker.close();
     this.foreground.close();
+    this.matte.close();
     this.regionMaps.close();
     this.field.close();
     this.onion.close();

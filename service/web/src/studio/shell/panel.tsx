@@ -19,6 +19,7 @@ import type { KeyActions } from "../keys/key-actions";
 import type { PaintedKeys } from "../keys/keys";
 import { KeysSection } from "../keys/keys-section";
 import { MarksSection } from "../keys/marks-section";
+import type { LayerMatte } from "../keys/matte";
 import { usePresetPictures } from "../previews/preset-pictures";
 import type { FilmView } from "../regions/film-view";
 import type { RegionMaps } from "../regions/region-map";
@@ -39,6 +40,7 @@ export interface PanelProps {
   actions: KeyActions;
   clusters: Clusters;
   foreground: Foreground;
+  matte: LayerMatte;
   maps: RegionMaps;
   field: FilmView<Field>;
   /** Save everything; false if that failed. */
@@ -59,6 +61,7 @@ export function Panel({
   actions,
   clusters,
   foreground,
+  matte,
   maps,
   field,
   saveAll,
@@ -91,6 +94,7 @@ export function Panel({
             actions={actions}
             clusters={clusters}
             foreground={foreground}
+            matte={matte}
             maps={maps}
             field={field}
             solve={() => films.submit(saveAll).catch(notify)}
@@ -114,7 +118,7 @@ interface MethodPartsProps extends PanelProps {
 }
 
 function MethodParts(props: MethodPartsProps) {
-  const { store, method, saveAll } = props;
+  const { store, method, matte, saveAll } = props;
   return (
     <>
       {method.studio.sections.map((section) => (
@@ -123,7 +127,7 @@ function MethodParts(props: MethodPartsProps) {
       <StyleLibrary store={store} method={method} />
       <LayerInputs store={store} method={method} />
       <AllSettings store={store} method={method} />
-      <LayersSection store={store} />
+      <LayersSection store={store} matte={matte} />
       <Variants store={store} saveAll={saveAll} />
       <OutputSettings store={store} method={method} />
     </>

@@ -235,6 +235,7 @@ function DesignerPage({ designer, saving, film, player, comments, reload }: Desi
           actions={designer.actions}
           clusters={designer.clusters}
           foreground={designer.foreground}
+          matte={designer.matte}
           maps={designer.regionMaps}
           field={designer.field}
           saveAll={() => designer.saveAll()}

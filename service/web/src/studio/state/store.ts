@@ -36,6 +36,7 @@ export type Tool =
   | "direction"
   | "label"
   | "object"
+  | "matte"
   | "loupe";
 /** Whether the brush paints on the part of a section. */
 export const isPainted = ({ editor }: Section): boolean => editor === "keys" || editor === "marks";
