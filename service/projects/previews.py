@@ -192,7 +192,7 @@ async def preview_clusters(
 async def preview_spread(
     project_id: ProjectId, body: SpreadIn, context: Context, caller: Submitter
 ) -> StreamingResponse:
-    """The foreground of a frame and of those after it, spread from scribbles."""
+    """The foreground of a frame and of those after it, spread from scribbles; or marks that move with the picture."""
     return await _answer(context, caller, project_id, "spread", body, {"frame": body.frame, "around": body.around})
 
 

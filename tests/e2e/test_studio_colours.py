@@ -11,12 +11,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from playwright.sync_api import Locator, Page, expect
 
 from pipeline.scenes import scene
 from pipeline.video.stills import encode_png
-from tests.e2e.pages import HEIGHT, WIDTH, Watched, accessibility_faults
+from tests.e2e.pages import HEIGHT, WIDTH, Watched, accessibility_faults, until
 from tests.e2e.studio import (
+    SOON_MS,
     asset,
     draw,
     frames_of,
@@ -168,6 +170,19 @@ def textured(service: str) -> str:
     return str(answer.json()["id"])
 
 
+def brightness(page: Page) -> NDArray[np.float32]:
+    """Gray values of the stage at the size of the picture."""
+    canvas = page.locator(".stage-canvas")
+    box, (left, top), (right, bottom) = canvas.bounding_box(), on_stage(page, 0, 0), on_stage(page, 1, 1)
+    assert box is not None
+    picture = cv2.imdecode(np.frombuffer(canvas.screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    rows, columns = (
+        slice(*(round(at - box[edge]) for at in ends)) for edge, ends in (("y", (top, bottom)), ("x", (left, right)))
+    )
+    return np.asarray(cv2.resize(picture[rows, columns], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA), np.float32)
+
+
 def test_detail_is_painted_on_the_stage_and_the_film_follows(
     watched: Watched, service: str, tmp_path: Path, axe: str
 ) -> None:
@@ -190,6 +205,17 @@ def test_detail_is_painted_on_the_stage_and_the_film_follows(
     assert not layer_of(stored(service, project)).get("importance")
     page.get_by_role("button", name="Redo").click()
     expect(page.get_by_role("button", name="Remove the marks of this frame")).to_be_visible()
+    page.get_by_role("button", name="Move the view").click()
+    page.get_by_role("button", name="Original").click()
+    page.keyboard.press("End")
+    moved = page.get_by_role("group", name="Detail of the next frames").get_by_role(
+        "button", name="Frame 6", exact=True
+    )
+    expect(moved).to_be_visible(timeout=SOON_MS)
+    marked = brightness(page)
+    page.get_by_label("Show the marks where they move").uncheck()
+    until(page, lambda: brightness(page)[30:34, 20:76].mean() > 1.3 * marked[30:34, 20:76].mean())
+    assert abs(brightness(page)[:2, :4] - marked[:2, :4]).mean() < 8, "where nothing is marked, nothing is dimmed"
     assert accessibility_faults(page, axe) == []
     film = result(service, render(page))
     assert film == rendered_by_command(service, project, tmp_path)
