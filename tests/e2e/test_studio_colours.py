@@ -227,7 +227,7 @@ def test_detail_is_painted_on_the_stage_and_the_film_follows(
     assert changed == [False] * 2 + [True] * 4, "from the frame of the marks on"
 
 
-def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: str, video: str) -> None:
+def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: str, video: str, axe: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "abstraction")
 
@@ -239,6 +239,8 @@ def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: 
         return cv2.imdecode(np.frombuffer(asset(service, document, mask["image"]), np.uint8), cv2.IMREAD_UNCHANGED)
 
     page.get_by_role("button", name="Mark an object").click()
+    assert accessibility_faults(page, axe) == []
+    page.emulate_media(color_scheme="light")
     x, y = on_stage(page, 9 / 22, 0.5)
     page.mouse.click(x, y)
     expect(page.get_by_role("button", name="Remove the marks of this frame")).to_be_visible()
@@ -254,3 +256,8 @@ def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: 
     boxed = marked()
     assert ((boxed[..., 3] > 127) & (disc > 0)).sum() / ((boxed[..., 3] > 127) | (disc > 0)).sum() > 0.85
     assert boxed[HEIGHT // 2, WIDTH * 9 // 22].tolist() == [0, 0, 0, 255]
+    x, y = on_stage(page, 9 / 22, 0.5)
+    page.keyboard.down("Alt")
+    page.mouse.click(x, y)
+    page.keyboard.up("Alt")
+    until(page, lambda: (marked()[..., 3] > 127).sum() < 0.1 * (boxed[..., 3] > 127).sum())

@@ -80,7 +80,8 @@ export class Designer {
 
   private readonly saving: Saving;
 
-  constructor({ session, saving, film, player }: FilmParts, shot: string, asset: Asset) {
+  /** `before`: what the stage has shown, which stays there until the shot has a picture. */
+  constructor({ session, saving, film, player }: FilmParts, shot: string, asset: Asset, before?: HTMLCanvasElement) {
     this.saving = saving;
     const redraw = () => this.stage?.redraw();
     const store = new Store(session, shot, asset);
@@ -119,7 +120,7 @@ export class Designer {
       (context: CanvasRenderingContext2D) => this.regionMaps.draw(context),
     ];
     const { frames, scrub, films, keys, paint, onion } = this;
-    this.parts = { store, frames, scrub, films, keys, paint, tools, onion, overlays };
+    this.parts = { store, frames, scrub, films, keys, paint, tools, onion, overlays, before };
     this.playback = createPlayback(store, films, frames);
     this.cuts = followCuts(store);
     saving.pictures = () => ({ ...session.pending(), ...untracked(() => this.paint.unfinished()) });

@@ -1,6 +1,6 @@
 /** The panel beside the stage: the method, its main inputs, all settings, output, and the button that submits. */
 
-import { useMemo } from "preact/hooks";
+import { useMemo, useRef } from "preact/hooks";
 import type { Method, Params, Section } from "../../api/schemas";
 import { applies, type Situation } from "../../forms/applies";
 import { Inputs } from "../../forms/inputs";
@@ -70,18 +70,39 @@ export function Panel({
   suggest,
 }: PanelProps) {
   const method = store.method.value;
+  const methods = useRef<HTMLDetailsElement>(null);
+  /** Whether the keyboard was used last: arrow keys choose one method after another, and Enter ends that. */
+  const keyed = useRef(false);
+  const close = () => methods.current?.removeAttribute("open");
   return (
     <aside class="panel designer-panel" aria-label="Settings">
       <div class="panel-body">
         <Lesson store={store} />
-        <details class="group method-choice" open={!method}>
+        <details
+          class="group method-choice"
+          open={!method}
+          ref={methods}
+          onPointerDown={() => {
+            keyed.current = false;
+          }}
+          onKeyDown={(event) => {
+            keyed.current = true;
+            if (event.key !== "Enter" || !(event.target instanceof HTMLInputElement)) return;
+            event.preventDefault(); // it would open the list again
+            close();
+            methods.current?.querySelector("summary")?.focus();
+          }}
+        >
           <summary>
             <span>{method?.title ?? "Method"}</span>
           </summary>
           <MethodCards
             methods={store.methods}
             chosen={store.layer.value.method}
-            onChoose={(name) => choose(store, name)}
+            onChoose={(name) => {
+              choose(store, name);
+              if (!keyed.current) close();
+            }}
           />
         </details>
         {method && (
