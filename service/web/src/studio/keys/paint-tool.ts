@@ -4,7 +4,7 @@ import { untracked } from "@preact/signals";
 import { isAbort } from "../../api/http";
 import { notify, notifyOf } from "../../ui/notices";
 import { hexOf } from "../../ui/palette";
-import { floodRuns } from "../drawing/fill";
+import { fillRuns } from "../drawing/fills";
 import { random } from "../drawing/noise";
 import { createCanvas, type LiveStroke } from "../drawing/raster";
 import { Stabiliser } from "../drawing/stabiliser";
@@ -128,7 +128,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   function down(sample: PointerSample): boolean {
     const tool = store.tool.value;
     if (tool === "picker" || sample.alt) whenOpen((picture) => pick(picture, sample));
-    else if (tool === "fill") whenOpen((picture, layer) => fill(picture, layer, sample));
+    else if (tool === "fill") whenOpen((picture, layer) => void fill(picture, layer, sample).catch(notify));
     else if (tool === "eraser" && lockedTarget()) notifyOf(LOCKED);
     else begin(sample, tool === "eraser" || tool === "smudge" ? tool : "brush");
     return true;
@@ -222,27 +222,33 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
   }
 
-  /** Pixels of a picture, or of one of its layers alone. */
-  function composite(picture: KeyPicture, only?: PictureLayer): ImageData {
-    const [, context] = createCanvas(store.size);
+  /** A picture, or one of its layers alone. */
+  function composite(picture: KeyPicture, only?: PictureLayer): [HTMLCanvasElement, CanvasRenderingContext2D] {
+    const [canvas, context] = createCanvas(store.size);
     const key = store.pictureKey(store.frame.value);
     if (only) context.drawImage(keys.raster.layer(`${key}/${only.id}`, only), 0, 0);
     else keys.raster.draw(context, key, picture);
-    return context.getImageData(0, 0, store.size.width, store.size.height);
+    return [canvas, context];
   }
 
-  function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): void {
-    const settings = store.drawing.fill.value;
-    const pixels = composite(picture, settings.layerOnly ? layer : undefined);
-    const runs = floodRuns(pixels.data, store.size, at, settings);
-    const { opacity } = store.brush.value;
-    const fill: Stroke = { kind: "fill", color: store.brushColor, opacity, runs, ...locking(layer) };
-    store.drawing.used(fill.color);
-    if (runs.length) commit(LABELS.fill, picture, layer.id, fill);
+  /** The fill is on its frame also if another one is shown by the time its area is found. */
+  async function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): Promise<void> {
+    const { drawing, brush, brushColor: color } = store;
+    const frame = store.frame.value;
+    const key = store.pictureKey(frame);
+    const options = drawing.fill.value;
+    const [canvas] = composite(picture, options.layerOnly ? layer : undefined);
+    drawing.used(color);
+    const { opacity } = brush.value;
+    const runs = await fillRuns(canvas, at, options);
+    const stroke: Stroke = { kind: "fill", color, opacity, runs, ...locking(layer) };
+    if (runs.length && store.pictureKey(frame) === key)
+      keys.edit(LABELS.fill, frame, addStroke(keys.picture(frame) ?? picture, layer.id, stroke));
   }
 
   function pick(picture: KeyPicture, { at }: PointerSample): void {
-    const { data, width, height } = composite(picture);
+    const [{ width, height }, context] = composite(picture);
+    const { data } = context.getImageData(0, 0, width, height);
     const [x, y] = [Math.floor(at[0]), Math.floor(at[1])];
     if (x < 0 || y < 0 || x >= width || y >= height) return;
     const color = hexOf(data.slice(4 * (y * width + x), 4 * (y * width + x) + 3));
