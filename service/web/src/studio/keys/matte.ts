@@ -88,6 +88,7 @@ export class LayerMatte {
     const [layer, frames] = [store.layer.value, store.reach.value];
     this.pending = { layer, marks };
     this.done.value = 0;
+    store.filling.value += 1;
     try {
       const masks = await this.masks(marks, frames, life);
       const file = new File([await zipped(masks, store)], `${place.layer}-matte.zip`, { type: "application/zip" });
@@ -101,6 +102,7 @@ export class LayerMatte {
     } catch (error) {
       if (!isAbort(error) && !life.aborted) notify(error);
     } finally {
+      store.filling.value -= 1;
       if (!life.aborted) {
         this.pending = null;
         this.done.value = null;

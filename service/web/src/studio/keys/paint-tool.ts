@@ -43,8 +43,8 @@ const LABELS: Record<Stroke["kind"], string> = {
 export interface PaintTool extends StageTool {
   /** The key's picture and the stroke under the pen, for the stage to draw; null while the frame is not open. */
   shown(): { picture: KeyPicture; live: LiveStroke | undefined } | null;
-  /** End the stroke under the pen, if there is one: the page is about to close. */
-  settle(): void;
+  /** End the stroke under the pen, if there is one: the page is about to close. Resolves once all fills are done. */
+  settle(): Promise<void>;
   /** The picture with the stroke under the pen, by `pictureKey`; empty without a stroke. */
   unfinished(): Record<string, KeyPicture>;
   /** The picture of the shown frame, once it is open, and its layer that is chosen; undefined: it cannot be painted on. */
@@ -59,6 +59,7 @@ export interface PaintTool extends StageTool {
 /** `keep` is called every half second while a stroke is drawn. */
 export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => void, keep: () => void): PaintTool {
   let keeping = 0;
+  let filling = Promise.resolve();
   let open: { key: string; picture: KeyPicture } | null = null;
   let live: LiveStroke | undefined;
   /** Samples of the stroke under the pen in their stored form, so that it is drawn the same way later. */
@@ -128,7 +129,7 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   function down(sample: PointerSample): boolean {
     const tool = store.tool.value;
     if (tool === "picker" || sample.alt) whenOpen((picture) => pick(picture, sample));
-    else if (tool === "fill") whenOpen((picture, layer) => void fill(picture, layer, sample).catch(notify));
+    else if (tool === "fill") whenOpen((picture, layer) => fill(picture, layer, sample));
     else if (tool === "eraser" && lockedTarget()) notifyOf(LOCKED);
     else begin(sample, tool === "eraser" || tool === "smudge" ? tool : "brush");
     return true;
@@ -223,27 +224,42 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
   }
 
   /** A picture, or one of its layers alone. */
-  function composite(picture: KeyPicture, only?: PictureLayer): [HTMLCanvasElement, CanvasRenderingContext2D] {
+  function composite(
+    picture: KeyPicture,
+    only?: PictureLayer,
+    key = store.pictureKey(store.frame.value),
+  ): [HTMLCanvasElement, CanvasRenderingContext2D] {
     const [canvas, context] = createCanvas(store.size);
-    const key = store.pictureKey(store.frame.value);
     if (only) context.drawImage(keys.raster.layer(`${key}/${only.id}`, only), 0, 0);
     else keys.raster.draw(context, key, picture);
     return [canvas, context];
   }
 
-  /** The fill is on its frame also if another one is shown by the time its area is found. */
-  async function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): Promise<void> {
+  /** Fills follow each other, and are on their frame also if another one is shown by the time their area is found. */
+  function fill(picture: KeyPicture, { id }: PictureLayer, { at }: PointerSample): void {
     const { drawing, brush, brushColor: color } = store;
     const frame = store.frame.value;
     const key = store.pictureKey(frame);
     const options = drawing.fill.value;
-    const [canvas] = composite(picture, options.layerOnly ? layer : undefined);
-    drawing.used(color);
     const { opacity } = brush.value;
-    const runs = await fillRuns(canvas, at, options);
-    const stroke: Stroke = { kind: "fill", color, opacity, runs, ...locking(layer) };
-    if (runs.length && store.pictureKey(frame) === key)
-      keys.edit(LABELS.fill, frame, addStroke(keys.picture(frame) ?? picture, layer.id, stroke));
+    const run = async () => {
+      const before = keys.picture(frame) ?? picture;
+      const layer = before.mask?.id === id ? before.mask : before.layers.find((one) => one.id === id);
+      if (!layer || store.pictureKey(frame) !== key) return;
+      const [canvas] = composite(before, options.layerOnly ? layer : undefined, key);
+      const runs = await fillRuns(canvas, at, options);
+      const stroke: Stroke = { kind: "fill", color, opacity, runs, ...locking(layer) };
+      const now = keys.picture(frame) ?? picture;
+      if (runs.length && store.pictureKey(frame) === key) keys.edit(LABELS.fill, frame, addStroke(now, id, stroke));
+    };
+    drawing.used(color);
+    store.filling.value += 1;
+    filling = filling
+      .then(run)
+      .catch(notify)
+      .finally(() => {
+        store.filling.value -= 1;
+      });
   }
 
   function pick(picture: KeyPicture, { at }: PointerSample): void {
@@ -262,7 +278,10 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     up,
     cancel,
     draw,
-    settle: () => live && up(),
+    settle() {
+      if (live) up();
+      return filling;
+    },
     unfinished() {
       const picture = live && present();
       const layer = picture && (live?.layer || target(picture)?.id);

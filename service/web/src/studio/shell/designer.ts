@@ -156,7 +156,7 @@ export class Designer {
 
   /** A stroke under the pen is kept, too, when the page closes. */
   private keepWhenClosed(): () => void {
-    const settle = () => this.paint.settle();
+    const settle = () => void this.paint.settle();
     window.addEventListener("pagehide", settle);
     return () => window.removeEventListener("pagehide", settle);
   }
@@ -254,7 +254,7 @@ export class Designer {
 
   /** Upload what is painted on this shot; false if the service does not answer. */
   async settle(): Promise<boolean> {
-    this.paint.settle();
+    await this.paint.settle();
     await this.keys.flush();
     await this.clusters.settled();
     return !this.store.uploading.value;
