@@ -31,6 +31,7 @@ IN_CHROMIUM = (
         "tests/e2e/test_studio_access.py",
         "tests/e2e/test_studio_saving.py",
         "tests/e2e/test_studio_layers.py",
+        "tests/e2e/test_studio_mattes.py",
         "tests/e2e/test_studio_colours.py",
         "tests/e2e/test_studio_corrections.py",
         "tests/e2e/test_studio_variants.py",

@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import JsonValue
 
-from pipeline.arrays import Arrays
+from pipeline.arrays import AnyArray, Arrays
 from pipeline.errors import BadParameter
-from pipeline.frames import Frame
+from pipeline.frames import Frame, Plane
 from pipeline.methods.applies import Alternatives, Ineffective, Situation, When, ineffective, unmade
 from pipeline.methods.fields import P, P_co, Params
 from pipeline.methods.input_facts import ANY, Fits, InputFacts, checked
@@ -362,6 +362,18 @@ class Method:
 
     def film_plane(self, kind: FilmPlaneKind, number: int, film: FilmTasks) -> FilmPlane | None:
         """The regions or directions that the film uses in a frame, see `FilmPlane`; None if it has none."""
+        return None
+
+    def move_marks(
+        self, params: AnyParams, marks: Plane | None, before: Frame, frame: Frame, drawn: AnyArray | None
+    ) -> Plane | None:
+        """What is marked in a frame as the film has it there, for an overlay of kind "marks": float32 (h', w', 2), the
+        mark's gray value, 0..1, times its weight, and its weight; None: nothing is marked.
+
+        Args:
+            marks: the same in the frame before; None: nothing.
+            drawn: what the user has drawn on this frame, if anything.
+        """
         return None
 
     def scaled_inputs(self, inputs: Mapping[str, Any], found: Callable[[], Mapping[str, bytes]]) -> Mapping[str, Any]:

@@ -72,8 +72,9 @@ class Overlay:
     """A picture that the studio can draw over the stage.
 
     Attributes:
-        kind: `mask` = a veil over what is black in it, `labels` = a colour for each label of a label map, and a lane of
-            the labels' uncertainty below the filmstrip.
+        kind: `mask` = a veil over what is black in it, `marks` = marks where the film has them (`Method.move_marks`),
+            `labels` = a colour for each label of a label map, and a lane of the labels' uncertainty below the
+            filmstrip.
         title: of the switch that shows it.
         preview: kind of the preview that computes it.
         after: parts of the layer on which it depends, so that a change of them makes it old.
@@ -81,7 +82,7 @@ class Overlay:
         uncertainty: optional artefact with the uncertainty of its labels, JSON: frame -> label -> 0..1; empty: none.
     """
 
-    kind: Literal["mask", "labels"]
+    kind: Literal["mask", "marks", "labels"]
     title: str
     preview: PreviewKind
     after: tuple[str, ...] = ()

@@ -130,15 +130,26 @@ class ImportanceTracker:
             self.track_faces(image, flow, cut)
         self._tracked = False
         moving = None if flow is None or self._age == 0 else _prepare_flow(flow, self.map_size)
-        if mask is not None:
-            self._mask = _prepare_mask(mask, self._size, self.map_size)
-        elif self._mask is not None and moving is not None and (self._mask[..., 1] < 1).any():
-            self._mask = warp_forward(self._mask, moving, self._size)
+        self._mask = self.move_mask(self._mask, mask, moving)
         importance = self._combine(image, moving)
         self._age += 1
         if self._mask is not None:
             importance = importance * (1 - self._mask[..., 1]) + self._mask[..., 0]
         return np.clip(importance, 0, 1)
+
+    def move_mask(self, before: Plane | None, mask: Plane | Mask | None, flow: Flow | None) -> Plane | None:
+        """The user's importance in the next frame: float32 at the size of the map, (h, w, 2): importance times weight,
+        and weight; None: there is none. Uses no state.
+
+        Args:
+            before: the same in the frame before.
+            mask, flow: as for `step`.
+        """
+        if mask is not None:
+            return _prepare_mask(mask, self._size, self.map_size)
+        if before is None or flow is None or (before[..., 1] >= 1).all():
+            return before
+        return warp_forward(before, flow, self._size)
 
     def track_faces(self, image: Frame | NDArray[np.uint8], flow: Flow | None, cut: bool) -> None:
         """Move the faces to the next frame. `step_coarse` does it unless this has been called for the frame.

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask
 
@@ -24,6 +25,10 @@ class ObjectParams(NamedTuple):
     """Radius around a click that is the object."""
     likely: float = 0.18
     """Radius around a click in which the object is looked for first."""
+    least: float = 0.1
+    """Share of a box up to which nothing was found: colours in the box and around it are alike."""
+    middle: float = 0.25
+    """Sides of the ellipse in the middle of such a box that is the object, as shares of the box."""
 
 
 OBJECT = ObjectParams()
@@ -50,11 +55,22 @@ def object_mask(frame: Frame, box: Box) -> Mask:
     edge = np.ones((height, width), bool)
     edge[1:-1, 1:-1] = False
     labels[edge & (labels == cv2.GC_PR_FGD)] = cv2.GC_BGD  # there is a background always
-    ground, thing = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.setRNGSeed(0)
-    cv2.grabCut(frame, labels, (0, 0, 1, 1), ground, thing, OBJECT.rounds, cv2.GC_INIT_WITH_MASK)
-    found = np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD))
+    found = _cut(frame, labels.copy())
+    inside = labels == cv2.GC_PR_FGD
+    if not clicked and found.sum() < OBJECT.least * inside.sum():
+        middle = (round((left + right) / 2 * width), round((top + bottom) / 2 * height))
+        axes = [max(1, round(OBJECT.middle / 2 * span)) for span in ((right - left) * width, (bottom - top) * height)]
+        cv2.ellipse(labels, middle, axes, 0, 0, 360, int(cv2.GC_FGD), -1)
+        found = _cut(frame, labels)
     if clicked:
         _, parts = cv2.connectedComponents(found.astype(np.uint8), connectivity=4)
         found = found & (parts == parts[at[1], at[0]])
     return found
+
+
+def _cut(frame: Frame, labels: NDArray[np.uint8]) -> Mask:
+    """Pixels that the graph cuts take for the object, from what `labels` says, which change."""
+    ground, thing = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    cv2.grabCut(frame, labels, (0, 0, 1, 1), ground, thing, OBJECT.rounds, cv2.GC_INIT_WITH_MASK)
+    return np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD))

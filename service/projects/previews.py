@@ -140,11 +140,30 @@ class SpreadIn(QueryIn):
     max_side_px: int = Field(default=256, ge=16, le=1024)
 
 
+Box = Annotated[
+    tuple[Ratio, Ratio, Ratio, Ratio],
+    Field(description="Left, top, right, bottom, as shares of the frame's sides: around the object, or a point on it."),
+]
+
+
 class ObjectIn(QueryIn):
     frame: FrameNumber = 0
-    box: tuple[Ratio, Ratio, Ratio, Ratio] = Field(
-        description="Left, top, right, bottom, as shares of the frame's sides: around the object, or a point on it."
-    )
+    box: Box
+
+
+class ObjectMarkIn(BaseModel):
+    """A click on an object, or a box around it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    frame: FrameNumber
+    box: Box
+    erase: bool = Field(default=False, description="Take the object away from the matte instead of adding it.")
+
+
+class MatteIn(QueryIn):
+    frames: FrameRange | None = Field(default=None, description="None: the whole video.")
+    marks: tuple[ObjectMarkIn, ...] = Field(min_length=1, max_length=500)
 
 
 @router.post("/object", response_class=StreamingResponse, responses=STREAM)
@@ -153,6 +172,12 @@ async def preview_object(
 ) -> StreamingResponse:
     """The object of a frame of the video that is clicked, or in a box: a mask."""
     return await _answer(context, caller, project_id, "object", body, {"frame": body.frame, "box": body.box})
+
+
+@router.post("/matte", response_class=StreamingResponse, responses=STREAM)
+async def preview_matte(project_id: ProjectId, body: MatteIn, context: Context, caller: Submitter) -> StreamingResponse:
+    """The matte of clicked objects in every frame of the video: masks at its size, as a layer's `matte` takes them."""
+    return await _answer(context, caller, project_id, "matte", body, body.model_dump(include={"frames", "marks"}))
 
 
 @router.post("/clusters", response_class=StreamingResponse, responses=STREAM)
@@ -167,7 +192,7 @@ async def preview_clusters(
 async def preview_spread(
     project_id: ProjectId, body: SpreadIn, context: Context, caller: Submitter
 ) -> StreamingResponse:
-    """The foreground of a frame and of those after it, spread from scribbles."""
+    """The foreground of a frame and of those after it, spread from scribbles; or marks that move with the picture."""
     return await _answer(context, caller, project_id, "spread", body, {"frame": body.frame, "around": body.around})
 
 

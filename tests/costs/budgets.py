@@ -200,7 +200,7 @@ UNMEASURED = frozenset({
     "POST /v1/ops/queue/resume", "POST /v1/ops/workers/{worker_id}/drain", "POST /v1/ops/workers/{worker_id}/resume",
     "POST /v1/ops/nodes/{node}/drain", "POST /v1/ops/nodes/{node}/resume", "POST /v1/ops/live/{session_id}/end",
     *(f"POST /v1/projects/{{project_id}}/previews/{what}" for what in (
-        "propagate", "clusters", "spread", "object", "regions", "directions", "keys", "cuts", "flicker", "paint",
-        "source", "styles")),
+        "propagate", "clusters", "spread", "object", "matte", "regions", "directions", "keys", "cuts", "flicker",
+        "paint", "source", "styles")),
 })  # fmt: skip
 """Routes whose cost is that of one file, document, picture or row; nothing of it depends on the number of jobs."""

@@ -11,12 +11,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from playwright.sync_api import Locator, Page, expect
 
 from pipeline.scenes import scene
 from pipeline.video.stills import encode_png
-from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched, accessibility_faults
+from tests.e2e.pages import FRAMES, HEIGHT, WIDTH, Watched, accessibility_faults, until
 from tests.e2e.studio import (
+    SOON_MS,
     asset,
     draw,
     frames_of,
@@ -168,6 +170,19 @@ def textured(service: str) -> str:
     return str(answer.json()["id"])
 
 
+def brightness(page: Page) -> NDArray[np.float32]:
+    """Gray values of the stage at the size of the picture."""
+    canvas = page.locator(".stage-canvas")
+    box, (left, top), (right, bottom) = canvas.bounding_box(), on_stage(page, 0, 0), on_stage(page, 1, 1)
+    assert box is not None
+    picture = cv2.imdecode(np.frombuffer(canvas.screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    rows, columns = (
+        slice(*(round(at - box[edge]) for at in ends)) for edge, ends in (("y", (top, bottom)), ("x", (left, right)))
+    )
+    return np.asarray(cv2.resize(picture[rows, columns], (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA), np.float32)
+
+
 def test_detail_is_painted_on_the_stage_and_the_film_follows(
     watched: Watched, service: str, tmp_path: Path, axe: str
 ) -> None:
@@ -190,6 +205,21 @@ def test_detail_is_painted_on_the_stage_and_the_film_follows(
     assert not layer_of(stored(service, project)).get("importance")
     page.get_by_role("button", name="Redo").click()
     expect(page.get_by_role("button", name="Remove the marks of this frame")).to_be_visible()
+    page.get_by_role("button", name="Move the view").click()
+    page.get_by_role("button", name="Original").click()
+    page.keyboard.press("End")
+    moved = page.get_by_role("group", name="Detail of the next frames").get_by_role(
+        "button", name="Frame 6", exact=True
+    )
+    expect(moved).to_be_visible(timeout=SOON_MS)
+    canvas = page.locator(".stage-canvas")
+    until(page, lambda: (canvas.get_attribute("data-frame"), canvas.get_attribute("data-exact")) == ("5", "true"))
+    page.get_by_label("Show the marks where they move").uncheck()
+    page.wait_for_timeout(500)  # until the stage is drawn without them
+    bare = brightness(page)
+    page.get_by_label("Show the marks where they move").check()
+    until(page, lambda: brightness(page)[30:34, 20:76].mean() < 0.75 * bare[30:34, 20:76].mean())
+    assert abs(brightness(page)[:2, :4] - bare[:2, :4]).mean() < 8, "where nothing is marked, nothing is dimmed"
     assert accessibility_faults(page, axe) == []
     film = result(service, render(page))
     assert film == rendered_by_command(service, project, tmp_path)
@@ -197,7 +227,7 @@ def test_detail_is_painted_on_the_stage_and_the_film_follows(
     assert changed == [False] * 2 + [True] * 4, "from the frame of the marks on"
 
 
-def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: str, video: str) -> None:
+def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: str, video: str, axe: str) -> None:
     page = watched.page
     project = open_project(page, service, video, "abstraction")
 
@@ -209,6 +239,8 @@ def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: 
         return cv2.imdecode(np.frombuffer(asset(service, document, mask["image"]), np.uint8), cv2.IMREAD_UNCHANGED)
 
     page.get_by_role("button", name="Mark an object").click()
+    assert accessibility_faults(page, axe) == []
+    page.emulate_media(color_scheme="light")
     x, y = on_stage(page, 9 / 22, 0.5)
     page.mouse.click(x, y)
     expect(page.get_by_role("button", name="Remove the marks of this frame")).to_be_visible()
@@ -224,6 +256,11 @@ def test_an_object_is_marked_by_a_click_and_by_a_box(watched: Watched, service: 
     boxed = marked()
     assert ((boxed[..., 3] > 127) & (disc > 0)).sum() / ((boxed[..., 3] > 127) | (disc > 0)).sum() > 0.85
     assert boxed[HEIGHT // 2, WIDTH * 9 // 22].tolist() == [0, 0, 0, 255]
+    x, y = on_stage(page, 9 / 22, 0.5)
+    page.keyboard.down("Alt")
+    page.mouse.click(x, y)
+    page.keyboard.up("Alt")
+    until(page, lambda: (marked()[..., 3] > 127).sum() < 0.1 * (boxed[..., 3] > 127).sum())
 
 
 def test_a_number_gets_keys_over_time_and_the_film_follows(

@@ -13,6 +13,7 @@ from tests.e2e.pages import FRAMES, HEIGHT, SLOW_MS, WIDTH, Watched, until
 from tests.e2e.studio import (
     SOON_MS,
     choose_style,
+    decoded,
     draw,
     frames_of,
     layer_of,
@@ -24,6 +25,7 @@ from tests.e2e.studio import (
     saved,
     stored,
 )
+from tests.service.records import records
 from tests.waiting import HTTP
 
 DISC = (5 + 4) / (FRAMES + 10)
@@ -94,6 +96,34 @@ def test_one_object_in_fine_strokes_and_the_rest_in_rings_that_turn(
     assert all(np.ptp(frame) > 50 for frame in frames)
     request = HTTP.get(f"{service}/v1/jobs/{job}").json()["request"]
     assert (request["method"], request["labels"]["project"]) == ("multistyle", project)
+
+
+def test_a_drawn_region_and_a_found_one_are_merged(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    project = open_project(page, service, video, "multistyle")
+    page.get_by_role("button", name="Pick regions").click()
+    expect(page.get_by_text("Pick one of the 2 objects")).to_be_visible(timeout=SOON_MS)
+    page.mouse.click(*on_stage(page, DISC, 0.5))
+    expect(page.get_by_role("heading", name="Style of region")).to_be_visible()
+    page.get_by_role("button", name="Everything else").click()
+    page.get_by_role("button", name="Draw a region").click()
+    draw(page, (0.75, 0.1), (0.95, 0.1), (0.95, 0.4), (0.75, 0.4))
+    page.get_by_label("Merge with").select_option("region")
+    saved(page)
+    ((name, region),) = layer_of(stored(service, project))["design"]["regions"].items()
+    assert name == "region-2" and len(region["objects"]) == len(region["polygons"]) == 1
+    options = {"shot": "s1", "layer": "l1", "frame": 4, "film": True, "max_side_px": WIDTH}
+    answer = HTTP.post(f"{service}/v1/projects/{project}/previews/regions", json=options)
+    found = next(body for header, body in records(answer.content) if header["type"] == "map")
+    plane = decoded(found)[..., 0]
+    assert plane[HEIGHT // 2, round(DISC * WIDTH)] == plane[HEIGHT // 4, round(0.85 * WIDTH)] == 1
+    assert plane[HEIGHT * 3 // 4, round(0.85 * WIDTH)] == 0
+    page.get_by_role("button", name="Draw a region").click()
+    page.keyboard.down("Shift")
+    draw(page, (0.05, 0.1), (0.15, 0.1), (0.15, 0.3), (0.05, 0.3))
+    page.keyboard.up("Shift")
+    saved(page)
+    assert len(layer_of(stored(service, project))["design"]["regions"]["region-2"]["polygons"]) == 2
 
 
 def test_an_effect_is_edited_like_a_design_of_ones_own(watched: Watched, service: str, video: str) -> None:

@@ -62,7 +62,7 @@ def test_a_clip_is_cut_at_its_cuts_and_each_shot_has_a_method_of_its_own(
     page.keyboard.press("Control+z")  # the method of the other shot: it is shown
     expect(cards(page).nth(1)).to_have_attribute("aria-selected", "true")
     page.keyboard.press("Control+z")
-    expect(cards(page)).to_have_count(1)
+    expect(cards(page)).to_have_count(0)
     saved(page)
     assert ranges(service, project) == [None]
     watched.check()
@@ -169,3 +169,46 @@ def test_strokes_on_a_shot_are_uploaded_before_another_is_shown_and_are_there_ag
     cards(page).nth(0).click()
     expect(page.get_by_role("button", name="Key at frame 13")).to_be_visible(timeout=SOON_MS)
     watched.check()
+
+
+def test_the_stage_keeps_the_former_picture_until_the_other_shot_has_one(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    video = two_shots(service, tmp_path)
+    layers = [{"id": "l", "method": "abstraction"}]
+    shots = [
+        {"id": f"s{i}", "video": "clip", "range": span, "layers": layers} for i, span in enumerate([[0, 9], [14, 20]])
+    ]
+    document = {"schema": 2, "name": "Two", "assets": {"clip": {"id": video}}, "shots": shots}
+    project = HTTP.post(f"{service}/v1/projects", json={"name": "Two", "document": document}).json()["id"]
+    page.goto(f"{service}/#/projects/{project}")
+    shows_shot(page, 1, 3)
+    page.get_by_role("button", name="Original").click()
+    page.evaluate(NOTE_STAGE)
+    for number in (2, 1):
+        cards(page).nth(number - 1).click()
+        shows_shot(page, number, 3 if number == 1 else 16)
+    seen = page.evaluate("window.stages")
+    assert any(waiting for waiting, _ in seen), "the former picture is shown meanwhile"
+    assert all(painted for _, painted in seen), "never an empty stage"
+    expect(page.locator(".stage-canvas")).to_have_attribute("data-waiting", "false")
+    watched.check()
+
+
+NOTE_STAGE = """() => {
+  window.stages = [];
+  const point = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const look = () => {
+    const canvas = document.querySelector(".stage-canvas");
+    const { waiting } = canvas?.dataset ?? {};
+    if (waiting !== undefined) {
+      point.clearRect(0, 0, 1, 1);
+      point.drawImage(canvas, canvas.width / 2, canvas.height / 2, 1, 1, 0, 0, 1, 1);
+      const { data } = point.getImageData(0, 0, 1, 1);
+      window.stages.push([waiting === "true", data[3] > 0]);
+    }
+    requestAnimationFrame(look);
+  };
+  look();
+}"""

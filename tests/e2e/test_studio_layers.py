@@ -178,3 +178,22 @@ def test_what_ends_late_is_in_the_layer_in_which_it_began(
     first, second = layers()
     assert [key["frame"] for key in first["parts"]["keys"]] == [4]
     assert not second.get("parts") and not second.get("inputs")
+
+
+def test_the_list_of_methods_closes_after_a_choice_but_not_while_arrow_keys_go_through_it(
+    watched: Watched, service: str, video: str
+) -> None:
+    page = watched.page
+    open_project(page, service, video, "abstraction")
+    methods, listed = page.locator(".method-choice"), page.get_by_role("radiogroup", name="Method")
+    methods.locator("summary").click()
+    listed.get_by_role("radio", name="Style by example").check(force=True)
+    expect(listed).to_be_hidden()
+    expect(methods.locator("summary")).to_have_text("Style by example")
+    methods.locator("summary").click()
+    listed.get_by_role("radio", name="Style by example").press("ArrowUp")
+    expect(listed).to_be_visible()
+    expect(methods.locator("summary")).not_to_have_text("Style by example")
+    page.keyboard.press("Enter")
+    expect(listed).to_be_hidden()
+    expect(methods.locator("summary")).to_be_focused()

@@ -29,6 +29,16 @@ NOTE_FRAMES = """() => {
   };
   look();
 }"""
+NOTE_TIMES = """() => {
+  window.times = [];
+  const look = (now) => {
+    const { shot, frame } = document.querySelector(".film-screen canvas")?.dataset ?? {};
+    if (shot !== undefined && String(window.times.at(-1)?.slice(0, 2)) !== String([shot, frame]))
+      window.times.push([shot, frame, now]);
+    requestAnimationFrame(look);
+  };
+  requestAnimationFrame(look);
+}"""
 NOTE_SOUND = """
   window.heard = [];
   const start = AudioBufferSourceNode.prototype.start;
@@ -121,6 +131,29 @@ def test_all_shots_are_played_from_in_to_out_point_and_what_is_not_painted_is_sa
     page.keyboard.press("Escape")
     expect(screen(page)).to_be_hidden()
     expect(page.locator(".shot-card[aria-selected=true]")).not_to_contain_text("1.")
+    watched.check()
+
+
+def test_many_shots_keep_the_time_of_the_film_while_the_machine_is_busy(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    length = 16
+    open_film(page, service, tmp_path, [(4 * k, 4 * k + length) for k in range(6)])
+    page.evaluate(NOTE_TIMES)
+    throttle = page.context.new_cdp_session(page)
+    throttle.send("Emulation.setCPUThrottlingRate", {"rate": 4})
+    page.get_by_role("slider", name="Film", exact=True).press("Home")
+    page.keyboard.press("Shift+Space")
+    expect(screen(page)).to_be_visible(timeout=SOON_MS)
+    expect(screen(page)).to_be_hidden(timeout=SOON_MS)
+    throttle.send("Emulation.setCPUThrottlingRate", {"rate": 1})
+    times = [(int(shot) - 1, int(frame), now / 1000) for shot, frame, now in page.evaluate("window.times")]
+    film = [(shot * length + frame - 4 * shot, now) for shot, frame, now in times]
+    assert {shot for shot, *_ in times} == set(range(6))
+    began, ended = next(one for one in film if one[0] > 0), film[-1]
+    late = (ended[1] - began[1]) * FPS - (ended[0] - began[0])
+    assert abs(late) < 4, f"{late:.1f} frames late at the end of six shots"
     watched.check()
 
 

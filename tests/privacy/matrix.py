@@ -77,6 +77,7 @@ BODIES: dict[str, tuple[tuple[str, ...], Callable[[Ids], Any]]] = {
     "PriorityIn": ((), lambda ids: {"priority": 1}),
     "PropagateIn": ((), lambda ids: {**_SHOT, "key": 0}),
     "ObjectIn": ((), lambda ids: {**_SHOT, "box": [0.5, 0.5, 0.5, 0.5]}),
+    "MatteIn": ((), lambda ids: {**_SHOT, "marks": [{"frame": 0, "box": [0.5, 0.5, 0.5, 0.5]}]}),
     "StylesIn": ((), lambda ids: {**_SHOT, "cards": [{"id": "c", "set": {}}]}),
     **dict.fromkeys(
         ("ClustersIn", "SpreadIn", "RegionsIn", "DirectionsIn", "KeysIn", "CutsIn", "PaintIn"),

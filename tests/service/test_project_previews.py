@@ -25,6 +25,7 @@ from tests.service.records import picture, records, types
 from tests.workers.projects.documents import layer
 from workers.farm import Farm, open_farm
 from workers.previews.film import PreviewFilm
+from workers.previews.kinds import matte as matte_module
 from workers.previews.model import PreviewQuery
 from workers.previews.service import PreviewRun, PreviewService
 
@@ -408,3 +409,20 @@ def test_scribbles_are_spread_to_the_frames_after_them(client: TestClient, at: s
     document["shots"][0]["layers"][0]["parts"]["scribbles"].append({"frame": 20, "image": "scribble"})
     more = _ask(client, f"{at}/spread", frame=3, around=2, document=document)
     assert types(more) == ["begin", "mask", "mask", "mask", "end"], "scribbles of a later frame are left out"
+
+
+def test_a_clicked_object_is_followed_through_the_wanted_frames(
+    client: TestClient, at: str, clip: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    click = {"frame": 4, "box": [0.25, 0.62, 0.25, 0.62]}
+    found = _ask(client, f"{at}/matte", frames=[2, 9], marks=[click])
+    masks = {header["frame"]: picture(body) for header, body in found if header["type"] == "mask"}
+    assert sorted(masks) == list(range(2, 9)), "each once, in any order"
+    assert all(mask.shape[:2] == (64, 96) for mask in masks.values()) and masks[4].max() == 255
+    assert found[-2][0] == {"type": "progress", "done": 1.0, "note": "Following the object", "bytes": 0}
+    erased = _ask(client, f"{at}/matte", frames=[2, 9], marks=[click, {**click, "erase": True}])
+    assert all(picture(body).max() == 0 for header, body in erased if header["type"] == "mask")
+    monkeypatch.setattr(matte_module, "MOST_PIXELS", 96 * 64 * 5)
+    refused = _ask(client, f"{at}/matte", marks=[click])
+    assert refused[-1][0]["problem"]["field"] == "frames" and "at most 5 frames" in refused[-1][0]["problem"]["remedy"]
+    assert client.post(f"{at}/matte", json={"shot": "s1", "marks": []}).status_code == 422

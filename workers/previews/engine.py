@@ -16,6 +16,7 @@ from workers.previews.kinds import (
     cuts,
     directions,
     flicker,
+    matte,
     object_mask,
     paint,
     propagate,
@@ -36,7 +37,7 @@ def kinds() -> dict[str, Kind]:
         "paint": paint.paint, "source": paint.source, "styles": paint.styles, "propagate": propagate.propagate,
         "regions": regions.regions, "directions": directions.directions, "keys": suggest.suggest,
         "flicker": flicker.flicker, "clusters": clusters.clusters, "spread": clusters.spread, "cuts": cuts.cuts,
-        "object": object_mask.marked_object,
+        "object": object_mask.marked_object, "matte": matte.matte,
     }  # fmt: skip
 
 

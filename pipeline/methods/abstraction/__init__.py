@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from pipeline.arrays import AnyArray
+from pipeline.frames import Frame, Plane
+from pipeline.methods.abstraction.moved_marks import move_marks
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.pass_maker import MADE
 from pipeline.methods.abstraction.plan import (
@@ -39,7 +42,7 @@ from pipeline.methods.base import (
     resources_per_pixel,
 )
 from pipeline.methods.parts import Drawings, Json
-from pipeline.methods.studio import Mark, Section
+from pipeline.methods.studio import Mark, Overlay, Section
 
 __all__ = ["Abstraction", "AbstractionParams", "AbstractionSession"]
 
@@ -98,6 +101,7 @@ class Abstraction(Method):
                 "marks", "importance", "Detail",
                 "Paint over what needs finer regions and more lines, or fewer. It moves with the picture.",
                 marks=(Mark("Important", "#ffffff"), Mark("Unimportant", "#000000")),
+                overlay=Overlay("marks", "Show the marks where they move", "spread", ("importance",)),
             ),
             Section(
                 "histogram", "histogram", "Colour scheme",
@@ -140,3 +144,8 @@ class Abstraction(Method):
     ) -> AbstractionSession:
         """A live session. `references` may hold "reference", the frames to learn colours from, or "histogram"."""
         return AbstractionSession(params, size, scheme_of(references))
+
+    def move_marks(
+        self, params: AbstractionParams, marks: Plane | None, before: Frame, frame: Frame, drawn: AnyArray | None
+    ) -> Plane | None:
+        return move_marks(params.effective(), marks, before, frame, drawn)

@@ -155,7 +155,7 @@ class Analogy(Method):
     palette_input: ClassVar[str] = "style_output"
     studio: ClassVar[Studio] = Studio(
         sections=(Section("keys", "keys", "Painted keys"),),
-        tools=("brush", "eraser", "smudge", "fill", "picker"),
+        tools=("brush", "eraser", "smudge", "fill", "picker", "object"),
         painting="style_output",
         painting_source="style",
         cuts="cut_sensitivity",

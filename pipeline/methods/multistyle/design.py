@@ -57,7 +57,8 @@ class Correction(_Part):
 
 
 class Region(_Part):
-    """Location of a region. Exactly one of `label`, `tubes`, `objects` and `polygons` must be given.
+    """Location of a region. At least one of `label`, `tubes`, `objects` and `polygons` must be given; with
+    several, it is where one of them is.
 
     Later regions cover earlier ones. `border`: plain = style and direction jump between regions that have keys, and
     spread into regions without; sharp = nothing spreads across this region's border; soft = they change gradually, over
@@ -277,10 +278,8 @@ def _region_faults(design: Design) -> Iterator[InputFault]:
                     path, "The region `rest` has no location of its own.", given, "Set at most its `border`."
                 )
             continue
-        if len(given) != 1:
-            yield InputFault(
-                path, "A region needs exactly one of label, tubes, objects or polygons.", given, "Give one of them."
-            )
+        if not given:
+            yield InputFault(path, "A region needs a label, tubes, objects or polygons.", given, "Give one of them.")
         for kind, numbers in (("label", (region.label,)), ("tubes", region.tubes), ("objects", region.objects)):
             for number in numbers:
                 if number is not None and taken.setdefault((kind, number), name) != name:

@@ -174,11 +174,11 @@ def compose(
         if name == REST:
             continue
         region = design.regions[name]
-        if region.tubes or region.objects:
-            mine = np.array([tube for tube, region_name in owner.items() if region_name == name], np.int64)
-            inside = np.isin(tubes, mine) if tubes is not None else np.zeros(out.shape, np.bool_)
-        else:
-            inside = propagated.get(MASKS if region.label is not None else name, out) == index
+        inside = np.zeros(out.shape, np.bool_)
+        if (region.tubes or region.objects) and tubes is not None:
+            inside |= np.isin(tubes, [tube for tube, region_name in owner.items() if region_name == name])
+        for channel in (name, MASKS):
+            inside |= propagated.get(channel, out) == index
         parts[name] = inside
         out[_within(design, name, parts) if region.of else inside] = index
     corrected = propagated.get(CORRECTIONS)

@@ -20,8 +20,8 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.frames import Frame, Labels, Plane
 from pipeline.methods.base import TaskContext, TaskResult
-from pipeline.methods.patches.mattes import LabelMattes
 from pipeline.methods.patches.params import PatchesParams
+from pipeline.regions.mattes import LabelMattes
 from pipeline.video.writer import zip_entry
 
 LABELS, OVERLAY, UNCERTAINTY = "labels", "overlay", "uncertainty"

@@ -19,7 +19,6 @@ from pipeline.methods.patches.artefacts import LabelPictures
 from pipeline.methods.patches.clustering import LabelMaps
 from pipeline.methods.patches.face_tracking import ShotFaces, single_frame_planes
 from pipeline.methods.patches.frame_passes import FramePasses, PatchTrace
-from pipeline.methods.patches.mattes import LabelMattes
 from pipeline.methods.patches.paint_error import Rendering, error_tolerance, patch_weight
 from pipeline.methods.patches.paint_sum import WeightedSum, add_weighted, blended
 from pipeline.methods.patches.painted_patch import PaintedPatch
@@ -29,6 +28,7 @@ from pipeline.methods.patches.patch_track import PatchTrack, patch_tracks
 from pipeline.methods.patches.residual_layer import FADE_PAINTINGS, VISIBLE_OPACITY, FirstPainting, ResidualLayer
 from pipeline.methods.patches.scan import RUN, WorkingGrid, painting_runs, run_key
 from pipeline.methods.patches.window_flow import WindowFlow
+from pipeline.regions.mattes import LabelMattes
 from pipeline.strokes.steepen import steepen_wide, steepened_wide
 from pipeline.video.depth import as_float, as_uint16
 from pipeline.warp.panorama import Placement, full_map

@@ -12,10 +12,10 @@ from pipeline.arrays import State
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.methods.base import MadePass, TaskContext
 from pipeline.methods.patches.clustering import LabelMaps
-from pipeline.methods.patches.mattes import LabelMattes
 from pipeline.methods.patches.params import PatchesParams
 from pipeline.methods.patches.window_flow import WindowFlow
 from pipeline.passes.made import FLOW
+from pipeline.regions.mattes import LabelMattes
 
 STROKE_IDS = "stroke-ids"
 MADE = (

@@ -301,6 +301,19 @@ def test_a_drawn_mask_moves_with_the_picture_and_leaves_the_rest_to_the_cues(mon
     assert maps[0].max() < 0.05 and maps[1][32, 18] > 0.95
     assert maps[7][32, 42] > 0.9 and maps[7][32, 10] < 0.1, "it has moved by 24 px with the square"
     assert maps[7][:, 60:].max() < 0.1 and maps[7][:10].max() < 0.1
+    marks = ABSTRACTION.move_marks(alone, None, frames[0], frames[1], drawing)
+    for k in range(2, 8):
+        np.testing.assert_allclose(_importance_of(marks), np.clip(made[0][1][k - 1], 0, 1), atol=1e-6)
+        marks = ABSTRACTION.move_marks(alone, marks, frames[k - 1], frames[k], None)
+    assert ABSTRACTION.move_marks(alone, marks, frames[7], 255 - frames[7], None) is None, "a cut ends a drawing"
+    opaque = ABSTRACTION.move_marks(alone, None, frames[0], frames[1], drawing[..., :3])
+    assert ABSTRACTION.move_marks(alone, opaque, frames[7], 255 - frames[7], None) is opaque, "not a mask"
+
+
+def _importance_of(marks: NDArray[np.float32] | None) -> NDArray[np.float32]:
+    """Importance times its weight; the film has nothing else where all cues are off."""
+    assert marks is not None
+    return np.clip(marks[..., 0], 0, 1)
 
 
 def test_a_drawing_does_not_hold_in_the_next_shot_and_a_full_mask_does() -> None:

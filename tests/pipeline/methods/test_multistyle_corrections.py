@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
-from pipeline.methods.local import LocalContext, iterate_plan
+from pipeline.methods.local import Input, LocalContext, iterate_plan
 from pipeline.methods.multistyle import Multistyle
 from pipeline.methods.multistyle.design import parse
 from pipeline.methods.multistyle.params import MultistyleParams
@@ -26,8 +26,14 @@ def panning(frames: int = 12) -> list[NDArray[np.uint8]]:
     return [np.ascontiguousarray(wide[:, first - STEP_PX * k : first - STEP_PX * k + WIDTH]) for k in range(frames)]
 
 
-def region_maps(design: dict[str, Any], frames: int = 12) -> list[NDArray[np.uint8]]:
-    context = LocalContext(MultistyleParams(), panning(frames), {"design": {"version": 1, **design}}, 0)
+def region_maps(
+    design: dict[str, Any], frames: int = 12, labels: NDArray[np.uint8] | None = None
+) -> list[NDArray[np.uint8]]:
+    """`labels`: a label map of frame 0."""
+    inputs: dict[str, Input] = {"design": {"version": 1, **design}}
+    if labels is not None:
+        inputs["masks"] = {0: labels}
+    context = LocalContext(MultistyleParams(), panning(frames), inputs, 0)
     for _ in iterate_plan(Multistyle(), context, steps=3):
         pass
     names = sorted(name for step, name in context.kept if step == "maps" and name.startswith("map-"))
@@ -68,6 +74,21 @@ def test_two_outlines_of_one_frame_are_parts_of_a_region() -> None:
     regions = {"both": {"polygons": [{"frame": 0, "points": LEFT}, {"frame": 0, "points": small}]}}
     (found, *_) = region_maps({"regions": regions}, 2)
     assert at(found, 0.2, 0.5) == at(found, 0.8, 0.25) == 1 and at(found, 0.8, 0.8) == 0
+
+
+def test_a_region_of_several_kinds_is_where_one_of_them_is() -> None:
+    """An outline, an object that the segmentation has found, and a label."""
+    labels = np.zeros((HEIGHT, WIDTH), np.uint8)
+    labels[:8, 60:] = 7
+    kinds: dict[str, dict[str, Any]] = {
+        "drawn": {"polygons": [{"frame": 0, "points": LEFT}]}, "found": {"objects": [1]}, "labelled": {"label": 7},
+    }  # fmt: skip
+    alone = [region_maps({"regions": {name: kind}}, 6, labels) for name, kind in kinds.items()]
+    whole = {name: value for kind in kinds.values() for name, value in kind.items()}
+    for frame, found in enumerate(region_maps({"regions": {"all": whole}}, 6, labels)):
+        parts = [maps[frame] > 0 for maps in alone]
+        assert all((part & ~np.any(parts[:k] + parts[k + 1 :], axis=0)).any() for k, part in enumerate(parts))
+        np.testing.assert_array_equal(found > 0, np.any(parts, axis=0))
 
 
 @pytest.mark.parametrize(("change", "path"), [

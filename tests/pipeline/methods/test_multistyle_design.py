@@ -92,7 +92,6 @@ BAD = {
     "two directions at one frame": ("directions.1", {"region": "water", "frame": 2}, "directions[1].frame"),
     "an outline of two points": ("regions.beak.polygons.0.points", [[0, 0], [1, 1]], "regions.beak.polygons[0].points"),
     "a region of nothing": ("regions.trees", {}, "regions.trees"),
-    "a region of two kinds": ("regions.trees", {"label": 2, "tubes": [1]}, "regions.trees"),
     "one label for two": ("regions.trees", {"label": 1}, "regions.trees.label"),
     "one tube for two": ("regions.water", {"tubes": [4]}, "regions.water.tubes"),
     "a part of what is not there": ("regions.beak.of", "goose", "regions.beak.of"),

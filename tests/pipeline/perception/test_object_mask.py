@@ -46,3 +46,11 @@ def test_a_box_of_the_whole_frame_finds_what_is_unlike_its_edge() -> None:
 def test_a_click_at_the_frames_edge_and_on_a_plain_frame_is_answered(at: tuple[float, float]) -> None:
     plain = np.full((32, 48, 3), 120, np.uint8)
     assert object_mask(plain, (*at, *at)).shape == (32, 48)
+
+
+def test_a_box_around_an_object_that_is_coloured_like_its_surroundings_finds_something() -> None:
+    draw = np.random.default_rng(2)
+    frame = draw.integers(90, 160, (160, 240, 3)).astype(np.uint8)
+    cv2.circle(frame, (120, 80), 40, (120, 128, 132), -1)
+    found = object_mask(frame, (0.3, 0.2, 0.7, 0.8))
+    assert found[70:90, 110:130].all() and not found[:, :60].any()

@@ -16,6 +16,7 @@ from pipeline.methods.base import AnyParams, FrameClusters, Method
 from pipeline.methods.local import FrameSource, Input, iterate_plan
 from pipeline.video.stills import encode_gray_png
 from workers.previews.context import PreviewContext
+from workers.previews.kinds.marks import moved_marks
 from workers.previews.kinds.regions import MOST_PIXELS, VideoSource
 from workers.previews.memory import PreviewTaskContext
 from workers.previews.model import LayerSources, Record
@@ -61,8 +62,11 @@ def clusters(context: PreviewContext) -> Iterator[Record]:
 
 def spread(context: PreviewContext) -> Iterator[Record]:
     """A `mask` record of the frame and of each of those after it: white = foreground. None without scribbles at the
-    frame or at most `REACH_FRAMES` before it."""
+    frame or at most `REACH_FRAMES` before it. Of marks that move with the picture: `marks.moved_marks`."""
     layer, number = context.query.layers[0], context.options["frame"]
+    if name := _moved(layer):
+        yield from moved_marks(context, name)
+        return
     chosen = _method_with_clusters(layer)
     plain = _for_clusters(chosen, layer)
     marked = [at for images in plain.images.values() for at in images if number - REACH_FRAMES <= at <= number]
@@ -77,6 +81,13 @@ def spread(context: PreviewContext) -> Iterator[Record]:
             header = {"type": "mask", "frame": at, "width": plane.shape[1], "height": plane.shape[0],
                       "media_type": "image/png"}  # fmt: skip
             yield Record(header, encode_gray_png(plane))
+
+
+def _moved(layer: LayerSources) -> str:
+    """The input of the layer's method that has marks which move with the picture; empty: none."""
+    chosen = method(layer.method)
+    parts = [section.part for section in chosen.studio.sections if section.overlay and section.overlay.kind == "marks"]
+    return next((spec.name for spec in chosen.inputs if spec.part.partition(".")[0] in parts), "")
 
 
 def _method_with_clusters(layer: LayerSources) -> Method:

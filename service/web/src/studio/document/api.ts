@@ -142,6 +142,7 @@ export interface PreviewOptions {
     | "cuts"
     | "spread"
     | "object"
+    | "matte"
     | "styles"
     | "propagate"
     | "flicker"

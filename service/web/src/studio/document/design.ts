@@ -127,7 +127,11 @@ export function renameRegion(design: Design, from: string, to: string): Design {
   };
 }
 
-/** Join several regions into the first: it gets all their objects, tubes, polygons and corrections. */
+/** Whether two regions can be joined: a region has one label of the label maps at most. */
+export const canMerge = (a: Region | undefined, b: Region | undefined): boolean =>
+  typeof a?.label !== "number" || typeof b?.label !== "number";
+
+/** Join several regions, of any kinds, into the first: it gets all that they are made of, and their corrections. */
 export function mergeRegions(design: Design, names: readonly string[]): Design {
   const [first, ...rest] = names.filter((name) => design.regions?.[name]);
   if (!first || !rest.length) return design;
@@ -139,6 +143,8 @@ export function mergeRegions(design: Design, names: readonly string[]): Design {
   if (objects.length) merged.objects = objects;
   if (tubes.length) merged.tubes = tubes;
   if (polygons.length) merged.polygons = polygons;
+  const label = all.find((region) => typeof region.label === "number")?.label;
+  if (typeof label === "number") merged.label = label;
   const corrections = design.corrections?.map((one) => (rest.includes(one.region) ? { ...one, region: first } : one));
   const whole = withRegion(rest.reduce(removeRegion, design), first, merged);
   return corrections ? { ...whole, corrections } : whole;

@@ -66,7 +66,8 @@ export function drawStroke(context: Context, stroke: Stroke, buffers: PaintBuffe
   context.restore();
 }
 
-function drawFill(context: Context, { color, opacity, runs }: FillStroke, { width }: Size): void {
+function drawFill(context: Context, { color, opacity, runs, erase }: FillStroke, { width }: Size): void {
+  context.globalCompositeOperation = erase ? "destination-out" : "source-over";
   context.fillStyle = color;
   context.globalAlpha = opacity;
   for (const [x, y, length] of rowsOf(runs, width)) context.fillRect(x, y, length, 1);

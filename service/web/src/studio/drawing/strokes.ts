@@ -33,6 +33,8 @@ export interface FillStroke {
   color: string;
   opacity: number;
   locked?: boolean;
+  /** Whether it takes the layer's paint away instead. */
+  erase?: boolean;
   /** Start index and length of each run of filled pixels; one may cover several rows. */
   runs: readonly number[];
 }

@@ -18,6 +18,7 @@ import {
   pieces,
   placeAt,
   playedRange,
+  rateFor,
   secondOf,
 } from "./film-times";
 import { firstOf } from "./films";
@@ -27,6 +28,8 @@ import { audible, looping } from "./playback";
 const NEAR_S = 0.004;
 /** The longest time that a browser is expected to need from the call to the first new frame, ms. */
 const MOST_LEAD_MS = 500;
+/** Frames behind the film's clock from which a shot goes on where it should be. */
+const FAR_FRAMES = 12;
 
 /** The shot that the player shows: number from 0; whether its painting is shown, or else its video. */
 export interface Shown {
@@ -44,6 +47,8 @@ interface Opened extends Shown {
   /** When it began, ms; 0: not yet. Where the browser plays it, its own clock counts. */
   began: number;
   byBrowser: boolean;
+  /** How fast it plays, relative to its own speed. */
+  rate: number;
 }
 
 export class FilmPlayer {
@@ -67,6 +72,8 @@ export class FilmPlayer {
   private drawn = "";
   /** How long the browser needs to begin to play: the next shot is begun, without sound, so long before its turn. */
   private leadMs = 60;
+  /** The film's clock: the second that was shown at a time, ms. Shots that begin late catch up with it. */
+  private clock: { second: number; at: number } | null = null;
   private readonly closers: (() => void)[];
 
   constructor(
@@ -144,6 +151,7 @@ export class FilmPlayer {
   private halt(): void {
     cancelAnimationFrame(this.pending);
     this.playing.value = false;
+    this.clock = null;
     this.current?.source.pause();
     if (this.current) this.current.began = 0;
   }
@@ -164,6 +172,7 @@ export class FilmPlayer {
 
   private showAt(second: number): void {
     const film = this.pieces.peek();
+    this.clock = null;
     const number = Math.max(0, pieceNumber(film, second));
     const piece = film[number];
     if (!piece) return;
@@ -171,7 +180,7 @@ export class FilmPlayer {
     const { current } = this;
     if (current?.number === number && current.piece === piece && current.painted === this.isPainted(piece)) {
       current.source.pause();
-      Object.assign(current, { from: frame, began: 0 });
+      Object.assign(current, { from: frame, began: 0, rate: 1 });
     } else {
       current?.source.close();
       this.current = this.opened(number, piece, frame);
@@ -201,6 +210,7 @@ export class FilmPlayer {
       from,
       began: 0,
       byBrowser: false,
+      rate: 1,
     };
   }
 
@@ -214,7 +224,7 @@ export class FilmPlayer {
   private begin(shot: Opened): void {
     const { source, offset } = shot;
     const heard = audible.peek() && shot === this.current;
-    if (shot.began && shot.byBrowser) source.play(source.now, 1, heard);
+    if (shot.began && shot.byBrowser) source.play(source.now, shot.rate, heard);
     else if (source.play(shot.from - offset, 1, heard))
       Object.assign(shot, { began: performance.now(), byBrowser: true });
     else if (!source.plays && source.shown >= 0 && shot === this.current)
@@ -261,19 +271,40 @@ export class FilmPlayer {
     if (!shot.began) this.begin(shot);
     if (!shot.began) return; // its first frame is not there yet
     const { piece, source, offset } = shot;
-    const timed = shot.from + Math.floor(((now - shot.began) / 1000) * piece.fps);
-    const frame = shot.byBrowser ? source.now + offset : timed;
+    const due = this.due(now, shot);
+    const frame = shot.byBrowser ? source.now + offset : frameOf({ ...piece, end: piece.end + 1 }, due);
     const [, to] = playedRange(this.pieces.peek(), this.range.peek());
     const second = secondOf(piece, frame);
     if (frame >= piece.end || second > to - NEAR_S || (shot.byBrowser && source.ended)) {
       this.advance(shot);
       return;
     }
-    if (!shot.byBrowser) source.seek(frame - offset);
+    if (shot.byBrowser) this.keepTime(shot, frame, due);
+    else source.seek(frame - offset);
     this.lead(frame, shot, to);
     this.second.value = second;
     this.draw();
   };
+
+  /** The second of the film that is due. The clock begins with the first frame that the browser plays. */
+  private due(now: number, { piece, source, offset, from, byBrowser }: Opened): number {
+    const frame = byBrowser ? source.now + offset : from;
+    if (!this.clock && (!byBrowser || frame > from)) this.clock = { second: secondOf(piece, frame), at: now };
+    return this.clock ? this.clock.second + (now - this.clock.at) / 1000 : secondOf(piece, frame);
+  }
+
+  /** Play a shot a little faster while it is behind the film's clock, or slower; far behind, go on where it should be. */
+  private keepTime(shot: Opened, frame: number, due: number): void {
+    const { piece, source, offset } = shot;
+    const late = (due - secondOf(piece, frame)) * piece.fps;
+    const heard = audible.peek();
+    const to = frameOf(piece, due);
+    if (late > FAR_FRAMES && to < piece.end - 1) source.play(to - offset, 1, heard);
+    const rate = rateFor(late, shot.rate);
+    if (rate === shot.rate) return;
+    shot.rate = rate;
+    source.play(source.now, rate, heard);
+  }
 
   private advance(shot: Opened): void {
     this.prepare(shot);
@@ -285,6 +316,7 @@ export class FilmPlayer {
       return;
     }
     this.learn(next);
+    if (this.clock && next.piece.from < endOf(shot.piece) - NEAR_S) this.clock = null; // it begins anew
     this.next = null;
     this.current = next;
     this.begin(next);

@@ -86,6 +86,16 @@ export function stepped(film: readonly Piece[], second: number, by: number): num
   return secondOf(piece, Math.min(piece.end - 1, Math.max(piece.first, frame)));
 }
 
+const CATCH_UP = 1.1;
+/** Frames behind or before the film's clock from which a shot is played faster or slower, until it is within one. */
+const OFF_FRAMES = 2;
+
+/** How fast to play a shot that is so many frames late; `rate`: how fast it plays now. */
+export function rateFor(late: number, rate: number): number {
+  if (late > OFF_FRAMES || (rate > 1 && late > 1)) return CATCH_UP;
+  return late < -OFF_FRAMES || (rate < 1 && late < 0) ? 1 / CATCH_UP : 1;
+}
+
 /** Seconds that are played: the range if there is one within the film, else the whole film. */
 export function playedRange(film: readonly Piece[], range: FilmRange | null): FilmRange {
   const length = filmLength(film);

@@ -42,7 +42,7 @@ export function ShotBar({ session, film, store, cuts, player, playback }: ShotBa
       ref={useDrops<HTMLElement>(add)}
     >
       <FilmBar player={player} film={film} store={store} playback={playback} />
-      <ShotList session={session} film={film} names={names} />
+      {shots.length > 1 && <ShotList session={session} film={film} names={names} />}
       <ShotActions session={session} store={store} cuts={cuts} />
       <label class="button small file-button">
         <Icon name="plus" />

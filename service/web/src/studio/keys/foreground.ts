@@ -1,4 +1,7 @@
-/** The mask that the service makes of marks: a veil over the frame and the frames after it while one draws them. */
+/**
+ * What the service makes of marks, over the frame and the frames after it: a veil over the background that follows from
+ * them, or the marks themselves where the film has them.
+ */
 
 import { effect, signal, untracked } from "@preact/signals";
 import { asProblem, isAbort } from "../../api/api";
@@ -13,6 +16,10 @@ const REST_MS = 250;
 const AHEAD = 6;
 /** Of the veil over the background. */
 const VEIL_ALPHA = 0.6;
+/** Of marks. */
+const MARKS_ALPHA = 0.45;
+/** Longest side of the frames in which they are moved, px. */
+const MARKS_SIDE_PX = 512;
 
 /** A dark veil over the background of a frame; transparent where the foreground is. */
 export type Veil = HTMLCanvasElement;
@@ -42,7 +49,7 @@ export class Foreground {
   /** Ask for the foreground of the shown frame once the scribbles or the frame have rested. */
   private follow(): void {
     const { store } = this;
-    const overlay = store.overlay("mask");
+    const overlay = store.overlay("mask") ?? store.overlay("marks");
     const marks = overlay?.after.map((part) => picturesOf(store.layer.value, part)) ?? [];
     const frame = store.frame.value;
     const wanted = overlay && store.previews.value && this.shown.value && marks.some(({ length }) => length > 0);
@@ -61,10 +68,11 @@ export class Foreground {
     this.running.abort();
     this.running = new AbortController();
     const { signal: life } = this.running;
-    const body = { document, ...store.place, frame, around: AHEAD };
+    const moved = overlay.kind === "marks";
+    const body = { document, ...store.place, frame, around: AHEAD, ...(moved && { max_side_px: MARKS_SIDE_PX }) };
     const show = (at: number, mask: ImageBitmap): void => {
       if (life.aborted) return;
-      this.veils.value = new Map(this.veils.value).set(at, veilOf(mask));
+      this.veils.value = new Map(this.veils.value).set(at, moved ? thinned(mask) : veilOf(mask));
       this.redraw();
     };
     try {
@@ -91,7 +99,16 @@ export class Foreground {
   }
 }
 
-function veilOf(mask: ImageBitmap): Veil {
+/** Marks through which the frame is seen. */
+function thinned(marks: ImageBitmap): Veil {
+  const [canvas, context] = createCanvas(marks);
+  context.globalAlpha = MARKS_ALPHA;
+  context.drawImage(marks, 0, 0);
+  return canvas;
+}
+
+/** `mask`: white where the foreground is. */
+export function veilOf(mask: ImageBitmap): Veil {
   const [canvas, context] = createCanvas(mask);
   context.drawImage(mask, 0, 0);
   const image = context.getImageData(0, 0, mask.width, mask.height);

@@ -205,6 +205,15 @@ export function withMerged(picture: KeyPicture, id: string, base: string): KeyPi
   });
 }
 
+/** Whether nothing has been taken from a mask with paint everywhere. */
+export const isFullMask = ({ base, strokes: [first, ...more] }: PictureLayer): boolean =>
+  base === null &&
+  !more.length &&
+  first?.kind === "fill" &&
+  !first.erase &&
+  first.runs[0] === 0 &&
+  first.runs.length === 2;
+
 /** A mask with paint everywhere. */
 export const fullMask = ({ width, height }: { width: number; height: number }): PictureLayer => ({
   ...emptyLayer(MASK, "Mask", null),

@@ -46,7 +46,7 @@ export function MarksSection({ store, section, keys, foreground }: MarksProps) {
           <IconButton name="trash" label="Remove the marks of this frame" onClick={() => keys.remove(frame, section)} />
         )}
       </div>
-      {overlay?.kind === "mask" && marked && store.previews.value && (
+      {overlay && overlay.kind !== "labels" && marked && store.previews.value && (
         <Spread store={store} name={section.title} title={overlay.title} foreground={foreground} />
       )}
     </section>

@@ -1,39 +1,44 @@
-/** Fills an object with the brush's colour, or marks it: the service finds what is clicked, or in a box. */
+/**
+ * Fills an object with the brush's colour, or marks it: the service finds what is clicked, or in a box. With Alt, what has
+ * been filled there is taken away.
+ */
 
 import { asProblem, isAbort } from "../../api/api";
+import { notifyOf } from "../../ui/notices";
 import { pictureOf, preview } from "../document/api";
-import type { Point } from "../document/document";
 import { createCanvas } from "../drawing/canvas";
-import { addStroke, type FillStroke, runsOf } from "../drawing/strokes";
+import { addStroke, type FillStroke, type KeyPicture, type PictureLayer, runsOf } from "../drawing/strokes";
 import type { Store } from "../state/store";
-import type { PointerSample, StageTool } from "../state/tool";
+import type { StageTool } from "../state/tool";
+import { type Box, createBoxTool } from "./box-tool";
 import type { PaintedKeys } from "./keys";
-import type { PaintTool } from "./paint-tool";
+import { isFullMask, MASK } from "./layer-edits";
+import { LOCKED, type PaintTool } from "./paint-tool";
 
 /** Longest side of the picture in which it is looked for: its outline is smoothed at the video's size. */
 const SIDE_PX = 320;
 
 export function createObjectTool(store: Store, keys: PaintedKeys, paint: PaintTool, redraw: () => void): StageTool {
-  let box: [Point, Point] | null = null;
   let running = new AbortController();
 
-  async function find([from, to]: [Point, Point]): Promise<void> {
+  async function find(box: Box, erase: boolean): Promise<void> {
     running.abort();
     running = new AbortController();
     const { signal } = running;
-    const { width, height } = store.size;
-    const share = ([x, y]: Point) => [x / width, y / height].map((value) => Math.min(1, Math.max(0, value)));
-    const frame = store.frame.peek();
+    const frame = store.frame.value;
     const key = store.pictureKey(frame);
     const color = store.brushColor;
-    const body = { document: store.document.peek(), ...store.place, frame, box: [...share(from), ...share(to)] };
-    const fill = async (found: ImageBitmap) => {
+    const body = { document: store.document.peek(), ...store.place, frame, box };
+    const fill = (found: ImageBitmap) => {
       const picture = paint.present();
       const layer = picture && paint.target(picture);
       if (signal.aborted || !layer || store.pictureKey(store.frame.peek()) !== key) return;
+      if (erase && layer.locked) return notifyOf(LOCKED);
       const runs = runsOf(inside(found, store.size));
-      const stroke: FillStroke = { kind: "fill", color, opacity: 1, runs, ...(layer.locked && { locked: true }) };
-      if (runs.length) keys.edit("Mark an object", frame, addStroke(picture, layer.id, stroke));
+      const how = { ...(erase && { erase }), ...(layer.locked && { locked: true }) };
+      const stroke: FillStroke = { kind: "fill", color, opacity: 1, runs, ...how };
+      const label = erase ? "Take an object away" : "Mark an object";
+      if (runs.length) keys.edit(label, frame, addStroke(begun(picture, layer, erase), layer.id, stroke));
     };
     try {
       await preview({
@@ -43,7 +48,7 @@ export function createObjectTool(store: Store, keys: PaintedKeys, paint: PaintTo
         body: { ...body, max_side_px: SIDE_PX },
         signal,
         async onrecord(record) {
-          if (record.header.type === "mask") await fill(await pictureOf(record));
+          if (record.header.type === "mask") fill(await pictureOf(record));
         },
       });
     } catch (error) {
@@ -51,38 +56,14 @@ export function createObjectTool(store: Store, keys: PaintedKeys, paint: PaintTo
     }
   }
 
-  return {
-    cursor: "crosshair",
-    down({ at }: PointerSample) {
-      box = [at, at];
-      return true;
-    },
-    move(samples) {
-      const last = samples.at(-1);
-      if (box && last) box = [box[0], last.at];
-      redraw();
-    },
-    up() {
-      if (box) find(box);
-      box = null;
-      redraw();
-    },
-    cancel() {
-      box = null;
-      redraw();
-    },
-    draw(context, px) {
-      if (!box) return;
-      const [[left, top], [right, bottom]] = box;
-      for (const [color, width] of [
-        ["#000", 3 * px],
-        ["#fff", px],
-      ] as const) {
-        Object.assign(context, { strokeStyle: color, lineWidth: width });
-        context.strokeRect(left, top, right - left, bottom - top);
-      }
-    },
-  };
+  return createBoxTool(store, (box, erase) => void find(box, erase), redraw);
+}
+
+/** The first object that is clicked for the mask of a key is all that the mask has: before, it is full. */
+function begun(picture: KeyPicture, { id }: PictureLayer, erase: boolean): KeyPicture {
+  const { mask } = picture;
+  if (erase || id !== MASK || !mask || !isFullMask(mask)) return picture;
+  return { ...picture, mask: { ...mask, strokes: [] } };
 }
 
 /** 1 where a mask is white, at another size. */

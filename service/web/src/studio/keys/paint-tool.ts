@@ -4,7 +4,7 @@ import { untracked } from "@preact/signals";
 import { isAbort } from "../../api/http";
 import { notify, notifyOf } from "../../ui/notices";
 import { hexOf } from "../../ui/palette";
-import { floodRuns } from "../drawing/fill";
+import { fillRuns } from "../drawing/fills";
 import { random } from "../drawing/noise";
 import { createCanvas, type LiveStroke } from "../drawing/raster";
 import { Stabiliser } from "../drawing/stabiliser";
@@ -27,7 +27,7 @@ import { MASK } from "./layer-edits";
 const LEAST_DISTANCE_PX = 0.5;
 /** How often a stroke under the pen is kept in this browser. */
 const KEEP_MS = 500;
-const LOCKED = {
+export const LOCKED = {
   title: "The layer's transparency is locked",
   message: "The eraser changes where a layer has paint.",
   remedy: "Clear “Lock transparency” of the layer, or choose another layer.",
@@ -43,8 +43,8 @@ const LABELS: Record<Stroke["kind"], string> = {
 export interface PaintTool extends StageTool {
   /** The key's picture and the stroke under the pen, for the stage to draw; null while the frame is not open. */
   shown(): { picture: KeyPicture; live: LiveStroke | undefined } | null;
-  /** End the stroke under the pen, if there is one: the page is about to close. */
-  settle(): void;
+  /** End the stroke under the pen, if there is one: the page is about to close. Resolves once all fills are done. */
+  settle(): Promise<void>;
   /** The picture with the stroke under the pen, by `pictureKey`; empty without a stroke. */
   unfinished(): Record<string, KeyPicture>;
   /** The picture of the shown frame, once it is open, and its layer that is chosen; undefined: it cannot be painted on. */
@@ -59,6 +59,7 @@ export interface PaintTool extends StageTool {
 /** `keep` is called every half second while a stroke is drawn. */
 export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => void, keep: () => void): PaintTool {
   let keeping = 0;
+  let filling = Promise.resolve();
   let open: { key: string; picture: KeyPicture } | null = null;
   let live: LiveStroke | undefined;
   /** Samples of the stroke under the pen in their stored form, so that it is drawn the same way later. */
@@ -222,27 +223,48 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     keys.edit(label, store.frame.value, addStroke(picture, layer, stroke));
   }
 
-  /** Pixels of a picture, or of one of its layers alone. */
-  function composite(picture: KeyPicture, only?: PictureLayer): ImageData {
-    const [, context] = createCanvas(store.size);
-    const key = store.pictureKey(store.frame.value);
+  /** A picture, or one of its layers alone. */
+  function composite(
+    picture: KeyPicture,
+    only?: PictureLayer,
+    key = store.pictureKey(store.frame.value),
+  ): [HTMLCanvasElement, CanvasRenderingContext2D] {
+    const [canvas, context] = createCanvas(store.size);
     if (only) context.drawImage(keys.raster.layer(`${key}/${only.id}`, only), 0, 0);
     else keys.raster.draw(context, key, picture);
-    return context.getImageData(0, 0, store.size.width, store.size.height);
+    return [canvas, context];
   }
 
-  function fill(picture: KeyPicture, layer: PictureLayer, { at }: PointerSample): void {
-    const settings = store.drawing.fill.value;
-    const pixels = composite(picture, settings.layerOnly ? layer : undefined);
-    const runs = floodRuns(pixels.data, store.size, at, settings);
-    const { opacity } = store.brush.value;
-    const fill: Stroke = { kind: "fill", color: store.brushColor, opacity, runs, ...locking(layer) };
-    store.drawing.used(fill.color);
-    if (runs.length) commit(LABELS.fill, picture, layer.id, fill);
+  /** Fills follow each other, and are on their frame also if another one is shown by the time their area is found. */
+  function fill(picture: KeyPicture, { id }: PictureLayer, { at }: PointerSample): void {
+    const { drawing, brush, brushColor: color } = store;
+    const frame = store.frame.value;
+    const key = store.pictureKey(frame);
+    const options = drawing.fill.value;
+    const { opacity } = brush.value;
+    const run = async () => {
+      const before = keys.picture(frame) ?? picture;
+      const layer = before.mask?.id === id ? before.mask : before.layers.find((one) => one.id === id);
+      if (!layer || store.pictureKey(frame) !== key) return;
+      const [canvas] = composite(before, options.layerOnly ? layer : undefined, key);
+      const runs = await fillRuns(canvas, at, options);
+      const stroke: Stroke = { kind: "fill", color, opacity, runs, ...locking(layer) };
+      const now = keys.picture(frame) ?? picture;
+      if (runs.length && store.pictureKey(frame) === key) keys.edit(LABELS.fill, frame, addStroke(now, id, stroke));
+    };
+    drawing.used(color);
+    store.filling.value += 1;
+    filling = filling
+      .then(run)
+      .catch(notify)
+      .finally(() => {
+        store.filling.value -= 1;
+      });
   }
 
   function pick(picture: KeyPicture, { at }: PointerSample): void {
-    const { data, width, height } = composite(picture);
+    const [{ width, height }, context] = composite(picture);
+    const { data } = context.getImageData(0, 0, width, height);
     const [x, y] = [Math.floor(at[0]), Math.floor(at[1])];
     if (x < 0 || y < 0 || x >= width || y >= height) return;
     const color = hexOf(data.slice(4 * (y * width + x), 4 * (y * width + x) + 3));
@@ -256,7 +278,10 @@ export function createPaintTool(store: Store, keys: PaintedKeys, redraw: () => v
     up,
     cancel,
     draw,
-    settle: () => live && up(),
+    settle() {
+      if (live) up();
+      return filling;
+    },
     unfinished() {
       const picture = live && present();
       const layer = picture && (live?.layer || target(picture)?.id);

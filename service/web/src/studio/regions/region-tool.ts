@@ -125,7 +125,7 @@ export function createRegionTool(store: Store, maps: RegionMaps, redraw: () => v
     const shown = maps.regionAt(at);
     const owner = shown && shown !== REST ? shown : ownerOf(design, tube, object);
     const selected = design.regions?.[store.region.value];
-    if (shift && selected && !selected.polygons) extend(store.region.value, tube, object, alt);
+    if (shift && selected) extend(store.region.value, tube, object, alt);
     else if (owner && alt) split(owner, tube, at);
     else if (owner) store.region.value = owner === store.region.value ? "" : owner;
     else create(alt || object < 0 ? { tubes: [tube] } : { objects: [object] });
@@ -314,7 +314,10 @@ export function createLassoTool(store: Store, redraw: () => void): StageTool {
     const frame = store.frame.value;
     const selected = store.design.regions?.[store.region.value];
     const known = store.design.regions ?? {};
-    const name = selected?.polygons ? store.region.value : freeName("region", (candidate) => candidate in known);
+    const name =
+      selected && (further || selected.polygons)
+        ? store.region.value
+        : freeName("region", (candidate) => candidate in known);
     store.editDesign("Draw a region", (design) => {
       const others = design.regions?.[name]?.polygons?.filter((polygon) => further || polygon.frame !== frame) ?? [];
       const polygons = [...others, { frame, points: outline }].sort((a, b) => a.frame - b.frame);

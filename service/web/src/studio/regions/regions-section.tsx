@@ -5,7 +5,7 @@ import * as api from "../../api/api";
 import type { Section } from "../../api/schemas";
 import { humanise } from "../../ui/format";
 import { Icon, IconButton } from "../../ui/icons";
-import { type Design, mergeRegions, REST, removeRegion, renameRegion, withRegion } from "../document/design";
+import { canMerge, type Design, mergeRegions, REST, removeRegion, renameRegion, withRegion } from "../document/design";
 import { type Layer, withPart } from "../document/document";
 import { MAX_BRUSH_PX, type Store } from "../state/store";
 import { correctionsHere, removeCorrections } from "./correction-tool";
@@ -91,9 +91,11 @@ function RegionList({ store, section, maps }: RegionsProps & { maps: RegionMaps 
   const selected = store.region.value || REST;
   const state = regionsState.value;
   const merge = (other: string) => store.editDesign("Merge regions", (one) => mergeRegions(one, [selected, other]));
-  const sameKind = names.filter(
+  const others = names.filter(
     (name) =>
-      name !== selected && name !== REST && selected !== REST && kindOf(design, name) === kindOf(design, selected),
+      ![REST, selected].includes(name) &&
+      selected !== REST &&
+      canMerge(design.regions?.[name], design.regions?.[selected]),
   );
   return (
     <section class="side-section" aria-labelledby="regions-title">
@@ -119,12 +121,12 @@ function RegionList({ store, section, maps }: RegionsProps & { maps: RegionMaps 
           </li>
         ))}
       </ul>
-      {sameKind.length > 0 && (
+      {others.length > 0 && (
         <label class="inline-field">
           Merge with
           <select value="" onChange={(event) => event.currentTarget.value && merge(event.currentTarget.value)}>
             <option value="">choose a region</option>
-            {sameKind.map((name) => (
+            {others.map((name) => (
               <option key={name}>{name}</option>
             ))}
           </select>
@@ -228,12 +230,6 @@ function regionsHint(state: RegionsState, previews: boolean): string {
   const count = objectCount.value;
   const one = state === "ready" && count > 0 ? `one of the ${count} objects of this frame` : "an object on the stage";
   return `Pick ${one}: click it. Shift adds to the region, Alt makes the part of it under a click or a stroke a region of its own. A second click ends the selection. Or draw with the lasso.`;
-}
-
-function kindOf(design: Design, name: string): string {
-  const { objects, tubes, polygons } = design.regions?.[name] ?? {};
-  if (polygons?.length) return "polygons";
-  return tubes?.length ? "tubes" : objects?.length ? "objects" : "label";
 }
 
 function choose(store: Store, name: string): void {

@@ -17,6 +17,7 @@ import { Foreground } from "../keys/foreground";
 import { KeyActions } from "../keys/key-actions";
 import { acceptKeys, askScaling, withoutKey } from "../keys/key-input";
 import { PaintedKeys } from "../keys/keys";
+import { LayerMatte } from "../keys/matte";
 import { type Neighbours, startNeighbours } from "../keys/neighbours";
 import { createObjectTool } from "../keys/object-tool";
 import { createPaintTool, type PaintTool } from "../keys/paint-tool";
@@ -65,6 +66,7 @@ export class Designer {
   readonly clusters: Clusters;
   readonly flicker: Flicker;
   readonly foreground: Foreground;
+  readonly matte: LayerMatte;
   readonly onion: OnionSkin;
   readonly parts: StageParts;
   readonly playback: Playback;
@@ -78,7 +80,8 @@ export class Designer {
 
   private readonly saving: Saving;
 
-  constructor({ session, saving, film, player }: FilmParts, shot: string, asset: Asset) {
+  /** `before`: what the stage has shown, which stays there until the shot has a picture. */
+  constructor({ session, saving, film, player }: FilmParts, shot: string, asset: Asset, before?: HTMLCanvasElement) {
     this.saving = saving;
     const redraw = () => this.stage?.redraw();
     const store = new Store(session, shot, asset);
@@ -96,11 +99,13 @@ export class Designer {
     this.clusters = new Clusters(store, notify, redraw);
     this.flicker = new Flicker(store, redraw);
     this.foreground = new Foreground(store, redraw);
+    this.matte = new LayerMatte(store, redraw);
     this.onion = createOnionSkin(store, redraw);
     const tools = {
       ...{ rectangle: select, outline: select, transform: select },
       loupe: createLoupeTool(store, redraw),
       object: createObjectTool(store, this.keys, this.paint, redraw),
+      matte: this.matte.tool,
       label: createLabelTool(store, this.clusters, redraw),
       region: this.regions,
       lasso: createLassoTool(store, redraw),
@@ -108,14 +113,14 @@ export class Designer {
       direction: createDirectionTool(store, this.field, redraw),
     };
     const overlays = [
-      ...[this.flicker, this.foreground, this.clusters].map(
+      ...[this.flicker, this.foreground, this.clusters, this.matte].map(
         (part) => (context: CanvasRenderingContext2D) => part.draw(context),
       ),
       this.regions.drawAll,
       (context: CanvasRenderingContext2D) => this.regionMaps.draw(context),
     ];
     const { frames, scrub, films, keys, paint, onion } = this;
-    this.parts = { store, frames, scrub, films, keys, paint, tools, onion, overlays };
+    this.parts = { store, frames, scrub, films, keys, paint, tools, onion, overlays, before };
     this.playback = createPlayback(store, films, frames);
     this.cuts = followCuts(store);
     saving.pictures = () => ({ ...session.pending(), ...untracked(() => this.paint.unfinished()) });
@@ -134,7 +139,7 @@ export class Designer {
       select,
       paint: () => void films.submit(() => this.saveAll()).catch(notify),
       tools: () => [
-        ...(store.previews.value ? (["loupe"] as const) : []),
+        ...(store.previews.value ? (["loupe", "matte"] as const) : []),
         ...toolsOf(store, store.previews.value, this.clusters.available.value),
       ],
     };
@@ -151,7 +156,7 @@ export class Designer {
 
   /** A stroke under the pen is kept, too, when the page closes. */
   private keepWhenClosed(): () => void {
-    const settle = () => this.paint.settle();
+    const settle = () => void this.paint.settle();
     window.addEventListener("pagehide", settle);
     return () => window.removeEventListener("pagehide", settle);
   }
@@ -249,7 +254,7 @@ export class Designer {
 
   /** Upload what is painted on this shot; false if the service does not answer. */
   async settle(): Promise<boolean> {
-    this.paint.settle();
+    await this.paint.settle();
     await this.keys.flush();
     await this.clusters.settled();
     return !this.store.uploading.value;
@@ -273,6 +278,7 @@ export class Designer {
     this.clusters.close();
     this.flicker.close();
     this.foreground.close();
+    this.matte.close();
     this.regionMaps.close();
     this.field.close();
     this.onion.close();

@@ -3,6 +3,7 @@
 import type { FileInput, Inputs } from "../../api/schemas";
 import { Inputs as FileInputs } from "../../forms/inputs";
 import { addAsset, changeShot, type Layer, type ProjectDocument } from "../document/document";
+import { type LayerMatte, madeMatte } from "../keys/matte";
 import type { Store } from "../state/store";
 
 const FILES: FileInput[] = [
@@ -56,4 +57,42 @@ export function LayerFiles({ store, layer }: { store: Store; layer: Layer }) {
   const change = (values: Inputs) =>
     store.editDocument("Change a layer's files", (document) => withLayerFiles(document, place, values));
   return <FileInputs specs={FILES} given={given} onChange={change} />;
+}
+
+/** The tool that makes the matte of clicks on the stage. */
+export function MarkMatte({ store, matte, layer }: { store: Store; matte: LayerMatte; layer: Layer }) {
+  const selected = store.layer.value.id === layer.id;
+  const active = selected && store.tool.value === "matte";
+  const made = madeMatte(layer);
+  const [first, end] = store.reach.value;
+  const short = made && (first < made.frames[0] || end > made.frames[1]);
+  const toggle = () => {
+    store.layerId.value = layer.id;
+    store.tool.value = active ? "pan" : "matte";
+  };
+  return (
+    <div class="matte-marks">
+      <button type="button" class="button small" aria-pressed={active} onClick={toggle}>
+        Mark the matte on the stage
+      </button>
+      {active && (
+        <p class="hint">
+          Click an object, or draw a box around it: the layer is seen there, through the shot. Click again to add, and
+          with Alt to take away, from that frame on.
+        </p>
+      )}
+      {short && selected && (
+        <>
+          <p class="hint">
+            It has been followed through frames {made.frames[0] + 1} to {made.frames[1]}; the shot has more, where the
+            layer is not seen.
+          </p>
+          <button type="button" class="button small" onClick={() => matte.again()}>
+            Follow it through the shot
+          </button>
+        </>
+      )}
+      {selected && matte.done.value !== null && <progress aria-label="Following the object" value={matte.done.value} />}
+    </div>
+  );
 }

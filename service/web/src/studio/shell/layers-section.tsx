@@ -3,8 +3,9 @@
 import { useState } from "preact/hooks";
 import { Icon, IconButton } from "../../ui/icons";
 import { type Blend, changeShot, freeName, type Layer } from "../document/document";
+import type { LayerMatte } from "../keys/matte";
 import type { Store } from "../state/store";
-import { LayerFiles } from "./layer-files";
+import { LayerFiles, MarkMatte } from "./layer-files";
 
 const BLENDS: [Blend, string][] = [
   ["over", "Normal"],
@@ -13,7 +14,7 @@ const BLENDS: [Blend, string][] = [
   ["add", "Add"],
 ];
 
-export function LayersSection({ store }: { store: Store }) {
+export function LayersSection({ store, matte }: { store: Store; matte: LayerMatte }) {
   const { layers } = store.shot.value;
   const change = (label: string, to: (layers: readonly Layer[]) => Layer[], group = "") => {
     const { id } = store.shot.value;
@@ -36,7 +37,7 @@ export function LayersSection({ store }: { store: Store }) {
       {layers.length > 1 && <p class="hint">The film shows all visible layers, from the last to the first.</p>}
       <ul class="region-list" aria-label="Layers of the shot">
         {[...layers].reverse().map((layer) => (
-          <LayerRow key={layer.id} store={store} layer={layer} change={change} />
+          <LayerRow key={layer.id} store={store} matte={matte} layer={layer} change={change} />
         ))}
       </ul>
       <button type="button" class="button small" onClick={add}>
@@ -55,11 +56,12 @@ function select(store: Store, id: string): void {
 
 interface LayerRowProps {
   store: Store;
+  matte: LayerMatte;
   layer: Layer;
   change(label: string, to: (layers: readonly Layer[]) => Layer[], group?: string): void;
 }
 
-function LayerRow({ store, layer, change }: LayerRowProps) {
+function LayerRow({ store, matte, layer, change }: LayerRowProps) {
   const { layers } = store.shot.value;
   const [open, setOpen] = useState(false);
   const title = layer.name || store.methods.find((method) => method.name === layer.method)?.title || layer.method;
@@ -127,6 +129,7 @@ function LayerRow({ store, layer, change }: LayerRowProps) {
             </select>
           </label>
           <LayerFiles store={store} layer={layer} />
+          {store.previews.value && <MarkMatte store={store} matte={matte} layer={layer} />}
           <div class="actions">
             <button type="button" class="button small" disabled={layers.at(-1)?.id === layer.id} onClick={raise}>
               Move up

@@ -1,6 +1,6 @@
 /** The panel beside the stage: the method, its main inputs, all settings, output, and the button that submits. */
 
-import { useMemo } from "preact/hooks";
+import { useMemo, useRef } from "preact/hooks";
 import type { Method, Params, Section } from "../../api/schemas";
 import { applies, type Situation } from "../../forms/applies";
 import { Inputs } from "../../forms/inputs";
@@ -19,6 +19,7 @@ import type { KeyActions } from "../keys/key-actions";
 import type { PaintedKeys } from "../keys/keys";
 import { KeysSection } from "../keys/keys-section";
 import { MarksSection } from "../keys/marks-section";
+import type { LayerMatte } from "../keys/matte";
 import { usePresetPictures } from "../previews/preset-pictures";
 import type { FilmView } from "../regions/film-view";
 import type { RegionMaps } from "../regions/region-map";
@@ -39,6 +40,7 @@ export interface PanelProps {
   actions: KeyActions;
   clusters: Clusters;
   foreground: Foreground;
+  matte: LayerMatte;
   maps: RegionMaps;
   field: FilmView<Field>;
   /** Save everything; false if that failed. */
@@ -59,6 +61,7 @@ export function Panel({
   actions,
   clusters,
   foreground,
+  matte,
   maps,
   field,
   saveAll,
@@ -67,18 +70,39 @@ export function Panel({
   suggest,
 }: PanelProps) {
   const method = store.method.value;
+  const methods = useRef<HTMLDetailsElement>(null);
+  /** Whether the keyboard was used last: arrow keys choose one method after another, and Enter ends that. */
+  const keyed = useRef(false);
+  const close = () => methods.current?.removeAttribute("open");
   return (
     <aside class="panel designer-panel" aria-label="Settings">
       <div class="panel-body">
         <Lesson store={store} />
-        <details class="group method-choice" open={!method}>
+        <details
+          class="group method-choice"
+          open={!method}
+          ref={methods}
+          onPointerDown={() => {
+            keyed.current = false;
+          }}
+          onKeyDown={(event) => {
+            keyed.current = true;
+            if (event.key !== "Enter" || !(event.target instanceof HTMLInputElement)) return;
+            event.preventDefault(); // it would open the list again
+            close();
+            methods.current?.querySelector("summary")?.focus();
+          }}
+        >
           <summary>
             <span>{method?.title ?? "Method"}</span>
           </summary>
           <MethodCards
             methods={store.methods}
             chosen={store.layer.value.method}
-            onChoose={(name) => choose(store, name)}
+            onChoose={(name) => {
+              choose(store, name);
+              if (!keyed.current) close();
+            }}
           />
         </details>
         {method && (
@@ -91,6 +115,7 @@ export function Panel({
             actions={actions}
             clusters={clusters}
             foreground={foreground}
+            matte={matte}
             maps={maps}
             field={field}
             solve={() => films.submit(saveAll).catch(notify)}
@@ -114,7 +139,7 @@ interface MethodPartsProps extends PanelProps {
 }
 
 function MethodParts(props: MethodPartsProps) {
-  const { store, method, saveAll } = props;
+  const { store, method, matte, saveAll } = props;
   return (
     <>
       {method.studio.sections.map((section) => (
@@ -123,7 +148,7 @@ function MethodParts(props: MethodPartsProps) {
       <StyleLibrary store={store} method={method} />
       <LayerInputs store={store} method={method} />
       <AllSettings store={store} method={method} />
-      <LayersSection store={store} />
+      <LayersSection store={store} matte={matte} />
       <Variants store={store} saveAll={saveAll} />
       <OutputSettings store={store} method={method} />
     </>

@@ -43,7 +43,7 @@ export function SaveStatus({ store, saver, reload }: SaveStatusProps) {
       </p>
     );
   }
-  const pending = store.uploading.value + store.storing.value > 0;
+  const pending = store.uploading.value + store.storing.value + store.filling.value > 0;
   return (
     <p class="save-status" role="status">
       {pending ? "Saving…" : WORDS[state.name]}

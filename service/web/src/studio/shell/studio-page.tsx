@@ -9,6 +9,7 @@ import { IconButton } from "../../ui/icons";
 import { notify } from "../../ui/notices";
 import { ClusterLane } from "../clusters/cluster-lane";
 import type { Project } from "../document/api";
+import { createCanvas } from "../drawing/canvas";
 import { Comments } from "../films/comments";
 import { Film } from "../films/film";
 import { FilmPlayer } from "../films/film-player";
@@ -115,7 +116,7 @@ function useDesigner({ clip, ...film }: FilmParts & { clip: Asset }): Designer {
           remedy: "It is kept in this browser. Choose the shot again when the service answers.",
         });
       if (closed || session.shotId.peek() !== shot) return;
-      const next = new Designer(film, shot, asset);
+      const next = new Designer(film, shot, asset, stageNow());
       next.store.stageView.value = shown.store.stageView.peek();
       shown.close();
       shown = next;
@@ -138,6 +139,15 @@ function useDesigner({ clip, ...film }: FilmParts & { clip: Asset }): Designer {
     };
   }, []);
   return designer;
+}
+
+/** A copy of what the stage shows; undefined: it shows nothing. */
+function stageNow(): HTMLCanvasElement | undefined {
+  const shown = document.querySelector<HTMLCanvasElement>(".stage-canvas");
+  if (!shown?.width) return undefined;
+  const [copy, context] = createCanvas(shown);
+  context.drawImage(shown, 0, 0);
+  return copy;
 }
 
 /** When the shown shot is removed, show the one in its place. */
@@ -235,6 +245,7 @@ function DesignerPage({ designer, saving, film, player, comments, reload }: Desi
           actions={designer.actions}
           clusters={designer.clusters}
           foreground={designer.foreground}
+          matte={designer.matte}
           maps={designer.regionMaps}
           field={designer.field}
           saveAll={() => designer.saveAll()}

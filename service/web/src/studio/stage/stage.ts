@@ -23,6 +23,8 @@ const GRAB_PX = 22;
 const TAP_PX = 6;
 /** Opacity of the painting, or of the key, over the frame in the view "overlay". */
 const OVERLAY_ALPHA = 0.5;
+/** Of what was on the stage before, until the shot has a picture. */
+const WAITING_ALPHA = 0.45;
 
 export interface StageParts {
   store: Store;
@@ -33,6 +35,8 @@ export interface StageParts {
   paint: PaintTool;
   tools: Partial<Record<Tool, StageTool>>;
   onion: OnionSkin;
+  /** What the stage showed before this shot. */
+  before?: HTMLCanvasElement | undefined;
   /** Drawn over the picture and below the tools' marks; the context is in pixels of the video. */
   overlays: readonly ((context: CanvasRenderingContext2D) => void)[];
 }
@@ -49,7 +53,7 @@ export interface Stage {
 
 export function mountStage(
   canvas: HTMLCanvasElement,
-  { store, frames, scrub, films, keys, paint, tools, onion, overlays }: StageParts,
+  { store, frames, scrub, films, keys, paint, tools, onion, overlays, before }: StageParts,
 ): Stage {
   const context = canvas.getContext("2d");
   const pointers = new Map<number, [number, number]>();
@@ -77,7 +81,7 @@ export function mountStage(
     const ratio = devicePixelRatio || 1;
     Object.assign(canvas, { width: Math.round(clientWidth * ratio), height: Math.round(clientHeight * ratio) });
     if (fitted) fitPicture();
-    redraw();
+    drawAll(); // at once: a canvas of another size is empty
   }
 
   function fitPicture(turned: Partial<View> = store.view.value): void {
@@ -101,6 +105,7 @@ export function mountStage(
   // -- drawing
 
   function drawAll(): void {
+    cancelAnimationFrame(pending);
     pending = 0;
     draw();
   }
@@ -156,6 +161,7 @@ export function mountStage(
 
   function tellState(): void {
     canvas.dataset.frame = String(scrubbed() ? store.frame.value : frames.shown);
+    canvas.dataset.waiting = String(!scrubbed() && !frames.picture);
     canvas.dataset.exact = String(frames.shown === store.frame.value);
     canvas.dataset.compared = store.compared.value ? "variants" : "";
     canvas.dataset.film = String(store.stageView.value === "film" && !painting() ? films.shown : "");
@@ -171,6 +177,17 @@ export function mountStage(
   function drawSource(): void {
     const picture = scrubbed() ?? frames.picture;
     if (picture) drawWhole(picture);
+    else drawBefore();
+  }
+
+  /** The stage as it was while another shot was shown, dimmed: nothing of this one is there yet. */
+  function drawBefore(): void {
+    if (!before || !context) return;
+    context.save();
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.globalAlpha = WAITING_ALPHA;
+    context.drawImage(before, 0, 0, canvas.width, canvas.height);
+    context.restore();
   }
 
   /** The small picture of the wanted frame, while the exact one is not there. */

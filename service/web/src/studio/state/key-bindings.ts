@@ -44,6 +44,7 @@ export const COMMANDS: readonly Command[] = [
     ["fill", "g", "Fill"],
     ["picker", "i", "Pick a colour"],
     ["object", "n", "Mark an object"],
+    ["matte", "u", "Mark the layer's matte"],
     ["rectangle", "a", "Select a rectangle"],
     ["outline", "q", "Select with an outline"],
     ["transform", "w", "Move, scale, turn"],

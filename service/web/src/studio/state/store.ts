@@ -36,6 +36,7 @@ export type Tool =
   | "direction"
   | "label"
   | "object"
+  | "matte"
   | "loupe";
 /** Whether the brush paints on the part of a section. */
 export const isPainted = ({ editor }: Section): boolean => editor === "keys" || editor === "marks";
@@ -125,6 +126,8 @@ export class Store {
   readonly saving: Session["saving"];
   /** Painted keys that are not uploaded yet. */
   readonly uploading = signal(0);
+  /** Changes whose pixels are being found: fills and mattes. */
+  readonly filling = signal(0);
   /** Corrected label maps that are not uploaded yet. */
   readonly storing = signal(0);
   /** Whether the service could not be reached when they were to be uploaded. */

@@ -52,7 +52,9 @@ export function BrushBar({ store }: { store: Store }) {
           onChange={(opacity) => set({ opacity: opacity / 100 })}
         />
       )}
-      {tool === "object" && <span class="hint">Click an object, or drag a box around it.</span>}
+      {tool === "object" && (
+        <span class="hint">Click an object, or drag a box around it; with Alt, it is taken away.</span>
+      )}
       {tool === "fill" && <FillFields store={store} />}
       {tool === "smudge" && <span class="hint">Moves the paint of the layer that is chosen in the panel.</span>}
     </div>

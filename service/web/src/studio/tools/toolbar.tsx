@@ -18,7 +18,8 @@ const TOOLS: Record<Tool, { icon: IconName; label: string }> = {
   rectangle: { icon: "frame", label: "Select a rectangle" },
   outline: { icon: "lasso", label: "Select with an outline" },
   transform: { icon: "transform", label: "Move, scale, turn" },
-  object: { icon: "frame", label: "Mark an object" },
+  object: { icon: "object", label: "Mark an object" },
+  matte: { icon: "matte", label: "Mark the layer's matte" },
   region: { icon: "select", label: "Pick regions" },
   lasso: { icon: "lasso", label: "Draw a region" },
   correct: { icon: "brush", label: "Correct the region" },
@@ -62,7 +63,8 @@ interface ToolbarProps {
 export function Toolbar({ store, clusters, stage }: ToolbarProps) {
   const regions = store.previews.value && regionsState.value !== "missing";
   const chosen = toolsOf(store, regions, clusters.available.value);
-  const tools: Tool[] = store.previews.value ? [...chosen, "loupe"] : chosen;
+  const matte: Tool[] = store.tool.value === "matte" ? ["matte"] : [];
+  const tools: Tool[] = store.previews.value ? [...chosen, ...matte, "loupe"] : chosen;
   return (
     <div class="toolbar" role="toolbar" aria-label="Tools" aria-orientation="vertical">
       {tools.map((tool) => (

@@ -11,6 +11,17 @@ test("merged regions have the tubes of both, and the second one's keys are gone"
   expect(merged.keys).toEqual([]);
 });
 
+test("regions of different kinds are joined, but for two with labels", () => {
+  const polygons = [{ frame: 3, points: [] }];
+  const one: design.Design = {
+    regions: { drawn: { polygons }, found: { objects: [2] }, map: { label: 4 }, other: { label: 5 } },
+  };
+  const merged = design.mergeRegions(design.mergeRegions(one, ["drawn", "found"]), ["drawn", "map"]);
+  expect(merged.regions).toEqual({ drawn: { polygons, objects: [2], label: 4 }, other: { label: 5 } });
+  expect(design.canMerge(merged.regions?.drawn, merged.regions?.other)).toBe(false);
+  expect(design.canMerge(one.regions?.drawn, one.regions?.other)).toBe(true);
+});
+
 test("corrections go with their region", () => {
   const stroke = (region: string) => ({ region, frame: 0, points: [[0, 0]] as [number, number][], width: 0.1 });
   const one: design.Design = {

@@ -5,6 +5,7 @@ import {
   pieces,
   placeAt,
   playedRange,
+  rateFor,
   secondAt,
   stepped,
 } from "../../../src/studio/films/film-times";
@@ -53,4 +54,16 @@ test("a range is played within the film; without one, or outside it, the whole f
   expect(playedRange(film, [0.5, 1.5])).toEqual([0.5, 1.5]);
   expect(playedRange(film, [1, 60])).toEqual([1, filmLength(film)]);
   expect(playedRange(film, [60, 90])).toEqual([0, filmLength(film)]);
+});
+
+test("a shot that is late plays faster until it is within a frame of the film's clock, and one that is early slower", () => {
+  const rates = (lates: number[]) => {
+    let rate = 1;
+    return lates.map((late) => {
+      rate = rateFor(late, rate);
+      return rate;
+    });
+  };
+  expect(rates([0.5, 1.9, 2.5, 1.5, 0.9, 1.5])).toEqual([1, 1, 1.1, 1.1, 1, 1]);
+  expect(rates([-1, -2.5, -0.5, 0.5]).map((rate) => rate < 1)).toEqual([false, true, true, false]);
 });

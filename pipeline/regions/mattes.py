@@ -1,4 +1,4 @@
-"""Alpha mattes of label maps at the frame's full size.
+"""Alpha mattes of label maps at the full size of a frame.
 
 Label maps are computed at a reduced size. A guided filter with the frame as guide moves their borders to the colour
 edges of the frame. Its coefficients are computed at the reduced size and applied to the full-size frame, so a matte

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.frames import Frame, Labels
-from pipeline.methods.patches.mattes import LabelMattes
+from pipeline.regions.mattes import LabelMattes
 
 SIZE = (640, 360)
 LABEL_SIZE = (320, 180)
