@@ -35,6 +35,9 @@ class SelectionParams(NamedTuple):
     """Factor on the least ink of a curve that was drawn before."""
     texture: np.float32 = np.float32(24)
     """Factor on the texture before it is subtracted."""
+    most_ink: float = 3.0
+    """Largest ink of a point, in the least excess of a strong curve (`strong`): beyond it, a line is as black as it
+    gets. A dark window or a leaf of a few pixels has much response, but is a spot, not a line."""
     importance_share: np.float32 = np.float32(0.9)
     """Factor of the least ink and of the texture where importance is 1, as on faces: an eye is a short curve, and the
     brow beside it would count as texture."""
@@ -114,7 +117,8 @@ def _choose(
             excess = point["response"] - point["threshold"]
             unimportant = one - SELECTION.importance_share * min(point["importance"], one)
             around = texture[int(point["y"]) // side, int(point["x"]) // side]
-            ink += max(excess - SELECTION.texture * unimportant * around, np.float32(0))
+            over = max(excess - SELECTION.texture * unimportant * around, np.float32(0))
+            ink += min(np.float64(over), SELECTION.most_ink * strong)
             largest, common = max(largest, excess), min(common, unimportant)
             before += _was_drawn(point, past)
         known = 4 * before > count
