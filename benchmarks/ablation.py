@@ -106,11 +106,10 @@ def _no_texture(points: Any, curves: Any, shape: tuple[int, int], side: int) -> 
     return np.zeros((shape[0] // side + 1, shape[1] // side + 1), np.float32)
 
 
-def _choose_within(
-    limits: tuple[float, float], points: Any, curves: Any, past: Any, texture: Any, side: int, strong: float,
-    least: float, drawn: Any,
+def _choose_by_all_points(
+    points: Any, curves: Any, past: Any, texture: Any, side: int, strong: float, least: float, drawn: Any
 ) -> None:  # fmt: skip
-    """`lines.selection._choose` with other limits of the ink of a point, multiples of `strong`; 0 and `most_ink` there."""
+    """`lines.selection._choose`, where a point weaker than the texture around takes ink away."""
     from pipeline.lines.selection import SELECTION, _was_drawn
 
     for k in range(drawn.size):
@@ -118,8 +117,7 @@ def _choose_within(
         excess = own["response"] - own["threshold"]
         unimportant = 1 - SELECTION.importance_share * np.minimum(own["importance"], 1)
         around = texture[own["y"].astype(int) // side, own["x"].astype(int) // side]
-        over = excess - SELECTION.texture * unimportant * around
-        ink = float(over.clip(limits[0] * strong, limits[1] * strong).sum())
+        ink = float((excess - SELECTION.texture * unimportant * around).sum())
         known = 4 * sum(_was_drawn(point, past) for point in own) > len(own)
         share = SELECTION.known_share if known else 1.0
         drawn[k] = (known or excess.max() > strong) and ink >= least * unimportant.min() * share
@@ -186,8 +184,11 @@ CORRECTIONS = {
         ),
         Correction("face_feature_gain", {f"{ABSTRACTION}.line_extractor:_feature_gain": lambda *_: np.float32(1)}),
         Correction("texture_left_out", {"lines.selection:_texture": _no_texture}),
-        Correction("weak_points_count_nothing", {"lines.selection:_choose": partial(_choose_within, (-1e9, 3.0))}),
-        Correction("spots_are_no_lines", {"lines.selection:_choose": partial(_choose_within, (0.0, 1e9))}),
+        Correction("weak_points_count_nothing", {"lines.selection:_choose": _choose_by_all_points}),
+        Correction(
+            "spots_are_no_lines",
+            {"lines.selection:_lengths": lambda _, curves, __: np.full(len(curves.starts) - 1, np.inf)},
+        ),
         Correction("lines_fade_out", {f"{ABSTRACTION}.line_extractor:join_strokes": lambda _, strokes: strokes}),
         Correction("ramps", {f"{ABSTRACTION}.border_curves:divide_ramps": _first}),
         Correction("coloured_stripes", {f"{ABSTRACTION}.line_extractor:stripe_shares": _no_stripes}),
