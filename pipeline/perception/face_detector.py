@@ -93,8 +93,7 @@ class FaceDetector:
         Args:
             gray: uint8 (h, w), the whole picture.
         """
-        kind = "profile" if piece.pose in PROFILES else "frontal"
-        boxes, counts = _group(self._hits(gray, piece, DETECTION.coarse_step, kind), 0)
+        boxes, counts = _group(self._hits(gray, piece, DETECTION.coarse_step, _kind(piece.pose)), 0)
         return boxes[np.argsort(-counts, kind="stable")]
 
     def candidates_in(self, gray: Gray, where: tuple[int, int, int, int], least: int, most: int) -> Boxes:
@@ -119,16 +118,16 @@ class FaceDetector:
         Args:
             least_hits: see `DETECTION.least_hits`; more where a false face would do harm.
         """
-        return self._found(gray, box, pose, least_hits, "profile" if pose in PROFILES else "frontal")
+        return self._found(gray, box, pose, least_hits, _kind(pose))
 
     def agrees(self, gray: Gray, box: NDArray[np.float64], pose: Pose) -> bool:
-        """Whether the second cascade finds the face `box`, (4,), in px, too; always in profile, which it does not know."""
+        """Whether the second cascade finds the face `box`, (4,), too; True in profile, which it does not know."""
         return pose in PROFILES or self._found(gray, box, pose, DETECTION.least_hits, "second") is not None
 
     def _found(
         self, gray: Gray, box: NDArray[np.float64], pose: Pose, least_hits: int, kind: str
     ) -> NDArray[np.float64] | None:
-        """The face that the cascade of that kind finds around `box`."""
+        """`confirm` with the cascade of that kind."""
         cx, cy, side = float(box[0]), float(box[1]), float(max(box[2:]))
         reach = side * DETECTION.nearby
         left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
@@ -220,6 +219,11 @@ def _sizes(least_px: int, most_px: int) -> list[int]:
     count = int(math.log(max(most_px / DETECTION.window_px, 1)) / math.log(DETECTION.coarse_step)) + 2
     sizes = [round(DETECTION.window_px * DETECTION.coarse_step**k) for k in range(count)]
     return [side for side in sizes if least_px <= side <= most_px]
+
+
+def _kind(pose: Pose) -> str:
+    """The cascade that searches heads of that pose."""
+    return "profile" if pose in PROFILES else "frontal"
 
 
 def _posed(gray: Gray, pose: Pose) -> tuple[Gray, NDArray[np.float64]]:

@@ -101,7 +101,7 @@ def test_the_second_cascade_agrees_on_a_face_and_knows_no_profiles(
     assert finder.agrees(flat, face, "left")
 
 
-@pytest.mark.parametrize("seed", [14, 20, 22, 32, 41])
+@pytest.mark.parametrize("seed", [14, 20, 22, 32])
 def test_texture_that_looks_like_a_face_to_one_cascade_only_is_not_tracked(seed: int) -> None:
     """The first cascade finds a face in each of these pictures of smooth noise, the second one finds none there."""
     noise = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=(180, 240)).astype(np.float32), (0, 0), 3)
