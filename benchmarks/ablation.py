@@ -161,8 +161,13 @@ SHARED = (
             "perception.faces:NewPlaces.newness": lambda *_: 0.0,
         },
     ),
-    Correction("mirrored_confirmation", {"perception.faces:FaceTracker._is_symmetric": lambda *_: True}),
-    Correction("hits_of_large_faces", {"perception.faces:TRACKING.large_hits": 2}),
+    Correction(
+        "second_cascade",
+        {
+            "perception.face_detector:FaceDetector.agrees": lambda *_: True,
+            "perception.faces:DETECTION.profile_hits": 2,
+        },
+    ),
     Correction(
         "profiles_and_tilted_faces",
         {"perception.faces:POSES": ("frontal",), "perception.face_detector:POSES": ("frontal",)},
@@ -180,6 +185,10 @@ CORRECTIONS = {
         Correction("face_feature_gain", {f"{ABSTRACTION}.line_extractor:_feature_gain": lambda *_: np.float32(1)}),
         Correction("texture_left_out", {"lines.selection:_texture": _no_texture}),
         Correction("weak_points_count_nothing", {"lines.selection:_choose": _choose_by_all_points}),
+        Correction(
+            "spots_are_no_lines",
+            {"lines.selection:_lengths": lambda _, curves, __: np.full(len(curves.starts) - 1, np.inf)},
+        ),
         Correction("lines_fade_out", {f"{ABSTRACTION}.line_extractor:join_strokes": lambda _, strokes: strokes}),
         Correction("ramps", {f"{ABSTRACTION}.border_curves:divide_ramps": _first}),
         Correction("coloured_stripes", {f"{ABSTRACTION}.line_extractor:stripe_shares": _no_stripes}),

@@ -35,6 +35,9 @@ class SelectionParams(NamedTuple):
     """Factor on the least ink of a curve that was drawn before."""
     texture: np.float32 = np.float32(24)
     """Factor on the texture before it is subtracted."""
+    least_length: float = 2 / 3
+    """Least length of any curve, in `shortest_px`: a dark window, a leaf or the light in an iris has much response, but
+    is a spot, not a line. Where lines are drawn thinner, as in small faces, they may be shorter in proportion."""
     importance_share: np.float32 = np.float32(0.9)
     """Factor of the least ink and of the texture where importance is 1, as on faces: an eye is a short curve, and the
     brow beside it would count as texture."""
@@ -56,27 +59,36 @@ class PastLines(NamedTuple):
 
 
 def choose_curves(
-    points: Points, curves: Curves, past: PastLines | None, shape: tuple[int, int], strong: float, shortest_px: float
+    points: Points, curves: Curves, past: PastLines | None, thinness: Plane, strong: float, shortest_px: float
 ) -> Curves:  # fmt: skip
     """The curves that are drawn.
 
     Args:
         points: of all curves.
         past: None = a shot begins.
-        shape: (height, width) of the plane, px.
+        thinness: float32 (h, w), width of the lines, 1 = as everywhere but in small faces.
         strong: gray levels above the threshold that a curve reaches somewhere, unless it was drawn before on more than
             a quarter of its points.
         shortest_px: smallest length of a curve that is `strong` along all of it; stronger ones may be shorter in
-            proportion, and important ones.
+            proportion, and important ones, down to `SELECTION.least_length`.
     """
+    shape = thinness.shape
     if past is None:
         past = PastLines(np.zeros(shape, np.uint8), np.zeros((*shape, 2), np.float32))
     side = max(round(shortest_px), 1)
     drawn = np.zeros(len(curves.starts) - 1, np.bool_)
     _choose(points, curves, past, _texture(points, curves, shape, side), side, strong, 2 * strong * shortest_px, drawn)
+    drawn &= _lengths(points, curves, thinness) >= SELECTION.least_length * shortest_px
     sizes = np.diff(curves.starts)
     starts = np.concatenate([[0], np.cumsum(sizes[drawn])]).astype(np.int32)
     return Curves(curves.order[np.repeat(drawn, sizes)], starts)
+
+
+def _lengths(points: Points, curves: Curves, thinness: Plane) -> NDArray[np.float64]:
+    """Lengths of the curves, px, longer in proportion where lines are thinner: float64 (curves,)."""
+    own = points[curves.order]
+    steps = 1 / thinness[np.rint(own["y"]).astype(int), np.rint(own["x"]).astype(int)].astype(np.float64)
+    return np.diff(np.concatenate([[0.0], np.cumsum(steps)])[curves.starts])
 
 
 def _texture(points: Points, curves: Curves, shape: tuple[int, int], side: int) -> Plane:

@@ -1,7 +1,9 @@
 """Face detection with OpenCV's cascades (viola2001rapid): frontal, profile and tilted faces, in pieces of equal cost.
 
 A complete search takes longer than a live frame, so that it is divided into pieces: a range of window sizes in a band
-of rows. A hit of a piece is only a candidate; `FaceDetector.confirm` searches its surroundings in fine steps.
+of rows. A hit of a piece is only a candidate; `FaceDetector.confirm` searches its surroundings in fine steps, and
+`FaceDetector.agrees` asks a second frontal cascade, which was trained with other features on other faces: the
+patterns in grass, folds and walls that look like a face to one of the two are rarely the same.
 """
 
 from __future__ import annotations
@@ -24,11 +26,11 @@ from pipeline.perception.flow.gray import Gray
 
 Boxes = NDArray[np.float64]
 """(n, 4): centre x, centre y, width, height, px of the picture."""
-Pose = Literal["frontal", "mirrored", "left", "right", "tilted left", "tilted right"]
-"""Pose of a head; "mirrored" is a frontal one in the mirrored picture. The profile cascade knows one side; the other
-side is searched in the mirrored picture."""
+Pose = Literal["frontal", "left", "right", "tilted left", "tilted right"]
+"""Pose of a head. The profile cascade knows one side; the other side is searched in the mirrored picture."""
 
 POSES: tuple[Pose, ...] = ("frontal", "left", "right", "tilted left", "tilted right")
+PROFILES = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class DetectionParams:
     fine_step: float = 1.1
     """Ratio of consecutive window sizes in a search of the whole frame and in `confirm`."""
     least_hits: int = 2
-    """Number of windows at one place that the cascade must accept before `confirm` calls it a face."""
+    """Number of windows at one place that the cascade must accept before `confirm` or `agrees` calls it a face."""
+    profile_hits: int = 5
+    """`least_hits` of a new face in profile, for which there is no second cascade."""
     group_eps: float = 0.2
     """Tolerance of grouping, as in OpenCV."""
     nearby: float = 0.85
@@ -57,7 +61,10 @@ class DetectionParams:
 DETECTION = DetectionParams()
 
 
-_CASCADES = {"frontal": "haarcascade_frontalface_default.xml", "profile": "haarcascade_profileface.xml"}
+_CASCADES = {
+    "frontal": "haarcascade_frontalface_default.xml", "second": "haarcascade_frontalface_alt2.xml",
+    "profile": "haarcascade_profileface.xml",
+}  # fmt: skip
 _WINDOW_COST = {"frontal": 1.0, "left": 2.0, "right": 2.0, "tilted left": 1.3, "tilted right": 1.3}
 """Cost of testing a window, relative to the frontal cascade's."""
 _idle: dict[str, list[cv2.CascadeClassifier]] = {kind: [] for kind in _CASCADES}
@@ -86,7 +93,7 @@ class FaceDetector:
         Args:
             gray: uint8 (h, w), the whole picture.
         """
-        boxes, counts = _group(self._hits(gray, piece, DETECTION.coarse_step), 0)
+        boxes, counts = _group(self._hits(gray, piece, DETECTION.coarse_step, _kind(piece.pose)), 0)
         return boxes[np.argsort(-counts, kind="stable")]
 
     def candidates_in(self, gray: Gray, where: tuple[int, int, int, int], least: int, most: int) -> Boxes:
@@ -111,6 +118,16 @@ class FaceDetector:
         Args:
             least_hits: see `DETECTION.least_hits`; more where a false face would do harm.
         """
+        return self._found(gray, box, pose, least_hits, _kind(pose))
+
+    def agrees(self, gray: Gray, box: NDArray[np.float64], pose: Pose) -> bool:
+        """Whether the second cascade finds the face `box`, (4,), too; True in profile, which it does not know."""
+        return pose in PROFILES or self._found(gray, box, pose, DETECTION.least_hits, "second") is not None
+
+    def _found(
+        self, gray: Gray, box: NDArray[np.float64], pose: Pose, least_hits: int, kind: str
+    ) -> NDArray[np.float64] | None:
+        """`confirm` with the cascade of that kind."""
         cx, cy, side = float(box[0]), float(box[1]), float(max(box[2:]))
         reach = side * DETECTION.nearby
         left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
@@ -119,14 +136,13 @@ class FaceDetector:
         if min(window.shape) < least:
             return None
         piece = Piece(pose, least, math.ceil(side * 1.3), 0, len(window))
-        boxes, _ = _group(self._hits(window, piece, DETECTION.fine_step), least_hits - 1)
+        boxes, _ = _group(self._hits(window, piece, DETECTION.fine_step, kind), least_hits - 1)
         boxes[:, :2] += left, top
         apart = np.linalg.norm(boxes[:, :2] - box[:2], axis=1)
         return boxes[apart.argmin()] if len(boxes) and apart.min() < side / 2 else None
 
-    def _hits(self, gray: Gray, piece: Piece, step: float) -> NDArray[np.int32]:
+    def _hits(self, gray: Gray, piece: Piece, step: float, kind: str) -> NDArray[np.int32]:
         """Windows that the cascade accepts, int32 (n, 4): left, top, width, height in px, in sorted order."""
-        kind = "profile" if piece.pose in ("left", "right") else "frontal"
         turned, back = _posed(gray, piece.pose)
         # Set per thread. Otherwise the cascade opens the system's OpenCL loader, which then hides the registered
         # runtimes.
@@ -205,10 +221,15 @@ def _sizes(least_px: int, most_px: int) -> list[int]:
     return [side for side in sizes if least_px <= side <= most_px]
 
 
+def _kind(pose: Pose) -> str:
+    """The cascade that searches heads of that pose."""
+    return "profile" if pose in PROFILES else "frontal"
+
+
 def _posed(gray: Gray, pose: Pose) -> tuple[Gray, NDArray[np.float64]]:
     """The picture in which the cascade finds heads of that pose, and the affine map (2, 3) back from it."""
     height, width = gray.shape
-    if pose in ("right", "mirrored"):
+    if pose == "right":
         return np.ascontiguousarray(gray[:, ::-1]), np.array([[-1.0, 0, width], [0, 1, 0]])
     if pose in ("tilted left", "tilted right"):
         degrees = -DETECTION.tilt_degrees if pose == "tilted left" else DETECTION.tilt_degrees

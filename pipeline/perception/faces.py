@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State
 from pipeline.frames import Flow
-from pipeline.perception.face_detector import DETECTION, POSES, FaceDetector, Pose, pieces, pose_pieces
+from pipeline.perception.face_detector import DETECTION, POSES, PROFILES, FaceDetector, Pose, pieces, pose_pieces
 from pipeline.perception.face_search_order import PLACES, NewPlaces
 from pipeline.perception.flow.gray import Gray
 from pipeline.perception.motion import median_motion
@@ -56,14 +56,6 @@ class TrackingParams:
     """The same after the first detection, which may be false."""
     recheck_widths: float = 72.0
     """Sum of the widths, px, of the faces whose surroundings are searched in a frame."""
-    mirrored_px: float = 36.0
-    """Least width of a frontal face, px, that must be found in the mirrored picture, too. Patterns in grass or folds of
-    clothes that resemble a face are not symmetric. Smaller faces have too few pixels for this test."""
-    large_px: float = 72.0
-    large_hits: int = 5
-    """Width of a new frontal face, px, from which the cascade must accept more windows at its place, and how many.
-    A large false face is seen, since fine strokes on it look like a photograph. Most real ones have over 20
-    windows."""
     most_candidates: int = 3
     """Candidates of a frame that are looked at closely."""
     least_misses: int = 2
@@ -199,15 +191,11 @@ class FaceTracker:
         for candidate in candidates:
             if self._known(candidate) is not None:
                 continue
-            box = self._finder.confirm(gray, candidate, pose, _hits_of_new(candidate, pose))
-            if box is not None and self._known(box) is None and self._is_symmetric(gray, box, pose):
+            hits = DETECTION.profile_hits if pose in PROFILES else DETECTION.least_hits
+            box = self._finder.confirm(gray, candidate, pose, hits)
+            if box is not None and self._known(box) is None and self._finder.agrees(gray, box, pose):
                 face = np.array([(box, box, strength, 1.0, 0.0, 0.0, POSES.index(pose))], FACE)
                 self.faces = np.concatenate([self.faces, face])
-
-    def _is_symmetric(self, gray: Gray, box: NDArray[np.float64], pose: Pose) -> bool:
-        """Whether a large frontal face is found in the mirrored picture, too; True for all others."""
-        asked = pose == "frontal" and box[2] >= TRACKING.mirrored_px
-        return not asked or self._finder.confirm(gray, box, "mirrored", _hits_of_new(box, pose)) is not None
 
     def _known(self, box: NDArray[np.float64]) -> int | None:
         """The face at that place and of about that size; None = there is none."""
@@ -241,11 +229,6 @@ class FaceTracker:
         faces["strength"] += self._gain * (current - faces["strength"])
         inside = ((centres >= 0) & (centres < self._size)).all(axis=1)
         self.faces = faces[(current | (faces["strength"] > 0.02)) & inside]
-
-
-def _hits_of_new(box: NDArray[np.float64], pose: Pose) -> int:
-    """Number of windows at the place of a new face of that size and pose that the cascade must accept."""
-    return TRACKING.large_hits if pose == "frontal" and box[2] >= TRACKING.large_px else DETECTION.least_hits
 
 
 def faces_of_state(state: Arrays) -> Faces:

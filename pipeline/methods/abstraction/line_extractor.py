@@ -150,7 +150,12 @@ class LineExtractor:
         points, index = find_ridges(response, importance, self.params.line_threshold, LINES.weak / sharpness)
         known = None if past is None or self.marks is None else PastLines(self.marks.opacity, past.flow)
         curves = choose_curves(
-            points, link_points(points, index), known, response.shape, LINES.strong / sharpness, self.shortest_px
+            points,
+            link_points(points, index),
+            known,
+            sigma_px / np.float32(self.sigma_px),
+            LINES.strong / sharpness,
+            self.shortest_px,
         )
         removed = stripe_shares(points, curves, planes, self.size[0] / self.small[0], self.sigma_px)
         return ink_curves(points, curves, response, sigma_px, sharpness, LINES.widest * self.sigma_px, removed)

@@ -199,8 +199,8 @@ class AbstractionParams(Params):
     line_opacity: float = varying(0.92, 0, 1, "Line opacity", "Opacity of full ink.", "ratio", "Lines")
     line_length: float = varying(
         40, 0, 300, "Shortest line",
-        "Weak lines that are shorter are not drawn; stronger and important ones may be shorter in proportion, and "
-        "lines in texture, as in foliage, must be longer or stronger.",
+        "Weak lines that are shorter are not drawn; stronger and important ones may be shorter, down to two thirds, "
+        "in small faces less. Lines in texture, as in foliage, must be longer or stronger.",
         "per mille of the shorter side", "Lines"
     )  # fmt: skip
 

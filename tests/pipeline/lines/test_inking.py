@@ -15,7 +15,7 @@ from tests.pipeline.lines.drawn import SIGMA_PX, stroked, traced
 
 def inked(gray: Plane) -> Strokes:
     points, curves, response = traced(gray)
-    curves = choose_curves(points, curves, None, (len(gray), gray.shape[1]), 1.0, 10.0)
+    curves = choose_curves(points, curves, None, np.ones((len(gray), gray.shape[1]), np.float32), 1.0, 10.0)
     return ink_curves(
         points, curves, response, np.full(gray.shape, SIGMA_PX, np.float32), 0.65, 2.0,
         np.zeros(len(curves.order), np.float32),

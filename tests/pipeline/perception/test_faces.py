@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.perception.face_detector import FaceDetector
+from pipeline.perception.face_detector import FaceDetector, Pose
 from pipeline.perception.face_masks import face_crops, small_faces
 from pipeline.perception.faces import FACE, FaceTracker
 from pipeline.scenes import scene
@@ -147,21 +147,20 @@ def test_eyes_and_brows_lie_in_the_upper_half_of_a_face_on_both_sides() -> None:
     assert weight[58, 60] == weight[30, 60] == weight[60, 52] == 0
 
 
-@pytest.mark.parametrize(("width_px", "least"), [(28, 2), (60, 2), (100, 5)])
-def test_a_large_new_face_needs_more_hits_than_a_small_one(
-    width_px: int, least: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("pose", "least"), [("frontal", 2), ("tilted right", 2), ("left", 5), ("right", 5)])
+def test_a_new_face_in_profile_needs_more_hits_than_a_frontal_one(
+    pose: Pose, least: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A cascade that accepts some windows at one place in the middle of the picture, as it does in folds of clothes."""
-    picture = np.zeros((300, 300), np.uint8)
+    """Cascades that accept some windows at one place in the middle of the picture, as they do in folds of clothes."""
+    picture, candidate = np.zeros((300, 300), np.uint8), np.array([[150.0, 150, 60, 60]])
     for count, found in ((least - 1, 0), (least, 1)):
-        tracker = FaceTracker((300, 300), 6.0)
-        tracker.step(picture, None, 0)
 
         def hits(_self: object, gray: NDArray[np.uint8], *_: object, count: int = count) -> NDArray[np.int32]:
-            (height, width), side = gray.shape, width_px
+            (height, width), side = gray.shape, 60
             return np.array([((width - side) // 2, (height - side) // 2, side, side)] * count, np.int32)
 
         monkeypatch.setattr(FaceDetector, "_hits", hits)
-        tracker.search_whole(picture)
+        tracker = FaceTracker((300, 300), 6.0)
+        tracker._add_new(picture, candidate, pose)
         monkeypatch.undo()
         assert len(tracker.faces) == found, f"{count} hits"
