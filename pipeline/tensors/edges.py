@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
-from pipeline.frames import Flow, Plane
+from pipeline.frames import Flow
 from pipeline.perception.flow.warp import warp_back
 from pipeline.tensors.field import OrientationField
 from pipeline.tensors.structure import Tensors

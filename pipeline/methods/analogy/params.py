@@ -101,9 +101,10 @@ class AnalogyParams(Params):
     )  # fmt: skip
     tone_limit: float = number(
         2, 1, 20, "Limit of contrast",
-        "Factor by which matching tones may raise or lower the contrast of the video. Larger values use more tones of "
-        "the painting and turn small differences of lightness into blotches. Contrast is raised less where figures "
-        "would merge with their surroundings; details keep their contrast.", "ratio", "Style",
+        "Factor by which matching tones may raise or lower the contrast of the video, and its root that by which they "
+        "make the video brighter or darker: a night stays dark, as far as the painting has dark tones. Larger values "
+        "use more tones of the painting and turn small differences of lightness into blotches. Contrast is raised less "
+        "where figures would merge with their surroundings; details keep their contrast.", "ratio", "Style",
     )  # fmt: skip
     stroke_scale: float = number(
         1, 0, 8, "Size of strokes",
