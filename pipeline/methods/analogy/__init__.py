@@ -165,7 +165,7 @@ class Analogy(Method):
         Example("loose", "Broad brush strokes", {"guide_weight": 1.5, "coherence_weight": 60}),
         Example("close", "Close to the scene", {"guide_weight": 10, "coherence_weight": 5}),
         Example("turning", "Strokes that follow shapes", {"rotation": "on"}),
-        Example("varied", "No repetitions", {"variety_weight": 200}),
+        Example("varied", "No repetitions", {"variety_weight": 200, "variety_limit": 2}),
         Example("frames", "Independent frames", {"temporal": "off"}),
     )
 

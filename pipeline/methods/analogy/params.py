@@ -69,12 +69,12 @@ class AnalogyParams(Params):
         "pieces of the style rarer.", "px^2", "Likeness", "r_max",
     )  # fmt: skip
     variety_weight: float = number(
-        0, 0, 5000, "Variety",
+        10, 0, 5000, "Variety",
         "Penalty on the repeated use of one position of the style; 0 = off. Larger values use more of the painting and "
         "repeat less.", "per use", "Likeness", "h_s",
     )  # fmt: skip
     variety_limit: float = number(
-        2, 0, 100, "Free uses",
+        4, 0, 100, "Free uses",
         "Number of uses of a position without penalty, as a multiple of the mean. Larger values permit more "
         "repetition.", "ratio", "Likeness", "h_tau",
     )  # fmt: skip
