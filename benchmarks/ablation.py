@@ -135,6 +135,12 @@ def _plain_rest(flow: Any, before: Any, gray: Any, tolerance: float) -> Any:
     return zero_still_flow(flow, before, gray, tolerance)
 
 
+def _all_edges_stay(now: Any, before: Any, flow: Any, memory: float, _: float) -> Any:
+    from pipeline.perception.flow.warp import warp_back
+
+    return now + np.float32(memory) * (np.stack([warp_back(plane, flow) for plane in before]) - now)
+
+
 def _small_window(difference: Any) -> Any:
     from pipeline.strokes import accumulation
 
@@ -221,7 +227,7 @@ CORRECTIONS = {
         Correction("large_window_of_change", {"strokes.accumulation:_largest_change": _small_window}),
         Correction("texture_share", {f"{MULTISTYLE}.denoise:DENOISE.texture_share": 0.0}),
         Correction("denoised_directions", {f"{MULTISTYLE}.analyzer:denoise_directions": _first}),
-        Correction("trusted_directions", {f"{MULTISTYLE}.analyzer:_trust": _none}),
+        Correction("borders_that_leave", {f"{MULTISTYLE}.analyzer:smooth_over_time": _all_edges_stay}),
         Correction("broad_directions", {f"{MULTISTYLE}.analyzer:ANALYZER.broad_weight": 0.0}),
         Correction(
             "detail_dead_band",

@@ -100,7 +100,7 @@ def coherence_term() -> None:
 
 
 def histogram_term() -> None:
-    settings = {f"h_s {w:g}": {"variety_weight": w, "variety_limit": 1} for w in (0, 200, 2000)}
+    settings = {f"h_s {w:g}": {"variety_weight": w} for w in (0, 10, 200)}
     stills("histogram", "coffee", 60, "water_lilies", settings)
 
 

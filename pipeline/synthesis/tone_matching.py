@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -40,6 +40,12 @@ class ToneParams(NamedTuple):
     has 0.82."""
     trials: int = 17
     """Number of limits that are tried."""
+    lean: float = 0.05
+    leans: int = 200
+    """Share by which one step makes the darkest and brightest tones of a painting rarer or more frequent, and most
+    steps."""
+    least_used: float = 0.25
+    """Minimum share of a painting that is used, however dark or bright the video is: fewer pieces would repeat."""
     extreme_share: float = 0.001
     """Share of a painting's pixels, at either end of its lightness, that do not count for its range."""
     base_size_px: int = 240
@@ -148,7 +154,8 @@ class ToneMatch:
     """Maps the tones of one guide to those of another: lightness by histogram matching, hue by mean and deviation.
 
     Source: hertzmann2001analogies, section 3.4, which matches mean and deviation of the lightness. Departures: matches
-    the whole distribution of lightness, and also hue. The slope of the lightness curve is limited, because a steep
+    the whole distribution of lightness, and also hue. A dark or bright video uses more of the dark or bright paint,
+    see `_leaning`: otherwise a night would become a day. The slope of the lightness curve is limited, because a steep
     curve enlarges small differences to blotches, and a flat one erases contours. If raising it to the limit would leave
     too little contrast between other areas of the scene, it is raised less. Details, such as the eyes
     of a small face, keep the contrast of the video (durand2002bilateral, with the filter of he2015fast).
@@ -156,7 +163,8 @@ class ToneMatch:
     Args:
         own: tones of the images that are mapped.
         wanted: tones that they are mapped to.
-        limit: largest factor by which contrast of lightness is raised or lowered, >= 1.
+        limit: largest factor by which contrast of lightness is raised or lowered, >= 1; the mean lightness changes by
+            the root of it at most, as far as the painting has such tones.
 
     Attributes:
         hue_weight: factor on the weight of hue differences, 0..1. It is below 1 if hues are raised by more than the
@@ -226,11 +234,37 @@ def _lightness_curve(own: ToneStatistics, wanted: ToneStatistics, limit: float) 
     of contrasts (`TONE.least_likeness`).
     """
     curve = np.arange(256.0)
+    wanted = _leaning(own, wanted, math.sqrt(limit))
     for raised in np.geomspace(limit, 1, TONE.trials):
         curve = _limited_curve(own, wanted, 1 / limit, float(raised))
         if _likeness(own, wanted, curve) >= TONE.least_likeness:
             break
     return curve
+
+
+def _leaning(own: ToneStatistics, wanted: ToneStatistics, most: float) -> ToneStatistics:
+    """The tones of a painting, with dark ones more frequent if the video is darker, or bright ones if it is brighter.
+
+    The mean lightness of the painting then is that of the video within the factor `most`, unless less than
+    `TONE.least_used` of the painting would be used. Source: the outlook of benard2013stylizing, section 6, to derive
+    the desired use of the style from the input.
+    """
+    levels, shares = np.arange(256.0), np.diff(wanted.lightness, prepend=0.0)
+    mean = (np.diff(own.lightness, prepend=0.0) * levels).sum()
+    given = (shares * levels).sum()
+    direction = float(np.sign(np.clip(given, mean / most, mean * most) - given))
+    if given == 0 or direction == 0:
+        return wanted
+    weights, factors = np.ones(256), 1 + direction * TONE.lean * (levels / 127.5 - 1)
+    for _ in range(TONE.leans):
+        leant = weights * factors
+        leant /= (shares * leant).sum()
+        now = (shares * leant * levels).sum()
+        arrived = now >= mean / most if direction > 0 else now <= mean * most
+        if arrived or (shares * leant**2).sum() * TONE.least_used > 1:
+            break
+        weights = leant
+    return replace(wanted, lightness=np.cumsum(shares * weights))
 
 
 def _limited_curve(own: ToneStatistics, wanted: ToneStatistics, least: float, most: float) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import BadParameter
-from pipeline.frames import Flow, Plane
+from pipeline.frames import Flow
 from pipeline.perception.flow.warp import warp_back
 from pipeline.tensors.field import OrientationField
 from pipeline.tensors.structure import Tensors
@@ -32,15 +32,18 @@ def gradient_tensor(picture: NDArray[np.float32], sigma_px: float) -> Tensors:
     return np.stack([cv2.GaussianBlur(plane, (0, 0), sigma_px) for plane in products])
 
 
-def smooth_over_time(now: Tensors, before: Tensors, flow: Flow | None, trust: Plane | None, memory: float) -> Tensors:
+def smooth_over_time(now: Tensors, before: Tensors, flow: Flow | None, memory: float, faint: float = FAINT) -> Tensors:
     """Smooth tensors over time: exponential mean along the motion, over 1 / (1 - memory) frames.
+
+    The past counts less where edges have gone: the border of an object has a hundred times the energy of the surface
+    that it uncovers, and would determine the directions there for thirty frames.
 
     Args:
         now: float32 (planes, h, w), tensors of this frame.
         before: same shape, the result for the previous frame.
         flow: float32 (h, w, 2), px, from this frame to the previous one; None = nothing moves.
-        trust: float32 (h, w) in 0..1, confidence in the flow; None = 1. Newly visible pixels have 0.
         memory: in [0, 1); 0 uses this frame only.
+        faint: gray levels/px, > 0, see `edge_field`: fainter edges count as none.
 
     Raises:
         BadParameter: `memory` is out of its range.
@@ -50,7 +53,8 @@ def smooth_over_time(now: Tensors, before: Tensors, flow: Flow | None, trust: Pl
             "The memory must be at least 0 and less than 1.", field="memory", value=memory, remedy="Use 0.8."
         )
     advected = before if flow is None else np.stack([warp_back(plane, flow) for plane in before])
-    share = np.float32(memory) if trust is None else np.float32(memory) * trust
+    energy, past = (tensors[0] + tensors[2] + np.float32(faint * faint) for tensors in (now, advected))
+    share = np.float32(memory) * np.minimum(energy / past, 1)
     return np.asarray(now + share * (advected - now), np.float32)
 
 

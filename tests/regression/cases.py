@@ -93,7 +93,7 @@ def _analogy() -> Iterator[Case]:
     yield case("pair", pair)
     yield case("rotation", painting, rotation="on")
     yield case("lab", painting, colours="lab", tone_match="on")
-    yield case("variety", painting, variety_weight=200)
+    yield case("variety", painting, variety_weight=200, variety_limit=2)
     yield case("frames-alone", painting, temporal="off")
     yield case("guides", lambda: {**pair(), "guide_a": list(clips.object_maps()),
                                   "style_guide_a": [clips.painting_objects()]})  # fmt: skip

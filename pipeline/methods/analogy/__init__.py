@@ -144,7 +144,7 @@ class Analogy(Method):
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=3),
-        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=3),
+        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=4),
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0, version=2),
     )
     part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"keyframe_settings": settings_document}
@@ -165,7 +165,7 @@ class Analogy(Method):
         Example("loose", "Broad brush strokes", {"guide_weight": 1.5, "coherence_weight": 60}),
         Example("close", "Close to the scene", {"guide_weight": 10, "coherence_weight": 5}),
         Example("turning", "Strokes that follow shapes", {"rotation": "on"}),
-        Example("varied", "No repetitions", {"variety_weight": 200}),
+        Example("varied", "No repetitions", {"variety_weight": 200, "variety_limit": 2}),
         Example("frames", "Independent frames", {"temporal": "off"}),
     )
 

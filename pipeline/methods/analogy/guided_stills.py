@@ -26,6 +26,8 @@ COHERENCE_FACTOR = 80 / 15
 """Factor of `coherence_weight` for guides that change as fast in the frame as in the style."""
 LEAST_VARIETY = 200.0
 """Minimum of `variety_weight` for the same guides."""
+FREE_USES_FACTOR = 1 / 2
+"""Factor of `variety_limit`."""
 STRETCH_POWER = 1.5
 """Power of the stretch by which coherence and variety are divided."""
 MAX_STRETCH = 16.0
@@ -71,6 +73,7 @@ def guided_still_params(params: AnalogyParams, stretch: float) -> AnalogyParams:
             "texture_weight": params.texture_weight * TEXTURE_FACTOR,
             "coherence_weight": params.coherence_weight * COHERENCE_FACTOR * reduction,
             "variety_weight": max(params.variety_weight, LEAST_VARIETY * reduction),
+            "variety_limit": params.variety_limit * FREE_USES_FACTOR,
             "levels": min(params.levels + FURTHER_LEVELS, MOST_LEVELS),
             "iterations": round(params.iterations * ITERATIONS_FACTOR),
             "search_radius": params.search_radius * (SMOOTH_SEARCH_FACTOR if stretch <= 1 else 1.0),

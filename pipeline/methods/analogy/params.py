@@ -69,12 +69,12 @@ class AnalogyParams(Params):
         "pieces of the style rarer.", "px^2", "Likeness", "r_max",
     )  # fmt: skip
     variety_weight: float = number(
-        0, 0, 5000, "Variety",
+        10, 0, 5000, "Variety",
         "Penalty on the repeated use of one position of the style; 0 = off. Larger values use more of the painting and "
         "repeat less.", "per use", "Likeness", "h_s",
     )  # fmt: skip
     variety_limit: float = number(
-        2, 0, 100, "Free uses",
+        4, 0, 100, "Free uses",
         "Number of uses of a position without penalty, as a multiple of the mean. Larger values permit more "
         "repetition.", "ratio", "Likeness", "h_tau",
     )  # fmt: skip
@@ -101,9 +101,10 @@ class AnalogyParams(Params):
     )  # fmt: skip
     tone_limit: float = number(
         2, 1, 20, "Limit of contrast",
-        "Factor by which matching tones may raise or lower the contrast of the video. Larger values use more tones of "
-        "the painting and turn small differences of lightness into blotches. Contrast is raised less where figures "
-        "would merge with their surroundings; details keep their contrast.", "ratio", "Style",
+        "Factor by which matching tones may raise or lower the contrast of the video, and its root that by which they "
+        "make the video brighter or darker: a night stays dark, as far as the painting has dark tones. Larger values "
+        "use more tones of the painting and turn small differences of lightness into blotches. Contrast is raised less "
+        "where figures would merge with their surroundings; details keep their contrast.", "ratio", "Style",
     )  # fmt: skip
     stroke_scale: float = number(
         1, 0, 8, "Size of strokes",

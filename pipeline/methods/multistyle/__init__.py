@@ -86,7 +86,7 @@ class Multistyle(Method):
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.01, version=2),
         Step("regions", "Find the regions", plan_regions, run_regions, weight=0.0),
         Step("maps", "Map the regions", plan_maps, run_maps, weight=0.0),
-        Step("paint", "Paint", plan_paint, run_paint, version=4),
+        Step("paint", "Paint", plan_paint, run_paint, version=5),
     )
     parts: ClassVar[tuple[LayerPart, ...]] = PARTS
     part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"design": design_document}

@@ -278,9 +278,7 @@ class StrokeAnalyzer:
             now = gradient_tensor(small.astype(np.float32), sigma)
             flow = None if back is None else _downscaled_flow(back, self.small)
             if flow is not None and self.tensors is not None:
-                changed = self.denoiser.changed
-                trust = None if changed is None else _trust(changed, self.small)
-                now = smooth_over_time(now, self.tensors, flow, trust, self.params.edge_memory)
+                now = smooth_over_time(now, self.tensors, flow, self.params.edge_memory, self.faint)
             self.tensors = now
             near = edge_field(now, self.faint)
             wide = np.stack([blurred(plane, sigma * ANALYZER.broad_sigma) for plane in near])
@@ -325,11 +323,6 @@ def _downscaled_flow(flow: Flow, size: tuple[int, int]) -> Flow:
     """The flow on a coarser grid, in px of that grid."""
     scale = np.float32(size[1] / flow.shape[0])
     return np.asarray(cv2.resize(flow, size, interpolation=cv2.INTER_AREA) * scale, np.float32)
-
-
-def _trust(changed: Mask, size: tuple[int, int]) -> Plane:
-    """Confidence in the past, float32 on a coarser grid: 0 where another surface is visible."""
-    return np.asarray(1 - cv2.resize(changed.astype(np.float32), size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _coarse(back: Flow) -> Half:

@@ -45,6 +45,19 @@ def test_distributions_agree_if_the_contrast_is_within_the_limit() -> None:
     assert out[..., 1:].std((0, 1)) == pytest.approx([12, 12], rel=0.1)
 
 
+@pytest.mark.parametrize(("low", "high"), [(30, 90), (190, 250)])
+def test_a_night_stays_dark_and_a_bright_day_bright(low: int, high: int) -> None:
+    scene, painting = guide(low, high), guide(20, 220)
+    own, mean = (low + high) / 2, matched(scene, painting, 2)[..., 0].mean()
+    assert max(mean / own, own / mean) == pytest.approx(2**0.5, abs=0.05)
+
+
+def test_a_night_in_a_bright_painting_uses_a_quarter_of_it() -> None:
+    """The darkest tones alone would repeat: the mean is that of an exponential share of a quarter of the painting."""
+    mean = matched(guide(5, 15), guide(120, 220), 2)[..., 0].mean()
+    assert 130 <= mean <= 145
+
+
 def test_noise_keeps_its_contrast_where_that_of_areas_is_raised() -> None:
     noise = np.random.default_rng(0).integers(-4, 5, (100, 100))
     scene = guide(60, 160)
