@@ -69,6 +69,10 @@ print(json.dumps([reports[-1], field, code, named, labels, frames, "pydantic" in
 """
 
 
+INSTALL = (sys.executable, "-m", "pip", "install", "--no-deps", "--no-compile", "-q")
+"""Python compiles what is imported; to compile all of NumPy takes seconds."""
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
@@ -92,8 +96,7 @@ def _environment(folder: Path, wheel: Path) -> Path:
     """Python of a new environment with the wheel and its dependencies; returns its interpreter."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     (packages,) = (folder / "lib").glob("python*/site-packages")
-    install = [sys.executable, "-m", "pip", "install", "--no-index", "--no-deps", "-q", "--target", str(packages)]
-    subprocess.run([*install, str(wheel)], check=True)
+    subprocess.run([*INSTALL, "--no-index", "--target", str(packages), str(wheel)], check=True)
     for name in _closure("impasto-client") - {"impasto-client"}:
         for file in metadata.distribution(name).files or ():
             if ".." not in file.parts and "__pycache__" not in file.parts:
@@ -136,8 +139,7 @@ def test_it_works_without_numpy(wheel: Path, address: str, tiny_clip: Path, tmp_
 def test_it_works_beside_the_numpy_of_blender(wheel: Path, address: str, tiny_clip: Path, tmp_path: Path) -> None:
     python = _environment(tmp_path / "blender", wheel)
     (packages,) = (tmp_path / "blender" / "lib").glob("python*/site-packages")
-    install = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", str(packages)]
-    subprocess.run([*install, f"numpy=={HOST_NUMPY}"], check=True)
+    subprocess.run([*INSTALL, "--target", str(packages), f"numpy=={HOST_NUMPY}"], check=True)
     assert _run(python, address, tiny_clip, tmp_path / "out.mp4", "numpy")[5] == [HOST_NUMPY, 3]
 
 

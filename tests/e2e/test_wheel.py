@@ -50,8 +50,9 @@ def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("environment")
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     python = folder / "bin" / "python"
-    install = [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-index", "--no-deps", "-q"]
-    subprocess.run([*install, *map(str, wheel.parent.glob("*.whl"))], check=True, env=_environment())
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install"]
+    options = ["--no-index", "--no-deps", "--no-compile", "-q"]  # Python compiles what is imported
+    subprocess.run([*install, *options, *map(str, wheel.parent.glob("*.whl"))], check=True, env=_environment())
     (packages,) = (folder / "lib").glob("python*/site-packages")
     (packages / "dependencies.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
     (packages / "sitecustomize.py").write_text(f"import sys\nfor name in {HIDDEN}:\n    sys.modules[name] = None\n")

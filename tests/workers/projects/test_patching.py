@@ -37,7 +37,7 @@ BOMBS = {
 
 @pytest.mark.parametrize("operations", BOMBS.values(), ids=BOMBS.keys())
 def test_a_patch_that_grows_is_refused_while_it_grows(operations: list[Any]) -> None:
-    began_s = time.perf_counter()
+    began_s = time.thread_time()
     tracemalloc.start()
     try:
         with pytest.raises(ImpastoError) as refused:
@@ -47,13 +47,13 @@ def test_a_patch_that_grows_is_refused_while_it_grows(operations: list[Any]) -> 
         tracemalloc.stop()
     assert peak_bytes < 100 << 20
     assert len(str(refused.value)) < 1000
-    assert time.perf_counter() - began_s < 20, "under tracemalloc, which takes some ten times as long"
+    assert time.thread_time() - began_s < 20, "under tracemalloc, which takes some ten times as long"
 
 
 def test_insertions_at_the_front_of_a_long_array_take_bounded_time() -> None:
-    began_s = time.perf_counter()
+    began_s = time.thread_time()
     assert patched(START, [FRONT] * MAX_OPERATIONS)["ui"]["many"][:2] == [1, 1]  # type: ignore[index, call-overload]
-    assert time.perf_counter() - began_s < 5
+    assert time.thread_time() - began_s < 5
 
 
 def test_a_layer_can_be_copied() -> None:
