@@ -36,6 +36,22 @@ test("the layer's parameters change what names no style, within its range", () =
   });
 });
 
+test("film-wide numbers over time change the styles below them", () => {
+  const keys: StyleKey[] = [
+    { region: "rest", frame: 0, set: { value: 0 } },
+    { region: "rest", frame: 10, set: { value: 1 } },
+  ];
+  const film = context(keys, {
+    look: "oil",
+    width: [
+      [0, 1],
+      [10, 3],
+    ],
+  });
+  expect(styles.styleAt(film, "rest", 5)?.values).toEqual({ size: 40, hue: 0, value: 0.5 });
+  expect(styles.keyHere(film, "rest", 5)?.key.set).toEqual({ value: 0.5 });
+});
+
 test("a style of one's own has its base below it", () => {
   const own = { mine: { base: "dots", size: 44, technique: { dry: 0.7 } } };
   expect(styles.styleOf(context([], undefined, { styles: own }), { region: "rest", frame: 0, style: "mine" })).toEqual({
