@@ -227,13 +227,14 @@ class Mark(TypedDict):
 
 class Overlay(TypedDict):
     """A picture that the studio can draw over the stage. Attributes: kind: `mask` = a veil over what is black in it,
-    `labels` = a colour for each label of a label map, and a lane of the labels' uncertainty below the filmstrip.
-    title: of the switch that shows it. preview: kind of the preview that computes it. after: parts of the layer
-    on which it depends, so that a change of them makes it old. artefact: optional artefact with the label maps of
-    a finished film, `<frame of six digits>.png`; empty: none. uncertainty: optional artefact with the uncertainty
-    of its labels, JSON: frame -> label -> 0..1; empty: none."""
+    `marks` = marks where the film has them (`Method.move_marks`), `labels` = a colour for each label of a label
+    map, and a lane of the labels' uncertainty below the filmstrip. title: of the switch that shows it. preview:
+    kind of the preview that computes it. after: parts of the layer on which it depends, so that a change of them
+    makes it old. artefact: optional artefact with the label maps of a finished film, `<frame of six digits>.png`;
+    empty: none. uncertainty: optional artefact with the uncertainty of its labels, JSON: frame -> label -> 0..1;
+    empty: none."""
 
-    kind: Literal["mask", "labels"]
+    kind: Literal["mask", "marks", "labels"]
     title: str
     preview: Literal[
         "paint",

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Page, expect
 
-from tests.e2e.pages import HEIGHT, WIDTH, Watched, until
+from tests.e2e.pages import COLOURS_HAVE_CHANGED, HEIGHT, WIDTH, Watched, until
 from tests.e2e.studio import (
     SOON_MS,
     asset,
@@ -250,6 +250,25 @@ def test_views_stay_while_painting(watched: Watched, service: str, video: str) -
     expect(page.locator(".filmstrip")).to_be_visible()
     saved(page)
     assert len(strokes_of(service, project)["strokes"]) == 4
+
+
+def test_strokes_of_the_list_are_seen_in_light_and_dark(watched: Watched, service: str, video: str) -> None:
+    page = watched.page
+    open_project(page, service, video, "analogy")
+    page.emulate_media(color_scheme="light")
+    page.get_by_role("button", name="Brush", exact=True).click()
+    page.get_by_role("button", name="Brush:").click()
+    strokes = page.locator(".brush-preview").first
+    expect(strokes).to_be_visible()
+    levels = {}
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        page.evaluate(COLOURS_HAVE_CHANGED)
+        shown = cv2.imdecode(np.frombuffer(strokes.screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert shown is not None
+        levels[scheme] = int(shown.min()), int(shown.max())
+    assert all(most - least > 120 for least, most in levels.values()), levels
+    page.emulate_media(color_scheme="light")
 
 
 def test_own_brushes_and_a_reference(watched: Watched, service: str, video: str, tmp_path: Path) -> None:

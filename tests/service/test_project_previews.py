@@ -212,6 +212,24 @@ def test_a_painted_keyframe_affects_neighbouring_frames(
     assert all({tuple(pixel) for pixel in colours.reshape(-1, 3).tolist()} <= palette for colours in shown.values())
 
 
+def test_a_key_under_the_pen_has_its_own_mask_also_while_the_document_has_an_older_one(
+    client: TestClient, at: str, clip: str, red_key: NDArray[np.uint8]
+) -> None:
+    cut = np.dstack([red_key, np.zeros((64, 96), np.uint8)])
+    cut[:, :48, 3] = 255
+    cut[:, 48:, :3] = 0  # transparent pixels of a page are black
+    document = _document(clip, layer("analogy", params={"levels": 2, "iterations": 2}, keys=[
+        {"frame": 6, "image": "key", "mask": "white"}]))  # fmt: skip
+    for name, value in (("key", red_key), ("white", np.full((64, 96), 255, np.uint8))):
+        files = {"file": (f"{name}.png", cv2.imencode(".png", value)[1].tobytes())}
+        document["assets"][name] = {"id": client.post("/v1/assets", files=files).json()["id"]}
+    image = base64.b64encode(cv2.imencode(".png", cut)[1].tobytes()).decode()
+    found = _ask(client, f"{at}/propagate", key=6, around=1, image=image, max_side_px=96, document=document)
+    shown = {header["frame"]: picture(payload) for header, payload in found[1:-1]}
+    plain = picture(_ask(client, f"{at}/source", frame=6, max_side_px=96)[1][1])
+    assert np.array_equal(shown[6][:, :48], red_key[:, :48]) and np.array_equal(shown[6][:, 48:], plain[:, 48:])
+
+
 def test_a_second_edit_recomputes_only_the_changed_region(
     red_key: NDArray[np.uint8], propagation: Ask, searched: list[int]
 ) -> None:

@@ -91,9 +91,11 @@ def _key_image(
         return None
     frame = context.frames.frame(layer.video, key, side_px)
     size = (frame.shape[1], frame.shape[0])
+    drawing = context.frames.image(source, "image")
     mask = layer.images.get(method(layer.method).keys_input("mask"), {}).get(key)
-    shown = None if mask is None else context.frames.image(mask, "inputs")
-    return resized_key(context.frames.image(source, "image"), shown, size)
+    if isinstance(source, bytes) and drawing.ndim == 3 and drawing.shape[2] == 4:
+        mask = None  # the present key has its present mask; the document's may be older
+    return resized_key(drawing, None if mask is None else context.frames.image(mask, "inputs"), size)
 
 
 def resized_key(drawing: AnyArray, mask: AnyArray | None, size: tuple[int, int]) -> NDArray[np.uint8]:

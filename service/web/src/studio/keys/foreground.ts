@@ -18,6 +18,7 @@ const AHEAD = 6;
 const VEIL_ALPHA = 0.6;
 /** Of marks. */
 const MARKS_ALPHA = 0.45;
+const SEAM = "#d8401f";
 /** Longest side of the frames in which they are moved, px. */
 const MARKS_SIDE_PX = 512;
 
@@ -61,6 +62,7 @@ export class Foreground {
     }
     if (wanted && !untracked(() => this.veils.value.has(frame)))
       this.timer = window.setTimeout(() => this.load(frame, overlay, store.document.peek()), REST_MS);
+    untracked(this.redraw); // it may have been switched on or off
   }
 
   private async load(frame: number, overlay: Overlay, document: ProjectDocument): Promise<void> {
@@ -99,10 +101,13 @@ export class Foreground {
   }
 }
 
-/** Marks through which the frame is seen. */
+/** Marks through which the frame is seen, with a red seam: white ones are invisible on a bright frame otherwise. */
 function thinned(marks: ImageBitmap): Veil {
   const [canvas, context] = createCanvas(marks);
-  context.globalAlpha = MARKS_ALPHA;
+  Object.assign(context, { shadowColor: SEAM, shadowBlur: marks.width / 128 });
+  context.drawImage(marks, 0, 0);
+  Object.assign(context, { shadowColor: "transparent", globalCompositeOperation: "destination-out" });
+  context.globalAlpha = 1 - MARKS_ALPHA;
   context.drawImage(marks, 0, 0);
   return canvas;
 }

@@ -6,7 +6,6 @@ import { notify } from "../../ui/notices";
 import { Slider } from "../../ui/slider";
 import { brushesOf } from "../drawing/brush-files";
 import { ALL_BRUSHES, type BrushPreset } from "../drawing/brushes";
-import { createCanvas } from "../drawing/canvas";
 import { drawStroke } from "../drawing/stroke-drawing";
 import { PaintBuffers } from "../drawing/stroke-mask";
 import type { Sample } from "../drawing/strokes";
@@ -94,7 +93,7 @@ export function chooseBrush(store: Store, { name, tip, size, opacity }: BrushPre
   }
 }
 
-/** A stroke of the brush, with growing and falling pressure. */
+/** A stroke of the brush in black, with growing and falling pressure. */
 function StrokePreview({ preset }: { preset: BrushPreset }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   useEffect(() => {
@@ -104,7 +103,6 @@ function StrokePreview({ preset }: { preset: BrushPreset }) {
     const ratio = Math.min(2, devicePixelRatio || 1);
     const size = { width: WIDTH * ratio, height: HEIGHT * ratio };
     Object.assign(element, size);
-    const [drawn, own] = createCanvas(size);
     const color = "#000000";
     const width = Math.min(SIZE, Math.max(4, preset.size / 2.4)) * ratio;
     const stroke = {
@@ -115,11 +113,7 @@ function StrokePreview({ preset }: { preset: BrushPreset }) {
       samples: wave(ratio),
       seed: 7,
     };
-    drawStroke(own, { ...stroke, ...(preset.tip && { tip: preset.tip }) }, new PaintBuffers(size));
-    own.globalCompositeOperation = "source-in";
-    own.fillStyle = getComputedStyle(element).color;
-    own.fillRect(0, 0, size.width, size.height);
-    context.drawImage(drawn, 0, 0);
+    drawStroke(context, { ...stroke, ...(preset.tip && { tip: preset.tip }) }, new PaintBuffers(size));
   }, [preset]);
   return <canvas ref={canvas} class="brush-preview" />;
 }
