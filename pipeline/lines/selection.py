@@ -59,35 +59,35 @@ class PastLines(NamedTuple):
 
 
 def choose_curves(
-    points: Points, curves: Curves, past: PastLines | None, thinness: Plane, strong: float, shortest_px: float
+    points: Points, curves: Curves, past: PastLines | None, thickness: Plane, strong: float, shortest_px: float
 ) -> Curves:  # fmt: skip
     """The curves that are drawn.
 
     Args:
         points: of all curves.
         past: None = a shot begins.
-        thinness: float32 (h, w), width of the lines, 1 = as everywhere but in small faces.
+        thickness: float32 (h, w), width of the lines, 1 = usual; less in small faces.
         strong: gray levels above the threshold that a curve reaches somewhere, unless it was drawn before on more than
             a quarter of its points.
         shortest_px: smallest length of a curve that is `strong` along all of it; stronger ones may be shorter in
             proportion, and important ones, down to `SELECTION.least_length`.
     """
-    shape = thinness.shape
+    shape = thickness.shape
     if past is None:
         past = PastLines(np.zeros(shape, np.uint8), np.zeros((*shape, 2), np.float32))
     side = max(round(shortest_px), 1)
     drawn = np.zeros(len(curves.starts) - 1, np.bool_)
     _choose(points, curves, past, _texture(points, curves, shape, side), side, strong, 2 * strong * shortest_px, drawn)
-    drawn &= _lengths(points, curves, thinness) >= SELECTION.least_length * shortest_px
+    drawn &= _lengths(points, curves, thickness) >= SELECTION.least_length * shortest_px
     sizes = np.diff(curves.starts)
     starts = np.concatenate([[0], np.cumsum(sizes[drawn])]).astype(np.int32)
     return Curves(curves.order[np.repeat(drawn, sizes)], starts)
 
 
-def _lengths(points: Points, curves: Curves, thinness: Plane) -> NDArray[np.float64]:
+def _lengths(points: Points, curves: Curves, thickness: Plane) -> NDArray[np.float64]:
     """Lengths of the curves, px, longer in proportion where lines are thinner: float64 (curves,)."""
     own = points[curves.order]
-    steps = 1 / thinness[np.rint(own["y"]).astype(int), np.rint(own["x"]).astype(int)].astype(np.float64)
+    steps = 1 / thickness[np.rint(own["y"]).astype(int), np.rint(own["x"]).astype(int)].astype(np.float64)
     return np.diff(np.concatenate([[0.0], np.cumsum(steps)])[curves.starts])
 
 

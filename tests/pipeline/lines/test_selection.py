@@ -23,12 +23,12 @@ def rows(*spans: tuple[int, int, int], excess: float = 2.0, importance: float = 
 
 
 def drawn(
-    given: tuple[Points, Curves], opacity: np.ndarray | None = None, moved: float = 0.0, thinness: float = 1.0
+    given: tuple[Points, Curves], opacity: np.ndarray | None = None, moved: float = 0.0, thickness: float = 1.0
 ) -> int:  # fmt: skip
     flow = np.zeros((*SHAPE, 2), np.float32)
     flow[..., 1] = moved
     past = None if opacity is None else PastLines(opacity, flow)
-    return len(choose_curves(*given, past, np.full(SHAPE, thinness, np.float32), 1.0, 12.0).starts) - 1
+    return len(choose_curves(*given, past, np.full(SHAPE, thickness, np.float32), 1.0, 12.0).starts) - 1
 
 
 def test_a_short_curve_is_drawn_if_it_is_strong() -> None:
@@ -44,7 +44,7 @@ def test_a_short_curve_is_drawn_where_importance_is_high() -> None:
 @pytest.mark.parametrize("importance", [0.0, 1.0])
 def test_a_spot_is_not_drawn_however_strong_it_is_unless_lines_are_thin_there(importance: float) -> None:
     spot = rows((40, 10, 15), excess=40.0, importance=importance)
-    assert drawn(spot) == 0 and drawn(spot, thinness=0.7) == 1
+    assert drawn(spot) == 0 and drawn(spot, thickness=0.7) == 1
 
 
 @pytest.mark.parametrize(("moved", "stays"), [(4.0, 1), (0.0, 0)])
