@@ -223,7 +223,7 @@ def stage(http: httpx.Client, at: str, frame: int, side_px: int) -> Picture:
     return picture(shown[-1][1])
 
 
-def differences(http: httpx.Client, case: Case, size: tuple[int, int], count: int) -> dict[int, float]:
+def differences(http: httpx.Client, case: Case, size: tuple[int, int], count: int = 20) -> dict[int, float]:
     """Mean difference in levels of `count` random frames of the stage, at `size`, and the film of that size."""
     at = project(http, case, SIZE)
     painted = film(http, at if size == SIZE else project(http, case, size))
@@ -235,7 +235,7 @@ def differences(http: httpx.Client, case: Case, size: tuple[int, int], count: in
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", CASES)
 def test_the_stage_shows_the_frames_of_the_film(http: httpx.Client, name: str) -> None:
-    found = differences(http, CASES[name], SIZE, 10)
+    found = differences(http, CASES[name], SIZE)
     assert max(found.values()) <= CASES[name].most, json.dumps(found)
 
 
