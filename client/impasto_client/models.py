@@ -249,6 +249,7 @@ class Overlay(TypedDict):
         "clusters",
         "spread",
         "object",
+        "matte",
     ]
     after: list[str]
     artefact: str
@@ -356,6 +357,7 @@ class Method(TypedDict):
             "clusters",
             "spread",
             "object",
+            "matte",
         ]
     ]
     studio: Studio

@@ -267,7 +267,7 @@ class Method:
 
     def preview_kinds(self) -> tuple[PreviewKind, ...]:
         """Kinds of previews that the service makes of layers of the method."""
-        found: list[PreviewKind] = ["paint", "source", "styles", "cuts", "flicker"]
+        found: list[PreviewKind] = ["paint", "source", "styles", "cuts", "flicker", "matte"]
         if self.keys_input():
             found += ["keys", "propagate"]
         if self.regions_artefact:
@@ -276,6 +276,8 @@ class Method:
             found += ["directions"]
         if self.clusters_step:
             found += ["clusters", "spread"]
+        if type(self).move_marks is not Method.move_marks:
+            found += ["spread"]
         if "object" in self.studio.tools:
             found += ["object"]
         return tuple(found)

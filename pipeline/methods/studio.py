@@ -12,7 +12,7 @@ Tool = Literal["brush", "eraser", "smudge", "fill", "picker", "object", "label",
 ]  # fmt: skip
 PreviewKind = Literal[
     "paint", "source", "styles", "cuts", "flicker", "keys", "propagate", "regions", "directions", "clusters", "spread",
-    "object",
+    "object", "matte",
 ]  # fmt: skip
 """Last part of the path of a request for previews."""
 

@@ -17,7 +17,7 @@ def test_a_method_description_contains_everything_for_a_form(client: TestClient)
     assert found["studio"] == {
         "sections": [], "tools": [], "painting": "", "painting_source": "", "cuts": "",
     }  # fmt: skip
-    assert (found["parts"], found["previews"]) == ([], ["paint", "source", "styles", "cuts", "flicker"])
+    assert (found["parts"], found["previews"]) == ([], ["paint", "source", "styles", "cuts", "flicker", "matte"])
     assert found["params_schema"]["properties"]["sigma_px"] == {
         "default": 1.5,
         "maximum": 10,
