@@ -5,8 +5,8 @@ about a minute. It does not notice that a kernel calls a kernel of another file 
 file before that file is written, so that a process may load what an older version of the code left there.
 
 Here compiled code is in the user's cache folder (in NUMBA_CACHE_DIR if that is set), in a folder that is named after
-the text of the kernel's file and of every file that this one imports, directly or indirectly: whoever has the same text
-shares it, and a folder never has code of two versions.
+the text and place of the kernel's file and of every file that this one imports, directly or indirectly: whoever has the
+same files shares it, and a folder never has code of two versions.
 
 Numba has no public interface for this. All that we use of its inside is in this file; a test names what a new version
 of Numba lacks (`tests/pipeline/kernels/test_kernel_cache.py`).
@@ -132,9 +132,13 @@ _IMPORT = re.compile(r"^from (pipeline[\w.]*) import", re.MULTILINE)
 
 @cache
 def stamp_of(file: Path) -> str:
-    """SHA-256, hexadecimal, of the file and of every file of the pipeline that it imports, directly or indirectly."""
+    """SHA-256, hexadecimal, of the file and of every file of the pipeline that it imports, directly or indirectly.
+
+    Their places count, too: compiled code names the modules that it needs, and a moved file is another module.
+    """
     digest = hashlib.sha256()
     for each in sorted(_dependencies(file)):
+        digest.update(os.path.relpath(each, _ROOT).encode())
         digest.update(_text(each))
     return digest.hexdigest()
 

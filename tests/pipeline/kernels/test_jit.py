@@ -119,3 +119,7 @@ def test_the_stamp_of_a_kernel_changes_with_its_callees(tmp_path: Path, monkeypa
     (tmp_path / "pipeline" / "c.py").write_text("x = 2")
     after = stamps()
     assert {name for name in texts if before[name] != after[name]} == {"a", "b", "c"}
+    moved = tmp_path / "pipeline" / "elsewhere" / "d.py"
+    moved.parent.mkdir()
+    moved.write_text(texts["d"])
+    assert kernel_cache.stamp_of(moved) != after["d"], "compiled code names the module that it belongs to"
