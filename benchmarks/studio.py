@@ -1,7 +1,7 @@
 """Response times of the studio: real Chromium, real pointer events, a real service on the same machine.
 
     python -m benchmarks.studio                   everything
-    python -m benchmarks.studio drop change pen   some: drop, change, pen, scrub, open
+    python -m benchmarks.studio drop change pen   some: drop, change, pen, ink, scrub, open
 
 Each row shows the median, the 95th percentile (with few repetitions, nearly the maximum) and the goal. Times are
 measured with the page's clock, from the time stamp of the user's event until the picture is decoded; the stage draws it
@@ -146,6 +146,56 @@ def _neighbours(page: Page) -> list[float]:
     return [at - ups[-1] for at in _bitmaps(page, PROXY_PX) if ups and at > ups[-1]]
 
 
+INKED = """() => {
+  window.inked = [];
+  let oldest = 0;
+  const channel = new MessageChannel();
+  channel.port1.onmessage = () => {
+    inked.push(performance.now() - oldest);
+    oldest = 0;
+  };
+  addEventListener("pointermove", (event) => {
+    if (!event.buttons || oldest) return;
+    oldest = (event.getCoalescedEvents()[0] ?? event).timeStamp;
+    requestAnimationFrame(() => channel.port2.postMessage(0));
+  }, true);
+}"""
+"""Records, for each frame in which the pen has moved, ms from the oldest event to the end of the frame's drawing."""
+
+
+def ink(browser: Browser, address: str, folder: Path) -> list[Row]:
+    """Time from a movement of the pen until the page has drawn it, at 1080p with a textured brush, 120 events a second.
+    The screen shows it at its next refresh, which is not counted."""
+    video = studio.upload(address, "ink.mp4", studio.written(folder / "ink.mp4", FULL_HD, 24).read_bytes())
+    with studio.opened(browser) as page:
+        page.goto(studio.project(address, video, "analogy"))
+        page.locator(".stage-canvas[data-frame]").wait_for()
+        page.get_by_role("button", name="Brush", exact=True).click()
+        page.get_by_role("button", name="Brush:").click()
+        page.get_by_role("list", name="Brushes").get_by_role("button", name="Pastel", exact=True).click()
+        page.get_by_role("button", name="Close the drawing panel").click()
+        page.get_by_label("Brush size").fill("48")
+        page.wait_for_timeout(3000)
+        page.evaluate(INKED)
+        studio.clear(page)
+        pen_down = page.context.new_cdp_session(page)
+        for number in range(STROKES // 3):
+            for step in range(90):
+                x, y = studio.on_stage(
+                    page, FULL_HD, 0.1 + 0.8 * step / 90, 0.1 + 0.08 * number + 0.02 * np.sin(step / 5)
+                )
+                kind = "mouseMoved" if step else "mousePressed"
+                event = {"type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "pointerType": "pen"}
+                pen_down.send("Input.dispatchMouseEvent", event | {"force": 0.3 + 0.6 * step / 90})
+                page.wait_for_timeout(1000 / 120)
+            pen_down.send("Input.dispatchMouseEvent", event | {"type": "mouseReleased", "force": 0})
+            page.wait_for_timeout(1500)
+        shown = page.evaluate("inked")
+        tasks = [duration for _, duration in studio.probed(page, "tasks")]
+    return [Row("Pen event to drawn pixels: 1080p, pastel of 48 px", shown, "ms", "95 %: 20 ms"),
+            Row("Tasks of more than 50 ms meanwhile", tasks, "ms", "none")]  # fmt: skip
+
+
 def scrub(browser: Browser, address: str, folder: Path) -> list[Row]:
     """Frames drawn per second while the playhead is dragged over 720p video at 24 frames a second, both ways."""
     frames = 240
@@ -220,7 +270,7 @@ def _all_opened(browser: Browser, place: str) -> float:
         return most
 
 
-PARTS = {"drop": drop, "change": change, "pen": pen, "scrub": scrub, "open": open_}
+PARTS = {"drop": drop, "change": change, "pen": pen, "ink": ink, "scrub": scrub, "open": open_}
 
 
 def main(names: Sequence[str] = ()) -> None:
