@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -49,4 +50,4 @@ def test_a_failed_audit_is_reported(audit: ModuleType, out: str, complaint: str)
 
 def test_ci_runs_the_audit() -> None:
     assert ".ci/audit.py" in (ROOT / ".ci" / "run").read_text() + (ROOT / "Makefile").read_text()
-    assert "make audit" in (ROOT / ".ci" / "run").read_text()
+    assert re.search(r"^make .*\baudit\b", (ROOT / ".ci" / "run").read_text(), re.MULTILINE)
