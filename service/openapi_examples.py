@@ -120,6 +120,7 @@ EXAMPLES: dict[str, tuple[Json, ...]] = {
     "ClustersIn": ({"shot": "main", "layer": "l1"},),
     "CutsIn": ({"shot": "main", "layer": "l1"},),
     "ObjectIn": (_SHOT | {"frame": 12, "box": [0.2, 0.1, 0.6, 0.9]},),
+    "MatteIn": ({"shot": "main", "marks": [{"frame": 12, "box": [0.2, 0.1, 0.6, 0.9]}]},),
     "SpreadIn": (_SHOT | {"around": 6},),
     "PropagateIn": ({"shot": "main", "key": 12, "around": 3},),
     "StylesIn": (_SHOT | {"cards": [{"id": "soft", "set": {"params": _PARAMS}}]},),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import json
+import threading
 import time
 from pathlib import Path
 
@@ -258,8 +259,13 @@ def test_a_watched_folder_paints_what_arrives(home: Path, tmp_path: Path, monkey
     monkeypatch.setattr("impasto.cli.batch._here", lambda plan, options: painter(plan))
     monkeypatch.setattr("impasto.cli.batch.POLL_S", 0.0)
 
-    def wait(_seconds: float) -> None:
+    sleep, here = time.sleep, threading.current_thread()
+
+    def wait(seconds: float) -> None:
         nonlocal looks
+        if threading.current_thread() is not here:
+            sleep(seconds)
+            return
         looks += 1
         if looks == 2:
             film(arriving / "two.mp4")
