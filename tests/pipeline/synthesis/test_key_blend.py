@@ -56,6 +56,13 @@ def test_a_blend_has_the_weighted_mean_and_the_contrast_of_the_keyframes(weight:
     assert blend.std() == pytest.approx(before.colours.astype(float).std(), rel=0.05)
 
 
+def test_keyframes_that_are_alike_keep_their_contrast() -> None:
+    painting = textured(120, 1)
+    darker = (0.8 * painting).astype(np.uint8)
+    blend = contrast_preserving_blend(KeyColours(painting, ALL, 0.5), KeyColours(darker, ALL, 0.5))
+    np.testing.assert_allclose(blend, 0.9 * painting, atol=1)
+
+
 def test_where_one_keyframe_is_hidden_the_colours_are_those_of_the_other() -> None:
     before, after = keys()
     left = np.zeros(SIZE, np.bool_)
