@@ -195,10 +195,14 @@ def keyframes() -> None:
     from benchmarks.analogy_claims import shaded_keys
 
     source, images = shaded_keys()
-    out = render(Memory(AnalogyParams(), {"video": source}, numbered={"keyframes": images}))
+    rows = [
+        render(Memory(AnalogyParams(key_blend=blend), {"video": source}, numbered={"keyframes": images}))
+        for blend in (0, 1)
+    ]
     chosen = (0, 3, 5, 7, 10)
-    tiles = [row[k] for row in (source, out) for k in chosen]
-    put("keyframes", tiles, [""] * 5 + ["key"] + [f"frame {k}" for k in chosen[1:-1]] + ["key"], 5)
+    tiles = [row[k] for row in (source, *rows) for k in chosen]
+    names = [[f"{name}, {place}" for place in ("key", "frame 3", "frame 5", "frame 7", "key")] for name in ("0", "1")]
+    put("keyframes", tiles, [""] * 5 + names[0] + names[1], 5)
 
 
 def overpaint() -> None:

@@ -252,8 +252,8 @@ class AnalogyParams(Params):
     key_blend: float = varying(
         0, 0, 1, "Blend of keys",
         "Share to which the colours of frames between two keyframes are adjusted to a blend of both, while their "
-        "texture stays. Larger values change colours more smoothly where the keyframes differ; above 0, the result has "
-        "colours that the keyframes do not have.", "ratio", "Keyframes",
+        "texture stays. 1 is right where the keyframes differ in colour or light: with 0, patches of one stand in the "
+        "other half-way. Above 0, the result has colours that the keyframes do not have.", "ratio", "Keyframes",
     )  # fmt: skip
     key_iterations: int = Field(
         1, ge=1, le=20, title="Iterations between keys",
