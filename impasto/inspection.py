@@ -1,4 +1,4 @@
-"""What a sequence or video holds, and what each method would use of it."""
+"""Inspection of a sequence or video: its size, layers and passes, and the passes that each method would use."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Report = dict[str, Any]
 def inspect(
     path: str | Path, sequence: SequenceOptions = USUAL, extracted: dict[str, Path] | None = None
 ) -> Report:  # fmt: skip
-    """What a video, a folder, a zip or a pattern of images holds.
+    """Inspect a video, a folder, a zip or a pattern of images.
 
     Args:
         sequence: how images are read.

@@ -23,7 +23,8 @@ HELP = (
 
 @dataclass(frozen=True)
 class SourceFacts:
-    """What a range refers to: length, frame rate, timecode of the first frame ("": none), and numbers of images."""
+    """The clip that a range selects from: length, frame rate, timecode of the first frame ("": none), and numbers of
+    images."""
 
     frames: int
     fps: float
@@ -44,7 +45,7 @@ class Span:
         kind: "count" (from 0), "number" (numbers of images), "seconds" (timecode as seconds of time: what cuts have),
             or "label".
         labels: timecodes of first and end, if they are text.
-        starts_s: time of the source's first frame on the scale of "seconds", if the cut says so.
+        starts_s: time of the source's first frame, seconds, on the clock that ranges in seconds use; from the cut.
     """
 
     first: Fraction = Fraction(0)

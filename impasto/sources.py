@@ -1,4 +1,4 @@
-"""What `impasto.render` reads: files, image sequences and arrays, frame by frame, and what is said about them."""
+"""Inputs of `impasto.render`, read frame by frame: files, image sequences and arrays; and the warnings about them."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Png(PillowFormat):
     carries = Carries(alpha=True, depth_bits=16, animation=True)
 
     def read(self, data: bytes, limits: Limits, name: str, choice: Choice = Choice()) -> AnyArray:
-        """As `PillowFormat.read`, which reduces colours of 16 bits to 8; with `choice.deep` they are uint16, unless a
+        """Like `PillowFormat.read`, which reduces colours of 16 bits to 8; with `choice.deep` they are uint16, unless a
         profile must be applied to them."""
         if not choice.deep or (data[_BIT_DEPTH], data[_COLOUR_TYPE] & ~_ALPHA) != (16, _RGB) or b"iCCP" in data[:4096]:
             return super().read(data, limits, name, choice)

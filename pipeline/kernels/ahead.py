@@ -31,7 +31,7 @@ def helpers(count: int, name: str) -> Iterator[ThreadPoolExecutor | None]:
 def ahead(
     make: Callable[[T], Made], items: Iterable[T], threads: int, name: str, most: int | None = None
 ) -> Iterator[Iterator[Made]]:
-    """What `make` returns for each item, in order: made by threads ahead of the caller, or by the caller on a machine
+    """Results of `make` for each item, in order. Threads make them ahead of the caller, or the caller on a machine
     with few processors. The items are read by the caller. The end of the context waits for the threads.
 
     Args:

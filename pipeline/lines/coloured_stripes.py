@@ -25,7 +25,7 @@ class StripeParams(NamedTuple):
     chroma: tuple[float, float] = (22.0, 34.0)
     """Chroma of the stripe, CIELAB units."""
     lightness: tuple[float, float] = (80.0, 120.0)
-    """Its lightness, 0..255: dark stripes stay lines."""
+    """Lightness of the stripe, 0..255: dark stripes stay lines."""
     hue_distance: tuple[float, float] = (12.0, 24.0)
     """Distance, in a and b, of its colour from the more similar one of its two sides, CIELAB units."""
     reach: np.float32 = np.float32(3.5)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -64,31 +65,41 @@ def follow_marks(marks: Sequence[ObjectMark], frames: tuple[int, int], read: Rea
     """
     earlier: list[int] = []
     mask: Mask | None = None
-    before: Frame | None = None
+    before: _Reduced | None = None
     for number, frame in enumerate(read(*frames), frames[0]):
-        if before is not None and is_cut(thumbnail(before), thumbnail(frame)):
-            yield from _nothing(earlier, before)
+        now = _Reduced(frame.shape[:2], thumbnail(frame), _small(frame))
+        if before is not None and is_cut(before.thumbnail, now.thumbnail):
+            yield from _nothing(earlier, before.full_size)
             earlier, mask = [], None
-        small = _small(frame)
         own = [mark for mark in marks if mark.frame == number]
         if mask is None and not own:
             earlier.append(number)
         else:
-            moved = np.zeros(small.shape[:2], bool)
+            moved = np.zeros(now.small.shape[:2], bool)
             if mask is not None and before is not None:
-                moved = _carried(mask, _small(before), small)
-            mask = _marked(small, moved, own)
+                moved = _carried(mask, before.small, now.small)
+            mask = _marked(now.small, moved, own)
             yield number, _matte(mask, frame)
             yield from _backwards(mask, frame, earlier, read)
             earlier = []
-        before = frame
-    yield from _nothing(earlier, before)
+        before = now
+    if before is not None:
+        yield from _nothing(earlier, before.full_size)
 
 
-def _nothing(numbers: Sequence[int], like: Frame | None) -> Iterator[tuple[int, Plane]]:
-    """Mattes of 0, of a frame's size."""
-    if like is not None:
-        yield from ((number, np.zeros(like.shape[:2], np.float32)) for number in numbers)
+class _Reduced(NamedTuple):
+    """What the next frame needs of a frame."""
+
+    full_size: tuple[int, ...]
+    """Height and width of the frame, px."""
+    thumbnail: Plane
+    small: Frame
+    """The frame at the size in which an object is followed."""
+
+
+def _nothing(numbers: Sequence[int], size: tuple[int, ...]) -> Iterator[tuple[int, Plane]]:
+    """Mattes of 0. `size`: height and width, px."""
+    yield from ((number, np.zeros(size, np.float32)) for number in numbers)
 
 
 def _backwards(mask: Mask, frame: Frame, numbers: Sequence[int], read: Read) -> Iterator[tuple[int, Plane]]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the buttons do."""
+"""Operators: the actions of the buttons in the panel."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ class Paint(bpy.types.Operator):
         return self._end(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """In a script: wait until the frames are painted."""
+        """Called by a script: paint, and return when the frames are painted."""
         try:
             self._begin(context)
         except (ImpastoError, OSError) as error:
@@ -191,7 +191,7 @@ class Cancel(bpy.types.Operator):
 
 
 def rendered_folder(scene: bpy.types.Scene) -> Path:
-    """Where the frames are: the user's folder, or the one into which `RenderFrames` renders."""
+    """The folder of the frames: the user's, or the one into which `RenderFrames` renders."""
     chosen = scene.impasto
     if chosen.frames_from == "FOLDER":
         return Path(bpy.path.abspath(chosen.rendered))

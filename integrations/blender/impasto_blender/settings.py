@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user chooses: in the preferences the service, in the scene the rest (saved in the .blend file)."""
+"""Settings of the user. The service is in the preferences; the rest is in the scene, and saved in the .blend file."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _DIGITS = re.compile(r"(\d+)(?=\.[^.]+$)")
 
 @dataclass(frozen=True)
 class Order:
-    """What to paint, and where.
+    """One job: the frames, the method with its parameters, and the folder of the result.
 
     Attributes:
         frames: rendered pictures, in order; their names end in the frame number.

@@ -18,7 +18,8 @@ MOST_PIXELS = 2_000_000_000
 
 
 def matte(context: PreviewContext) -> Iterator[Record]:
-    """A `mask` record of each wanted frame of the video, at its size: white = the objects; not in their order."""
+    """A `mask` record for each wanted frame, at the size of the video: white = the objects. Frames before the first
+    mark come after it, backwards."""
     video = context.query.layers[0].video
     info = context.frames.info(video)
     start, end = context.options["frames"] or (0, info.frames)
