@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, Playwright, WebSocket, expect
+from playwright.sync_api import TimeoutError as PlaywrightTimeout
 from websockets.sync.client import connect
 
 from pipeline.methods.multistyle import Multistyle
@@ -222,18 +223,17 @@ def test_method_and_filter_change_during_a_stream(browser: Browser, service: str
 def test_the_view_page_shows_the_painting_alone(browser: Browser, service: str) -> None:
     with visit(browser, service) as (watched, _talk):
         start(watched.page)
-        view = browser.new_page()
-        view.goto(f"{service}/live/view#key={KEY}")
-        canvas = view.locator("canvas")
-        expect(canvas).to_be_visible(timeout=SLOW_MS)
-        colours = view.evaluate(
-            """() => { const shown = document.querySelector("canvas"), context = shown.getContext("2d");
-            return new Set(context.getImageData(0, 0, shown.width, shown.height).data).size; }"""
-        )
-        assert colours > 20
-        assert canvas.bounding_box() == {"x": 0, "y": 0, **view.viewport_size}
-        assert view.locator(":is(button, a, input, header):visible").count() == 0
-        view.close()
+        with browser.new_page() as view:
+            view.goto(f"{service}/live/view#key={KEY}")
+            canvas = view.locator("canvas")
+            expect(canvas).to_be_visible(timeout=SLOW_MS)
+            colours = view.evaluate(
+                """() => { const shown = document.querySelector("canvas"), context = shown.getContext("2d");
+                return new Set(context.getImageData(0, 0, shown.width, shown.height).data).size; }"""
+            )
+            assert colours > 20
+            assert canvas.bounding_box() == {"x": 0, "y": 0, **view.viewport_size}
+            assert view.locator(":is(button, a, input, header):visible").count() == 0
 
 
 def test_every_setting_changes_during_a_stream(browser: Browser, service: str, tmp_path: Path) -> None:
@@ -375,6 +375,8 @@ def test_a_recording_has_the_sound_of_the_microphone_by_the_delay_of_the_picture
         watched.check()
 
 
+MOST_DELAY_S = 10
+"""The longest delay of a painted picture, and so of its sound, that a busy machine may cause."""
 NOTE_SOUNDS = """
   window.sounds = [];
   const start = AudioBufferSourceNode.prototype.start;
@@ -392,32 +394,39 @@ def test_viewers_hear_the_sound_with_the_picture(browser: Browser, service: str)
         page.get_by_role("button", name="Viewers hear the sound").click()
         expect(page.get_by_role("button", name="Sound of the microphone")).to_have_attribute("aria-pressed", "true")
         start(page)
-        view = browser.new_page()
-        view.add_init_script(NOTE_SOUNDS)
-        view.goto(f"{service}/live/view#key={KEY}")
-        listen = view.get_by_role("button", name="Hear the sound")
-        listen.click(timeout=SLOW_MS)
-        expect(listen).to_be_hidden()
-        until(view, lambda: len(view.evaluate("window.sounds")) > 120)
-        sounds = view.evaluate("window.sounds")
-        assert max(one["loudest"] for one in sounds) > 0.01, "the fake microphone beeps once a second"
-        assert all(0 < one["ahead"] < 3 for one in sounds)
-        follow = [abs(after["when"] - before["when"] - before["length"]) < 1e-3 for before, after in pairwise(sounds)]
-        assert sum(follow) > 0.9 * len(follow), "packets follow each other without gaps"
-        page.get_by_role("button", name="Viewers hear the sound").click()
-        view.wait_for_timeout(500)
-        known = len(view.evaluate("window.sounds"))
-        view.wait_for_timeout(500)
-        assert len(view.evaluate("window.sounds")) == known
-        view.close()
+        with browser.new_page() as view:
+            view.add_init_script(NOTE_SOUNDS)
+            view.goto(f"{service}/live/view#key={KEY}")
+            listen = view.get_by_role("button", name="Hear the sound")
 
-        silent = browser.new_page()
-        sent: list[str] = []
-        silent.on("websocket", lambda socket: sent.append(socket.url))
-        silent.goto(f"{service}/live/view?silent#key={KEY}")
-        until(silent, lambda: bool(sent))
-        assert "sound" not in sent[0]
-        silent.close()
+            def heard() -> bool:
+                """Chromium may let a page play without a gesture: the button is hidden then, perhaps just now."""
+                if listen.is_visible():
+                    with suppress(PlaywrightTimeout):
+                        listen.click(timeout=1000)
+                return bool(view.evaluate("window.sounds.length > 120"))
+
+            until(view, heard)
+            expect(listen).to_be_hidden()
+            sounds = view.evaluate("window.sounds")
+            assert max(one["loudest"] for one in sounds) > 0.01, "the fake microphone beeps once a second"
+            assert [one["ahead"] for one in sounds if not 0 <= one["ahead"] < MOST_DELAY_S] == []
+            follow = [
+                abs(after["when"] - before["when"] - before["length"]) < 1e-3 for before, after in pairwise(sounds)
+            ]
+            assert sum(follow) > 0.9 * len(follow), "packets follow each other without gaps"
+            page.get_by_role("button", name="Viewers hear the sound").click()
+            view.wait_for_timeout(500)
+            known = len(view.evaluate("window.sounds"))
+            view.wait_for_timeout(500)
+            assert len(view.evaluate("window.sounds")) == known
+
+        with browser.new_page() as silent:
+            sent: list[str] = []
+            silent.on("websocket", lambda socket: sent.append(socket.url))
+            silent.goto(f"{service}/live/view?silent#key={KEY}")
+            until(silent, lambda: bool(sent))
+            assert "sound" not in sent[0]
         page.get_by_role("button", name="Stop", exact=True).click()
         wait_for_free_worker(service)
         watched.check()
@@ -452,8 +461,8 @@ def small_targets(page: Page) -> list[str]:
 
 
 def test_a_visitor_beyond_the_capacity_waits_for_a_place(browser: Browser, service: str) -> None:
-    with visit(browser, service) as (_, _), visit(browser, service) as (watched, talk):
-        first = browser.contexts[0].pages[0]
+    with visit(browser, service) as (earlier, _), visit(browser, service) as (watched, talk):
+        first = earlier.page
         start(first)
         page = watched.page
         page.get_by_role("button", name="Use the camera").click()

@@ -40,17 +40,19 @@ export class SoundSender {
         this.sequence += 1;
         this.send(packSound(payload, CODEC.numberOfChannels, Math.round(chunk.timestamp), this.sequence));
       },
-      error: (error) => {
-        this.detach();
-        this.on.value = false;
-        this.onfault(fault(error));
-      },
+      error: (error) => this.fail(error),
     });
     encoder.configure(CODEC);
     this.encoder = encoder;
     const reader = new MediaStreamTrackProcessor({ track }).readable.getReader();
     this.reader = reader;
-    this.pump(reader, encoder).catch(() => this.detach());
+    this.pump(reader, encoder).catch((error) => this.fail(error));
+  }
+
+  private fail(error: DOMException): void {
+    this.detach();
+    this.on.value = false;
+    this.onfault(fault(error));
   }
 
   detach(): void {
