@@ -81,10 +81,15 @@ def refine(
 
 
 def colours(style: StyleImage, offsets: Offsets) -> Bytes:
-    """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3), or (h, w, 4) if the style has opacity.
+    """Render offsets: I^(p) = S^(M(p)), uint8 (h, w, 3), or (h, w, 4) if the style has opacity."""
+    return sampled(style.colours, offsets)
+
+
+def sampled(image: Bytes, offsets: Offsets) -> Bytes:
+    """The pixels of an image at rounded offsets, uint8 (h, w) or (h, w, channels).
 
     OpenCV copies the pixels. Numba would be as fast, but a still image would load Numba for this kernel alone.
     """
-    width, height = style.size
+    height, width = image.shape[:2]
     at = np.clip(np.rint(offsets), 0, np.array((width - 1, height - 1), np.float32)).astype(np.int16)
-    return np.asarray(cv2.remap(style.colours, at, None, cv2.INTER_NEAREST), np.uint8)  # type: ignore[call-overload]
+    return np.asarray(cv2.remap(image, at, None, cv2.INTER_NEAREST), np.uint8)  # type: ignore[call-overload]

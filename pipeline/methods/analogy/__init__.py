@@ -144,7 +144,7 @@ class Analogy(Method):
     )  # fmt: skip
     steps: ClassVar[tuple[Step[AnalogyParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=3),
-        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=4),
+        Step("synthesise", "Paint", plan_synthesis, _run_synthesis, version=5),
         Step("composite", "Composite layers", plan_composite, run_composite, weight=0.0, version=2),
     )
     part_documents: ClassVar[Mapping[str, Callable[[Any], JsonValue]]] = {"keyframe_settings": settings_document}

@@ -33,9 +33,9 @@ from pipeline.methods.analogy.synthesizer import STEP, PreviousOffsets, Synthesi
 from pipeline.methods.base import Task, TaskContext, TaskResult
 from pipeline.synthesis.atlas import AtlasImage, downscaled_offsets, relocated
 from pipeline.synthesis.images import NOWHERE, Bytes, Offsets, pack_offsets, unpack_offsets
-from pipeline.synthesis.key_blend import KeyColours, Synthesised, with_blended_colours
+from pipeline.synthesis.key_blend import KeyPicture, Synthesised, with_blended_colours
 from pipeline.synthesis.operations import FrameState
-from pipeline.synthesis.refine import colours
+from pipeline.synthesis.refine import sampled
 from pipeline.synthesis.ribbons import ribbons_to_keys
 from pipeline.synthesis.sweeps import SolvedFrame, Sweep, order
 from pipeline.synthesis.tone_matching import ToneMatch
@@ -142,24 +142,34 @@ class KeyframeSynthesizer(Synthesizer):
         painting, shown, keys = super().painting(index, offsets), self._shown_at(index), self._painted
         last = max((i for i in keys if i < shown), default=None)
         following = min((i for i in keys if i > shown), default=None)
-        key_blend = self.params.at(shown).key_blend
-        if key_blend == 0 or shown in keys or last is None or following is None or not self._coherent:
+        blends = self._coherent and self.params.at(shown).key_blend > 0
+        if not blends or shown in keys or last is None or following is None:
             return painting
-        share = weighted((shown - last) / (following - last), *self.interval.weights)
-        before, after = (
-            KeyColours(
-                np.ascontiguousarray(colours(self.style(0).style, ribbon)[..., :3]), ribbon[..., 0] > NOWHERE, weight
-            )
-            for ribbon, weight in zip(self._ribbons[shown], (1 - share, share), strict=True)
-        )
         with self.context.clock("blend"):
-            opaque = np.ascontiguousarray(painting[..., :3])
-            right, below = (
-                np.ascontiguousarray(colours(self.style(0).style, offsets + np.array(step, np.float32))[..., :3])
-                for step in ((1, 0), (0, 1))
-            )
-            blended = with_blended_colours(Synthesised(opaque, right, below), before, after, key_blend)
-        return np.ascontiguousarray(np.concatenate([blended, painting[..., 3:]], axis=-1))
+            share = weighted((shown - last) / (following - last), *self.interval.weights)
+            opaque = self._blended(shown, np.ascontiguousarray(painting[..., :3]), offsets, share)
+        return np.ascontiguousarray(np.concatenate([opaque, painting[..., 3:]], axis=-1))
+
+    def _blended(self, index: int, opaque: Bytes, offsets: AnyArray, share: float) -> Bytes:
+        """The painted frame `index` without opacity, with the blended colours of the keyframes beside it.
+
+        Args:
+            share: weight of the keyframe after it.
+        """
+        keys = self.interval.keys
+        first = max((key for key in keys if key < index), default=self.interval.start)
+        second = min((key for key in keys if key > index), default=self.interval.stop - 1)
+        time = (index - first) / (second - first)
+        ratios = (1 - share, 1 - time), (share, time)
+        output = np.ascontiguousarray(self.pair.output[..., :3])
+        before, after = (
+            KeyPicture(sampled(output, ribbon), sampled(self.pair.guide, ribbon), ribbon[..., 0] > NOWHERE, *each)
+            for ribbon, each in zip(self._ribbons[index], ratios, strict=True)
+        )
+        right, below = (sampled(output, offsets + np.array(step, np.float32)) for step in ((1, 0), (0, 1)))
+        scene = np.ascontiguousarray(self._frames[0].guides[index][..., :3])
+        frame = Synthesised(opaque, right, below, offsets, scene)
+        return with_blended_colours(frame, before, after, self.params.at(index).key_blend)
 
     def _level(
         self, level: int, coarser: dict[int, SolvedFrame[Any]], output: OrderedOutput | None = None

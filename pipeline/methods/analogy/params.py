@@ -250,10 +250,11 @@ class AnalogyParams(Params):
         "silhouette it is the layer's opacity.", "Keyframes",
     )  # fmt: skip
     key_blend: float = varying(
-        0, 0, 1, "Blend of keys",
+        1, 0, 1, "Blend of keys",
         "Share to which the colours of frames between two keyframes are adjusted to a blend of both, while their "
-        "texture stays. 1 is right where the keyframes differ in colour or light: with 0, patches of one stand in the "
-        "other half-way. Above 0, the result has colours that the keyframes do not have.", "ratio", "Keyframes",
+        "texture stays. Colours are blended where both keyframes show what the frame shows. 0 = every pixel has a "
+        "colour of a keyframe; patches of one stand in the other half-way, if their colours or their light differ.",
+        "ratio", "Keyframes",
     )  # fmt: skip
     key_iterations: int = Field(
         1, ge=1, le=20, title="Iterations between keys",

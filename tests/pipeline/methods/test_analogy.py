@@ -152,10 +152,13 @@ def key(index: int, shift: int) -> Frame:
 
 def test_keyframes_are_reproduced_exactly_and_are_the_only_style() -> None:
     keys = {2: key(2, 1), 7: key(7, 1)}
-    out = rendered({"keyframes": keys}, shot(10))
+    plain, blended = (rendered({"keyframes": keys}, shot(10), **given) for given in ({"key_blend": 0}, {}))
     for index, image in keys.items():
-        np.testing.assert_array_equal(out[index], image)
-    assert palette(out) <= palette(*keys.values())
+        np.testing.assert_array_equal(plain[index], image)
+        np.testing.assert_array_equal(blended[index], image)
+    assert palette(plain) <= palette(*keys.values())
+    np.testing.assert_array_equal(blended[[0, 1, 8, 9]], plain[[0, 1, 8, 9]])
+    assert (blended[3:7] != plain[3:7]).any(), "the default blends between the keyframes"
 
 
 def test_the_default_style_is_painted_only_if_there_is_no_keyframe() -> None:
@@ -172,7 +175,7 @@ def test_blending_two_keyframes_keeps_them_and_makes_the_change_between_them_gra
     still = [shot()[0]] * 9
     first = np.minimum(key(0, 1), 180)
     keys = {0: first, 8: first + 60}
-    plain, blended = (rendered({"keyframes": keys}, still, key_blend=amount) for amount in (0, 1))
+    plain, blended = (rendered({"keyframes": keys}, still, **given) for given in ({"key_blend": 0}, {}))
     for index, image in keys.items():
         np.testing.assert_array_equal(blended[index], image)
     assert palette(plain) <= palette(*keys.values())

@@ -103,7 +103,7 @@ def test_an_unpainted_pixel_keeps_the_keyframe_that_painted_it_last() -> None:
     right = np.where(np.arange(SIZE[0]) >= 48, 255, 0)
     for index, colour in ((6, (40, 200, 40)), (12, (40, 40, 200))):
         keys[index] = with_alpha(np.full((SIZE[1], SIZE[0], 3), colour, np.uint8), right)
-    out = rendered({"keyframes": keys}, still)
+    out = rendered({"keyframes": keys}, still, key_blend=0)
     assert (out[:, :, :44] == (200, 40, 40)).all(-1).mean() > 0.99
     np.testing.assert_array_equal(out[6][:, 48:], keys[6][:, 48:, :3])
     assert (out[10][:, 52:] == (40, 40, 200)).all(-1).mean() > 0.9, "the nearer key is preferred"
@@ -289,7 +289,8 @@ def test_frames_between_keyframes_are_independent_if_asked_for() -> None:
     others = [frames[0], frames[0], frames[1], frames[3], frames[0], frames[5]]
     for value in ("on", "off"):
         out, with_others = (
-            rendered({"keyframes": keys}, given, temporal=value, cut_sensitivity=0) for given in (frames, others)
+            rendered({"keyframes": keys}, given, temporal=value, cut_sensitivity=0, key_blend=0)
+            for given in (frames, others)
         )
         assert np.array_equal(out[3], with_others[3]) == (value == "off")
         assert palette(out) <= palette(*keys.values())

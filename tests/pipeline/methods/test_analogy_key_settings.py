@@ -27,7 +27,9 @@ def flat(colour: tuple[int, int, int]) -> Frame:
 
 
 def film(rows: list[dict[str, Any]], count: int = 12, last: int = 11, **given: Any) -> dict[int, Frame]:
-    """Frames between a red keyframe 0 and a blue keyframe `last`. `given`: parameters and inputs."""
+    """Frames between a red keyframe 0 and a blue keyframe `last`, by default in their colours only. `given`: parameters
+    and inputs."""
+    given = {"key_blend": 0} | given
     inputs: dict[str, Any] = {"keyframes": {0: flat(RED), last: flat(BLUE)}, "keyframe_settings": rows}
     inputs |= {"style_output": [painting()]} if given.pop("styled", False) else {}
     chosen = method("analogy")
