@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from impasto.cli.console import FAILED, describe, emit, out, print_status, progress
+from impasto.cli.option_classes import takes_options
 from impasto.cli.options import (
     HomeOption,
     JsonFlag,
@@ -20,7 +21,6 @@ from impasto.cli.options import (
     ServerOption,
     client_of,
     home_of,
-    takes_options,
 )
 
 if TYPE_CHECKING:

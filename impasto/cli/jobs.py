@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
+from impasto.cli.option_classes import takes_options
 from impasto.cli.options import (
     AlphaOption,
     ColourInOption,
@@ -52,7 +53,6 @@ from impasto.cli.options import (
     passes_of,
     sequence_of,
     source_of,
-    takes_options,
 )
 from pipeline.errors import BadInput
 from pipeline.method_names import DEFAULT

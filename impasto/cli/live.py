@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import emit, err, out, print_status
+from impasto.cli.option_classes import takes_options
 from impasto.cli.options import (
     WHAT,
     WHERE,
@@ -29,7 +30,6 @@ from impasto.cli.options import (
     ServerOption,
     inputs_of,
     params_of,
-    takes_options,
 )
 from pipeline.errors import BadInput
 from pipeline.method_names import DEFAULT, DEFAULT_FILTER

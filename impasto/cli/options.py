@@ -1,15 +1,13 @@
-"""Options that several commands share, the parsing of their values, and commands with a dataclass of options."""
+"""Options that several commands share, the parsing of their values."""
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 import json
 import re
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 
 import typer
 from pydantic import JsonValue
@@ -269,7 +267,6 @@ def client_of(server: str | None, api_key: str | None) -> Client:
 
 
 T = TypeVar("T")
-Options = TypeVar("Options")
 
 
 def params_of(options: Sequence[str]) -> Json:
@@ -368,32 +365,3 @@ def _value(text: str) -> JsonValue:
 
 _KEY = r"\d+:-?\d+(\.\d+)?"
 _KEYS = re.compile(f"{_KEY}(,{_KEY})*")
-
-
-def takes_options(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
-    """Make a function of one dataclass a command: each field becomes an option.
-
-    The command library reads options from a function's signature: this gives the command a signature with a parameter
-    for each field, of the field's name, annotation and default, and calls the function with an instance.
-
-    Args:
-        options: a dataclass. Its annotations are those of a command's parameters (`Annotated[int, typer.Option(...)]`).
-    """
-    hints = get_type_hints(options, include_extras=True)
-    parameters = [_parameter(field, hints[field.name]) for field in dataclasses.fields(options)]  # type: ignore[arg-type]
-
-    def decorate(function: Callable[[Options], None]) -> Callable[..., None]:
-        def command(**values: object) -> None:
-            function(options(**values))
-
-        command.__name__, command.__doc__, command.__module__ = function.__name__, function.__doc__, function.__module__
-        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        return command
-
-    return decorate
-
-
-def _parameter(field: dataclasses.Field[Any], hint: Any) -> inspect.Parameter:
-    default = inspect.Parameter.empty if field.default is dataclasses.MISSING else field.default
-    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)

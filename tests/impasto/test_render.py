@@ -152,6 +152,24 @@ def test_an_estimate_uses_the_methods_figures_then_earlier_renders(
     assert render(tiny_clip, "-o", out, "--estimate")["samples"] == 0
 
 
+@pytest.mark.parametrize("name", ["", "####.png"])
+def test_an_estimate_of_images_is_that_of_their_frames(render: Here, tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "shot"
+    folder.mkdir()
+    for number in range(3):
+        cv2.imwrite(str(folder / f"{1001 + number}.png"), tiny_frame(number))
+    assert render(folder / name, "--estimate", "--fps", "25")["frames"] == 3
+
+
+def test_a_quality_that_the_profile_does_not_have_is_told(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    words = [tiny_clip, "--frames", "0:2", "-o"]
+    found = render(*words, tmp_path / "out.mov", "--quality", "5")["warnings"]
+    assert "output.quality has no effect: ProRes 422 HQ has one quality." in [one["message"] for one in found]
+    for more in (["other.mov"], ["out.mp4", "--quality", "5"]):
+        words_of = render(*words, tmp_path / more[0], *more[1:])["warnings"]
+        assert not [one for one in words_of if "quality" in one["message"]]
+
+
 def test_an_explanation_names_tasks_critical_path_and_times_without_rendering(
     render: Here, tiny_clip: Path, tmp_path: Path
 ) -> None:
