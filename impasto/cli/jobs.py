@@ -63,6 +63,7 @@ from workers.errors import NotFound
 if TYPE_CHECKING:
     from impasto_client import Client
     from impasto_client.models import Job, JobOptions
+    from pipeline.video.sequence_options import SequenceOptions
 
 
 SUBMIT_EPILOG = """[bold]Examples[/bold]
@@ -126,8 +127,8 @@ def submit(options: SubmitOptions) -> None:
     from impasto.cli.input_files import upload
 
     paths = {"video": options.source, **inputs_of(options.extra or [])}
-    given, more = params_of(options.param or []), _job_options(options)
     sequence = sequence_of(options.missing, options.fps, options.layer, options.view, options.vectors)
+    given, more = params_of(options.param or []), _job_options(options, sequence)
     with client_of(options.server, options.api_key) as client:
         job = client.submit(
             options.method,
@@ -139,11 +140,11 @@ def submit(options: SubmitOptions) -> None:
     _print_submitted(job, options.as_json)
 
 
-def _job_options(options: SubmitOptions) -> JobOptions:
+def _job_options(options: SubmitOptions, sequence: SequenceOptions) -> JobOptions:
     from impasto.cli.input_files import plain
 
     output = {"format": options.output_format, "quality": options.quality, **_encoding(options)}
-    frames = frames_of(options.frames, options.source)
+    frames = frames_of(options.frames, options.source, sequence)
     found = {
         "seed": options.seed,
         "output": output | {"artefacts": options.artefact or [], "report": options.report},

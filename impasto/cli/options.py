@@ -324,8 +324,11 @@ def passes_of(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
 
 
-def frames_of(text: str, source: Path) -> tuple[int, int] | None:
+def frames_of(text: str, source: Path, sequence: SequenceOptions | None = None) -> tuple[int, int] | None:
     """`"10:60"` -> `(10, 60)`, first frame and one past the last; also numbers of images and timecode of `source`.
+
+    Args:
+        sequence: how images are read.
 
     Raises: BadParameter, and for numbers and timecode BadMedia.
     """
@@ -336,7 +339,9 @@ def frames_of(text: str, source: Path) -> tuple[int, int] | None:
         return None
     if span.kind == "count":
         return int(span.first), int(span.end)
-    return span.resolve(facts_of(expanded(source)), "--frames")
+    from pipeline.video.sequence_options import USUAL
+
+    return span.resolve(facts_of(expanded(source), sequence or USUAL), "--frames")
 
 
 def _pairs(options: Sequence[str], flag: str, example: str, read: Callable[[str], T]) -> dict[str, T]:

@@ -337,8 +337,8 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     from workers.contract.request import JobRequest, OutputSpec
 
     output = options.output or str(scratch / "estimate.mp4")
-    where = target(output, form=options.output_format)
-    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source)
+    where, sequence = target(output, form=options.output_format), _sequence(options)
+    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source, sequence)
     spec = OutputSpec(
         where.format, options.quality, tuple(sorted(artefacts)), profile=options.profile, alpha=options.alpha.value,
         colour=options.colour_out, passes=passes_of(options.passes), passes_format=options.passes_format,
@@ -348,7 +348,7 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
         frames=frames, source=source_of(options),
     )  # fmt: skip
     paths = {"video": options.source, **inputs_of(options.extra or [])}
-    order = RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+    order = RenderOrder(request, paths, where, artefacts, options.overwrite, sequence)
     return replace(order, passes_to=passes_target(options.passes_to, order.request.output))
 
 

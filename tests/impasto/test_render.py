@@ -419,3 +419,14 @@ def test_a_repeated_command_resumes_to_the_same_bytes(
     assert render(long_clip, "-o", out)["frames"] == LONG_FRAMES
     assert "Resuming at" in render.err
     assert out.read_bytes() == whole
+
+
+@pytest.mark.parametrize("frames", ["#1002-#1005", "1:5"])
+def test_a_range_of_images_counts_with_the_options_of_their_sequence(
+    render: Here, tmp_path: Path, frames: str
+) -> None:
+    (tmp_path / "shot").mkdir()
+    for number in (1001, 1002, 1004, 1005, 1006):
+        cv2.imwrite(str(tmp_path / "shot" / f"{number}.png"), tiny_frame(number - 1001))
+    render(tmp_path / "shot", "-o", f"{tmp_path}/out/", "--missing", "hold", "--frames", frames)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [f"{n}.png" for n in range(1002, 1006)]
