@@ -32,6 +32,7 @@ from impasto.cli.options import (
     MethodOption,
     MissingOption,
     OpacityChoice,
+    OverwriteFlag,
     ParamOption,
     PassesFormatOption,
     PassesOption,
@@ -247,12 +248,13 @@ def get(
     job: JobArgument,
     output: Annotated[str, typer.Option("--output", "-o", metavar="OUT", help="A file, or a folder: DIR/.")],
     file: Annotated[str, typer.Option(help="result, poster, sheet, preview, or an artefact.")] = "result",
+    overwrite: OverwriteFlag = False,
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Download a job's result. OUT appears whole or not at all; a broken download is resumed."""
-    from impasto.delivery import OutputTarget, deliver, target
+    from impasto.delivery import OutputTarget, check_new, deliver, target
 
     with client_of(server, api_key) as client:
         job_id = find_id(client, job)
@@ -260,6 +262,7 @@ def get(
             where = target(output, form=client.job(job_id)["request"]["output"]["format"])
         else:
             where = OutputTarget(Path(output).expanduser().absolute(), "", "file")
+        check_new(where.path, overwrite)
         with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
             deliver(client.download(job_id, Path(scratch) / "file", file), where)
     if as_json:

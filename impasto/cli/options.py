@@ -246,6 +246,7 @@ ServerOption = Annotated[
     ),
 ]
 KeyOption = Annotated[str | None, typer.Option(help="API key; default: IMPASTO_API_KEY.", rich_help_panel=WHERE)]
+OverwriteFlag = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on the last line of stdout.")]
 

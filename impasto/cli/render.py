@@ -31,6 +31,7 @@ from impasto.cli.options import (
     MethodOption,
     MissingOption,
     OpacityChoice,
+    OverwriteFlag,
     ParamOption,
     PassesFormatOption,
     PassesOption,
@@ -171,7 +172,7 @@ class RenderOptions:
     layer: LayerOption = None
     view: ViewOption = None
     vectors: VectorsOption = None
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
+    overwrite: OverwriteFlag = False
     workers: Annotated[
         int | None,
         typer.Option(min=1, max=256, help="Simultaneous tasks; default: as many as fit. The result is the same."),
