@@ -25,7 +25,9 @@ def main() -> None:
     OUTPUT.mkdir(exist_ok=True)
     clip = OUTPUT / "harbour.mp4"
     print(f"Drawing the scene harbour: {FRAMES} frames of {SIZE}")
-    if command(["scene", "harbour", "-o", str(clip), "--frames", str(FRAMES), "--size", SIZE, "--quiet"]):
+    if command(
+        ["scene", "harbour", "-o", str(clip), "--frames", str(FRAMES), "--size", SIZE, "--quiet", "--overwrite"]
+    ):
         sys.exit(1)
     with tempfile.TemporaryDirectory(prefix="impasto-demo-") as home, service(Path(home)) as impasto:
         paint(impasto, clip)

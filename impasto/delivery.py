@@ -149,6 +149,13 @@ def same_file(one: Path, other: Path) -> bool:
     return one.resolve() == other.resolve() or (one.exists() and other.exists() and one.samefile(other))
 
 
+def check_new(path: Path, overwrite: bool, field: str = "--output") -> None:
+    """Raise BadInput if the output exists and may not be replaced; an empty folder is none."""
+    if not overwrite and path.exists() and not (path.is_dir() and not any(path.iterdir())):
+        raise BadInput("The output exists already.", field=field, value=path,
+                       remedy="Add --overwrite to replace it, or name another file.")  # fmt: skip
+
+
 def check_still(where: OutputTarget, frames: int) -> None:
     """Raise BadInput if a video of `frames` frames is to become a single image."""
     if where.kind == "still" and frames != 1:

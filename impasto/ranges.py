@@ -11,6 +11,7 @@ from statistics import median
 from pipeline.errors import BadParameter
 from pipeline.video.passthrough import open_source, timecode_tag
 from pipeline.video.reader import VideoReader
+from pipeline.video.sequence_options import USUAL, SequenceOptions
 from pipeline.video.timecode import frame_of, is_timecode, usual_rate
 
 _COUNTED = re.compile(r"(\d+):(\d+)")
@@ -116,9 +117,9 @@ def span_of(text: str, field: str = "--frames") -> Span | None:
     raise BadParameter("FIRST:END is expected.", field=field, value=text, remedy=f"Write {HELP}.")
 
 
-def facts_of(path: Path) -> SourceFacts:
-    """Facts of a film, or of numbered images. Raises BadMedia."""
-    with VideoReader(path) as reader:
+def facts_of(path: Path, sequence: SequenceOptions = USUAL) -> SourceFacts:
+    """Facts of a film, or of numbered images that are read with these options. Raises BadMedia."""
+    with VideoReader(path, sequence=sequence) as reader:
         frames, fps, numbers = reader.frames, _pace(reader), reader.index.numbers
     source = open_source(path) if path.is_file() else None
     if source is None:

@@ -69,7 +69,7 @@ def _shot(otio: Any, clip: Any, name: str, event: str, cut: Path, media: Media) 
     if available is not None:
         span = Span(span.first, span.end, span.kind, starts_s=_seconds(available.start_time))
     tokens = {"cut": cut.stem, "event": event, "clip": Path(clip.name or source.stem).stem, "reel": reel or "none"}
-    return Shot(name, source, span, tokens, notes=notes)
+    return Shot(name, source, span, tokens, rate=_rate(clip.trimmed_range()), notes=notes)
 
 
 def _span(otio: Any, clip: Any) -> tuple[Span, tuple[str, ...]]:

@@ -54,7 +54,12 @@ class Config(_Table):
     )
     handles: int = Field(default=0, ge=0, le=10_000, description="Frames before and after each shot, painted too.")
     media: list[Path] = Field(default=[], description="Folders that are searched for media, with their folders.")
-    fps: float | None = Field(default=None, gt=0, le=1000, description="Frame rate of an EDL, which names none.")
+    fps: float | None = Field(
+        default=None,
+        gt=0,
+        le=1000,
+        description="Frame rate of an EDL, and of images in a manifest.",
+    )
     look: Look = Look()
     looks: dict[str, dict[str, Any]] = Field(default={}, description="Other looks: what differs from `look`.")
     shots: list[Rule] = []
@@ -120,7 +125,10 @@ def _read(path: Path) -> dict[str, Any]:
 
 def check_names(names: str) -> None:
     """Raise BadParameter unless the names have only known tokens, and the version."""
-    found = [name for _, name, _, _ in string.Formatter().parse(names) if name is not None]
+    parts = [part for part in string.Formatter().parse(names) if part[1] is not None]
+    found = [str(name) for _, name, _, _ in parts]
+    if any(form or conversion for _, _, form, conversion in parts):
+        raise BadParameter("Tokens have no format.", field="names", value=names, remedy="Write {version}, for example.")
     for token in found:
         if token not in TOKENS:
             remedy = did_you_mean(token, TOKENS, "tokens")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from impasto.batch.looks import Look
-from impasto.batch.shots import Media, Shot, unique
+from impasto.batch.shots import Media, Shot, rate_of, unique
 from impasto.ranges import span_of
 from pipeline.errors import BadInput, BadParameter, did_you_mean
 
@@ -18,23 +18,32 @@ _OWN = ("source", "shot", "frames", "look", "handles", "reel")
 _LOOK = tuple(name for name in Look.model_fields if name not in ("params", "inputs"))
 
 
-def manifest_shots(path: Path, media: Media) -> list[Shot]:
+def manifest_shots(path: Path, media: Media, fps: float | None = None) -> list[Shot]:
     """The shots of a manifest. Columns or fields: source, shot, frames, look, handles, reel; of a look: method, seed,
     quality, profile, alpha, on_damage; `params.NAME` and `inputs.NAME` (in JSON also objects `params` and `inputs`).
 
+    Args:
+        fps: frame rate of numbered images.
+
     Raises: BadInput, BadParameter that names the row.
     """
+    rate = None if fps is None else rate_of(fps)
     rows = _csv(path) if path.suffix.lower() == ".csv" else _json(path)
     if not rows:
         raise BadInput("The manifest is empty.", field="manifest", value=path, remedy="Give a row for each shot.")
     found = [_row(row, f"row {number}", path, media) for number, row in enumerate(rows, 1)]
     names = unique([(shot.name, shot.tokens["event"]) for shot in found])
-    return [Shot(**vars(shot) | {"name": name}) for shot, name in zip(found, names, strict=True)]
+    return [Shot(**vars(shot) | {"name": name, "rate": rate}) for shot, name in zip(found, names, strict=True)]
 
 
 def _csv(path: Path) -> list[dict[str, Any]]:
     with path.open(newline="", encoding="utf-8-sig") as file:
-        return [{k: v for k, v in row.items() if v not in ("", None)} for row in csv.DictReader(file)]
+        rows = [{k: v for k, v in row.items() if v not in ("", None)} for row in csv.DictReader(file)]
+    for number, row in enumerate(rows, 1):
+        if None in row:
+            raise BadParameter("The row has more cells than the heading.", field=f"row {number}", value=row[None],
+                               remedy='Quote cells that contain commas: "a, b".')  # fmt: skip
+    return rows
 
 
 def _json(path: Path) -> list[dict[str, Any]]:
@@ -59,6 +68,8 @@ def _row(row: Mapping[str, Any], where: str, path: Path, media: Media) -> Shot:
     tokens = {"cut": path.stem, "event": f"{int(where.split()[1]):03d}", "clip": source.stem,
               "reel": str(row.get("reel", "none"))}  # fmt: skip
     handles = row.get("handles")
+    if handles is not None and not str(handles).isdecimal():
+        raise BadParameter("Handles are a number of frames.", field=where, value=handles, remedy="For example 8.")
     return Shot(
         str(row.get("shot") or source.stem.split(".")[0]), source, span_of(str(row.get("frames", "")), where), tokens,
         str(row.get("look", "")), changes, None if handles is None else int(handles),

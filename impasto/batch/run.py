@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,10 @@ Paint = Callable[[Plan], Json]
 """Paints a plan into its output; returns at least `frames` and `warnings`."""
 
 
+FPS_FROM_USER = MANIFESTS | {".edl"}
+"""Files that name no frame rate: of its events, or of numbered images."""
+
+
 def shots_of(source: Path, config: Config) -> list[Shot]:
     """The shots of a cut, a manifest or a folder of films. Raises BadInput."""
     suffix = source.suffix.lower()
@@ -49,7 +54,7 @@ def shots_of(source: Path, config: Config) -> list[Shot]:
     if suffix in CUTS:
         return cut_shots(source, media, config.fps)
     if suffix in MANIFESTS:
-        return manifest_shots(source, media)
+        return manifest_shots(source, media, config.fps)
     known = ", ".join(sorted(CUTS | MANIFESTS))
     raise BadInput(
         "It is neither a cut nor a manifest.", field="CUT", value=source, remedy=f"Give {known}, or a folder."
@@ -111,17 +116,19 @@ class Batch:
         return row | {"source_frames": plan.request.frames, "warnings": warnings}
 
     def _key(self, shot: Shot, look: Look, handles: int, inputs: Mapping[str, Path]) -> str:
+        handles = handles if shot.span else 0
         contents = {role: self.ledger.content(path) for role, path in {**inputs, "video": shot.source}.items()}
         span = None if shot.span is None else vars(shot.span)
         suffix = self._config.names.rpartition(".")[2]
         return key_of({
             "version": version(), "shot": shot.name, "inputs": contents, "span": span, "handles": handles,
             "look": look.model_dump(exclude={"inputs"}), "format": suffix,
+            **({"sequence": shot.sequence.given} if shot.sequence.given else {}),
         })  # fmt: skip
 
     def _plan(self, shot: Shot, key: str, named: tuple[str, Look], handles: int, inputs: Mapping[str, Path]) -> Plan:
         look_name, look = named
-        frames, notes = shot.frames(facts_of(shot.source), handles) if shot.span else (None, ())
+        frames, notes = shot.frames(facts_of(shot.source, shot.sequence), handles)
         number_at = self._names_of(shot, look_name, look)
         number = self.ledger.version_of(key, shot.name, lambda version: _stands(number_at(version)))
         where = target(number_at(number), "names")
@@ -137,7 +144,15 @@ class Batch:
         """Version -> path of the result, as text."""
         tokens = {"cut": "", "event": "001", "clip": shot.source.stem, "reel": "none"} | dict(shot.tokens)
         tokens |= {"shot": shot.name, "source": shot.source.stem, "look": look_name, "method": look.method}
-        return lambda number: str(self._output / self._config.names.format(**tokens, version=f"{number:03d}"))
+        return lambda number: str(self._inside(self._config.names.format(**tokens, version=f"{number:03d}")))
+
+    def _inside(self, name: str) -> Path:
+        """A path in the output folder. Raises BadParameter: the name leads out of it."""
+        path = Path(os.path.normpath(self._output / name))
+        if not path.is_relative_to(self._output):
+            raise BadParameter("The name leads out of the output folder.", field="names", value=name,
+                               remedy="Give the shot a name without '..'.")  # fmt: skip
+        return path
 
     def _check_names(self, shots: Sequence[Shot]) -> None:
         named: dict[str, str] = {}

@@ -10,6 +10,8 @@ from typing import Any
 
 from impasto.ranges import SourceFacts, Span
 from pipeline.errors import BadInput
+from pipeline.formats import IMAGE_SUFFIXES
+from pipeline.video.sequence_options import USUAL, SequenceOptions
 
 MEDIA_SUFFIXES = frozenset({".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".mxf", ".mpg", ".ts", ".gif", ".zip"})
 """Extensions of the films that a watched folder is searched for."""
@@ -29,8 +31,16 @@ class Shot:
     changes: Mapping[str, Any] = field(default_factory=dict)
     """Values of a look that a manifest gives for this shot alone."""
     handles: int | None = None
+    rate: Fraction | None = None
+    """Frames per second of numbered images; None: the usual ones."""
     notes: tuple[str, ...] = ()
     """Warnings about edits that are not painted: retimes, dissolves."""
+
+    @property
+    def sequence(self) -> SequenceOptions:
+        """How its numbered images are read."""
+        films = self.rate is None or self.source.is_file()
+        return USUAL if films else SequenceOptions(fps=str(self.rate))
 
     def frames(self, facts: SourceFacts, handles: int) -> tuple[tuple[int, int] | None, tuple[str, ...]]:
         """[first, end) of the source with handles, and what was cut off because the source is shorter.
@@ -38,7 +48,7 @@ class Shot:
         Raises BadParameter: the span lies outside the source.
         """
         if self.span is None:
-            return None, ()
+            return None, (("All frames of the source are painted: there are none for handles.",) if handles else ())
         first, end = self.span.resolve(facts, f"shot {self.name}")
         got = max(0, first - handles), min(facts.frames, end + handles)
         lacking = first - got[0], got[1] - end
@@ -88,6 +98,15 @@ def folder_shots(folder: Path) -> list[Shot]:
     files = [p for p in sorted(folder.iterdir()) if p.suffix.lower() in MEDIA_SUFFIXES and not p.name.startswith(".")]
     names = unique([(path.stem, path.suffix[1:]) for path in files])
     return [Shot(name, path, tokens={"cut": folder.resolve().name}) for name, path in zip(names, files, strict=True)]
+
+
+def images_beside(folder: Path) -> list[str]:
+    """Folders with images in the folder, which are no films: a manifest names them."""
+    return [f"{p.name}/" for p in sorted(folder.iterdir()) if p.is_dir() and _has_images(p)]
+
+
+def _has_images(folder: Path) -> bool:
+    return any(p.suffix.lower() in IMAGE_SUFFIXES for p in folder.iterdir())
 
 
 def rate_of(value: float) -> Fraction:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from impasto.cli.console import FAILED, describe, emit, out, print_status, progress
+from impasto.cli.option_classes import refuse_given, takes_options
 from impasto.cli.options import (
     HomeOption,
     JsonFlag,
@@ -20,8 +21,8 @@ from impasto.cli.options import (
     ServerOption,
     client_of,
     home_of,
-    takes_options,
 )
+from pipeline.errors import BadInput
 
 if TYPE_CHECKING:
     from impasto.batch.looks import Config
@@ -62,7 +63,7 @@ class BatchOptions:
         Path | None, typer.Option(metavar="FILE", help="A look that the studio has exported, for every shot.")
     ] = None
     media: Annotated[list[Path] | None, typer.Option(help="A folder with media of the cut; repeatable.")] = None
-    fps: Annotated[float | None, typer.Option(help="Frame rate of an EDL.")] = None
+    fps: Annotated[float | None, typer.Option(help="Frame rate of an EDL, or of numbered images of a manifest.")] = None
     handles: Annotated[int | None, typer.Option(min=0, help="Frames before and after each shot.")] = None
     names: Annotated[str | None, typer.Option(help="Names of results, for example {shot}_v{version}.mov.")] = None
     watch: Annotated[bool, typer.Option("--watch", help="Go on: paint what arrives or changes, until Ctrl-C.")] = False
@@ -73,13 +74,23 @@ class BatchOptions:
     api_key: KeyOption = None
     quiet: QuietFlag = False
     as_json: JsonFlag = False
+    given: Mapping[str, str] = field(default_factory=dict)
 
 
 @takes_options(BatchOptions)
 def batch(options: BatchOptions) -> None:
     """Paint the shots of a cut, one film each. What is painted already, by content, is not painted again."""
     from impasto.batch.looks import load_config
+    from impasto.batch.run import FPS_FROM_USER
 
+    if options.source.suffix.lower() not in FPS_FROM_USER:
+        refuse_given(options.given, ["fps"], "is for EDLs and manifests: other cuts have a rate.", "Leave it out.")
+    if options.source.is_dir():
+        refuse_given(options.given, ["media"], "is for cuts and manifests.", "Leave it out.")
+    if options.at_service or options.server is not None:
+        refuse_given(options.given, ["workers"], "is for this machine.", "Leave it out.")
+    else:
+        refuse_given(options.given, ["api_key"], "is for a service.", "Add --at-service or --server URL.")
     with tempfile.TemporaryDirectory(prefix="impasto-looks-") as scratch:
         config, notes = load_config(options.config, Path(scratch), options.look)
         for note in notes:
@@ -116,6 +127,8 @@ def _once(options: BatchOptions, config: Any, made: Batch) -> list[Json]:
     shots = shots_of(options.source.expanduser(), config)
     if options.watch:
         shots = [shot for shot in shots if _is_complete(shot.source)]
+    elif options.source.is_dir():
+        _tell_of_images(options.source, bool(shots))
     rows = []
     for row in _painted(options, made, shots):
         rows.append(row)
@@ -124,6 +137,17 @@ def _once(options: BatchOptions, config: Any, made: Batch) -> list[Json]:
         for warning in row.get("warnings", ()):
             print_status(f"warning: {row['shot']}: {warning}")
     return rows
+
+
+def _tell_of_images(folder: Path, has_films: bool) -> None:
+    """Say that folders with images are left out. Raises BadInput if the folder has no films."""
+    from impasto.batch.shots import images_beside
+
+    others, remedy = ", ".join(images_beside(folder)), "Name folders of images in a manifest: docs/batch.md."
+    if not has_films:
+        raise BadInput("The folder has no films.", field="CUT", value=folder, remedy=remedy)
+    if others:
+        print_status(f"warning: Left out, because it is no film: {others}. {remedy}")
 
 
 def _print(text: str) -> None:
@@ -150,7 +174,7 @@ def _here(plan: Plan, options: BatchOptions) -> Json:
     from impasto.cli import rendering
 
     print_status(f"{plan.shot.name}: {plan.where.path.name}")
-    order = rendering.RenderOrder(plan.request, plan.paths, plan.where, {})
+    order = rendering.RenderOrder(plan.request, plan.paths, plan.where, {}, sequence=plan.shot.sequence)
     with progress(options.quiet) as show:
         return rendering.run(order, options.workers, home_of(options.home), show)
 
@@ -167,7 +191,7 @@ def _at_service(client: Client, plan: Plan, quiet: bool) -> Json:
     output = {name: getattr(wanted.output, name) for name in names}
     kept = {name: getattr(wanted, name) for name in ("seed", "name", "labels", "on_damage")}
     more: Any = {**kept, **frames, "output": output}
-    inputs = upload(client, plan.paths)
+    inputs = upload(client, plan.paths, sequence=plan.shot.sequence)
     job = client.submit(wanted.method, inputs, wanted.params, idempotency_key=plan.key, **more)
     with progress(quiet) as show:
         for now in client.watch(job["id"]):

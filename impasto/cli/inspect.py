@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from impasto.cli.console import emit, out, print_status
+from impasto.cli.option_classes import takes_options
 from impasto.cli.options import (
     FpsOption,
     JsonFlag,
     LayerOption,
     MissingOption,
+    OverwriteFlag,
     VectorsOption,
     ViewOption,
     extracted_of,
     sequence_of,
 )
+from impasto.delivery import check_new
 
 if TYPE_CHECKING:
     from impasto.inspection import Report
@@ -33,29 +37,40 @@ impasto inspect shot/ --extract matte:Cube=cube.zip --extract ids=labels.zip
 """
 
 
-def inspect(
-    path: Annotated[Path, typer.Argument(metavar="PATH", help="A video, an image, a folder, or name.####.png.")],
+@dataclass(frozen=True, kw_only=True)
+class InspectOptions:
+    """Options of `impasto inspect`."""
+
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="A video, an image, a folder, or name.####.png.")]
     extract: Annotated[
         list[str] | None,
         typer.Option(
             metavar="PASS=PATH",
             help="Also write a pass as a zip of images: matte:OBJECT, ids, motion, depth, normals, position, uv.",
         ),
-    ] = None,
-    missing: MissingOption = None,
-    fps: FpsOption = None,
-    layer: LayerOption = None,
-    view: ViewOption = None,
-    vectors: VectorsOption = None,
-    as_json: JsonFlag = False,
-) -> None:
+    ] = None
+    missing: MissingOption = None
+    fps: FpsOption = None
+    layer: LayerOption = None
+    view: ViewOption = None
+    vectors: VectorsOption = None
+    overwrite: OverwriteFlag = False
+    as_json: JsonFlag = False
+
+
+@takes_options(InspectOptions)
+def inspect(options: InspectOptions) -> None:
     """List what a sequence or video holds: size, frame range, colour, layers and passes, and what each method would use
     of them."""
     from impasto.inspection import inspect as look
 
-    wanted = extracted_of(extract or ())
-    report = look(path, sequence_of(missing, fps, layer, view, vectors), wanted)
-    if as_json:
+    wanted = extracted_of(options.extract or ())
+    for name, to in wanted.items():
+        check_new(to, options.overwrite, f"--extract {name}")
+    report = look(
+        options.path, sequence_of(options.missing, options.fps, options.layer, options.view, options.vectors), wanted
+    )
+    if options.as_json:
         emit({**report, "extracted": {name: str(to) for name, to in wanted.items()}})
         return
     for line in _lines(report):

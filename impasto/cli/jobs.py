@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from impasto.cli.console import emit, out, print_status, print_table, print_warnings, progress, table
+from impasto.cli.option_classes import takes_options
 from impasto.cli.options import (
     AlphaOption,
     ColourInOption,
@@ -31,6 +32,7 @@ from impasto.cli.options import (
     MethodOption,
     MissingOption,
     OpacityChoice,
+    OverwriteFlag,
     ParamOption,
     PassesFormatOption,
     PassesOption,
@@ -52,7 +54,6 @@ from impasto.cli.options import (
     passes_of,
     sequence_of,
     source_of,
-    takes_options,
 )
 from pipeline.errors import BadInput
 from pipeline.method_names import DEFAULT
@@ -63,6 +64,7 @@ from workers.errors import NotFound
 if TYPE_CHECKING:
     from impasto_client import Client
     from impasto_client.models import Job, JobOptions
+    from pipeline.video.sequence_options import SequenceOptions
 
 
 SUBMIT_EPILOG = """[bold]Examples[/bold]
@@ -126,8 +128,8 @@ def submit(options: SubmitOptions) -> None:
     from impasto.cli.input_files import upload
 
     paths = {"video": options.source, **inputs_of(options.extra or [])}
-    given, more = params_of(options.param or []), _job_options(options)
     sequence = sequence_of(options.missing, options.fps, options.layer, options.view, options.vectors)
+    given, more = params_of(options.param or []), _job_options(options, sequence)
     with client_of(options.server, options.api_key) as client:
         job = client.submit(
             options.method,
@@ -139,11 +141,11 @@ def submit(options: SubmitOptions) -> None:
     _print_submitted(job, options.as_json)
 
 
-def _job_options(options: SubmitOptions) -> JobOptions:
+def _job_options(options: SubmitOptions, sequence: SequenceOptions) -> JobOptions:
     from impasto.cli.input_files import plain
 
     output = {"format": options.output_format, "quality": options.quality, **_encoding(options)}
-    frames = frames_of(options.frames, options.source)
+    frames = frames_of(options.frames, options.source, sequence)
     found = {
         "seed": options.seed,
         "output": output | {"artefacts": options.artefact or [], "report": options.report},
@@ -246,12 +248,13 @@ def get(
     job: JobArgument,
     output: Annotated[str, typer.Option("--output", "-o", metavar="OUT", help="A file, or a folder: DIR/.")],
     file: Annotated[str, typer.Option(help="result, poster, sheet, preview, or an artefact.")] = "result",
+    overwrite: OverwriteFlag = False,
     server: ServerOption = None,
     api_key: KeyOption = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Download a job's result. OUT appears whole or not at all; a broken download is resumed."""
-    from impasto.delivery import OutputTarget, deliver, target
+    from impasto.delivery import OutputTarget, check_new, deliver, target
 
     with client_of(server, api_key) as client:
         job_id = find_id(client, job)
@@ -259,6 +262,7 @@ def get(
             where = target(output, form=client.job(job_id)["request"]["output"]["format"])
         else:
             where = OutputTarget(Path(output).expanduser().absolute(), "", "file")
+        check_new(where.path, overwrite)
         with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
             deliver(client.download(job_id, Path(scratch) / "file", file), where)
     if as_json:

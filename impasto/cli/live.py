@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import emit, err, out, print_status
+from impasto.cli.option_classes import takes_options
 from impasto.cli.options import (
     WHAT,
     WHERE,
@@ -22,6 +23,7 @@ from impasto.cli.options import (
     JsonFlag,
     KeyOption,
     MethodOption,
+    OverwriteFlag,
     ParamOption,
     QualityOption,
     QuietFlag,
@@ -29,7 +31,6 @@ from impasto.cli.options import (
     ServerOption,
     inputs_of,
     params_of,
-    takes_options,
 )
 from pipeline.errors import BadInput
 from pipeline.method_names import DEFAULT, DEFAULT_FILTER
@@ -99,6 +100,7 @@ class LiveCommandOptions:
     ] = "fluent"
     steady: Annotated[bool, typer.Option(f"--{DEFAULT_FILTER}", help="Remove flicker from the painted frames.")] = False
     quality: QualityOption = 20
+    overwrite: OverwriteFlag = False
     server: ServerOption = None
     api_key: KeyOption = None
     quiet: QuietFlag = False
@@ -121,7 +123,7 @@ def live(options: LiveCommandOptions) -> None:
     settings = load(CommandSettings, server=options.server, api_key=options.api_key)
     key = settings.api_key.get_secret_value()
     with _closing(open_source(source_name, loops, size, options.fps, options.fields.value)) as source:
-        sink = open_sink(options.output, source, options.quality)
+        sink = open_sink(options.output, source, options.quality, options.overwrite)
         with service(settings.server, print_status) as address:
             session: Json = {
                 "size": source.size, "fps": max(source.fps, 1.0), "method": options.method, "params": params,

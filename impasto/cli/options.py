@@ -1,15 +1,13 @@
-"""Options that several commands share, the parsing of their values, and commands with a dataclass of options."""
+"""Options that several commands share, the parsing of their values."""
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 import json
 import re
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Protocol, TypeVar
 
 import typer
 from pydantic import JsonValue
@@ -248,6 +246,7 @@ ServerOption = Annotated[
     ),
 ]
 KeyOption = Annotated[str | None, typer.Option(help="API key; default: IMPASTO_API_KEY.", rich_help_panel=WHERE)]
+OverwriteFlag = Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")]
 QuietFlag = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on the last line of stdout.")]
 
@@ -269,7 +268,6 @@ def client_of(server: str | None, api_key: str | None) -> Client:
 
 
 T = TypeVar("T")
-Options = TypeVar("Options")
 
 
 def params_of(options: Sequence[str]) -> Json:
@@ -327,8 +325,11 @@ def passes_of(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
 
 
-def frames_of(text: str, source: Path) -> tuple[int, int] | None:
+def frames_of(text: str, source: Path, sequence: SequenceOptions | None = None) -> tuple[int, int] | None:
     """`"10:60"` -> `(10, 60)`, first frame and one past the last; also numbers of images and timecode of `source`.
+
+    Args:
+        sequence: how images are read.
 
     Raises: BadParameter, and for numbers and timecode BadMedia.
     """
@@ -339,7 +340,9 @@ def frames_of(text: str, source: Path) -> tuple[int, int] | None:
         return None
     if span.kind == "count":
         return int(span.first), int(span.end)
-    return span.resolve(facts_of(expanded(source)), "--frames")
+    from pipeline.video.sequence_options import USUAL
+
+    return span.resolve(facts_of(expanded(source), sequence or USUAL), "--frames")
 
 
 def _pairs(options: Sequence[str], flag: str, example: str, read: Callable[[str], T]) -> dict[str, T]:
@@ -368,32 +371,3 @@ def _value(text: str) -> JsonValue:
 
 _KEY = r"\d+:-?\d+(\.\d+)?"
 _KEYS = re.compile(f"{_KEY}(,{_KEY})*")
-
-
-def takes_options(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
-    """Make a function of one dataclass a command: each field becomes an option.
-
-    The command library reads options from a function's signature: this gives the command a signature with a parameter
-    for each field, of the field's name, annotation and default, and calls the function with an instance.
-
-    Args:
-        options: a dataclass. Its annotations are those of a command's parameters (`Annotated[int, typer.Option(...)]`).
-    """
-    hints = get_type_hints(options, include_extras=True)
-    parameters = [_parameter(field, hints[field.name]) for field in dataclasses.fields(options)]  # type: ignore[arg-type]
-
-    def decorate(function: Callable[[Options], None]) -> Callable[..., None]:
-        def command(**values: object) -> None:
-            function(options(**values))
-
-        command.__name__, command.__doc__, command.__module__ = function.__name__, function.__doc__, function.__module__
-        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        return command
-
-    return decorate
-
-
-def _parameter(field: dataclasses.Field[Any], hint: Any) -> inspect.Parameter:
-    default = inspect.Parameter.empty if field.default is dataclasses.MISSING else field.default
-    return inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)

@@ -82,7 +82,13 @@ class PipeOrder:
         raw = _raw_format(self.raw) if self.raw else None
         if self.source != PIPE:
             file = self._file()
-            return file, raw or _file_format(file)
+            form = _file_format(file)
+            if raw is not None and (raw.size != form.size or ("@" in self.raw and raw.fps != form.fps)):
+                raise BadParameter(
+                    "The frames of IN are others.", field="--raw", value=self.raw,
+                    remedy=f"Write --raw {form.size[0]}x{form.size[1]}.",
+                )  # fmt: skip
+            return file, form
         if raw is not None:
             return raw_frames(sys.stdin.buffer, raw.size), raw
         reader = Y4mReader(sys.stdin.buffer, fields=self.options.fields)

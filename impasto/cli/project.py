@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from impasto.cli.rendering import RenderOrder
 from impasto.delivery import OutputTarget
-from pipeline.errors import BadInput
+from pipeline.errors import BadInput, BadParameter
 from pipeline.formats import output_format
+from pipeline.formats.base import Profile
 from pipeline.video.numbering import numbers_of_runs
 from workers.contract.record import Asset
 from workers.contract.request import JobRequest, OutputSpec
@@ -17,7 +18,7 @@ from workers.projects.archive import open_project
 from workers.projects.checking import problems
 from workers.projects.document import Document, Shot
 from workers.projects.faults import refuse_if_any
-from workers.projects.joining import ShotClip, joining_notes, joins
+from workers.projects.joining import ShotClip, joining_notes, joins, loses
 from workers.projects.materials import Uploaded, write_material
 from workers.projects.parsing import parse_document
 from workers.projects.submissions import Selection, Submission, submissions
@@ -80,11 +81,23 @@ def project_orders(
         alone = {"--frames": frames is not None, "--artefact": bool(artefacts), "--passes": bool(output.passes)}
         _check_film(where, alone, len(made))
     clips = [ShotClip.of(number, one, document, assets) for number, one in enumerate(chosen, start=1)]
+    profile = document.output.profile if document.output.format == where.format else ""
     return FilmOrder(
         tuple(_order(one, assets, files, scratch, (where, artefacts, overwrite)) for one in made),
-        tuple(one.content for one in made), where, document.output.quality, document.output.profile, overwrite,
-        joining_notes(clips),
+        tuple(one.content for one in made), where, document.output.quality, profile, overwrite,
+        _notes(clips, output_format(where.format).profile(profile)),
     )  # fmt: skip
+
+
+def _notes(clips: Sequence[ShotClip], profile: Profile) -> tuple[str, ...]:
+    """What is decided for clips that differ. Raises BadParameter: they cannot be joined in this profile."""
+    notes = joining_notes(clips, profile)
+    if notes and loses(profile):
+        raise BadParameter(
+            " ".join(notes), field="output.profile", value=profile.title,
+            remedy="Name a film of 8 bits without opacity, such as film.mp4, or add --shot N.",
+        )  # fmt: skip
+    return notes
 
 
 def _chosen(document: Document, number: int | None) -> list[Shot]:

@@ -14,6 +14,7 @@ from impasto.cli.console import print_status, progress
 from impasto.cli.private_farm import forget, key_of, sweep, workspace
 from impasto.cli.project import FilmOrder
 from impasto.cli.rendering import check_consent, run
+from impasto.cli.supervisor import pulse
 from impasto.delivery import OutputTarget, deliver, output_faults
 from pipeline.video.assembly import assemble
 from pipeline.video.probe import probe
@@ -33,7 +34,7 @@ def run_film(film: FilmOrder, workers: int | None, home: Path, quiet: bool) -> J
     began = time.monotonic()
     sweep(home)
     facts: Json = {"version": version(), "film": film.contents, "output": film.where.path, "quality": film.quality}
-    with workspace(home, f"film-{key_of(facts)}") as place:
+    with pulse(), workspace(home, f"film-{key_of(facts)}") as place:
         check_consent(film.shots[0], place)
         place.consent()
         painted = [*_painted(film, place.folder, workers, home, quiet)]

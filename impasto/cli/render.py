@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import emit, out, print_status, print_warnings, progress
+from impasto.cli.option_classes import refuse_given, takes_options
 from impasto.cli.options import (
     AlphaOption,
     ColourInOption,
@@ -30,6 +31,7 @@ from impasto.cli.options import (
     MethodOption,
     MissingOption,
     OpacityChoice,
+    OverwriteFlag,
     ParamOption,
     PassesFormatOption,
     PassesOption,
@@ -50,7 +52,6 @@ from impasto.cli.options import (
     passes_of,
     sequence_of,
     source_of,
-    takes_options,
 )
 from pipeline.errors import BadInput
 from pipeline.method_names import DEFAULT
@@ -171,7 +172,7 @@ class RenderOptions:
     layer: LayerOption = None
     view: ViewOption = None
     vectors: VectorsOption = None
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace OUT if it exists.")] = False
+    overwrite: OverwriteFlag = False
     workers: Annotated[
         int | None,
         typer.Option(min=1, max=256, help="Simultaneous tasks; default: as many as fit. The result is the same."),
@@ -182,6 +183,7 @@ class RenderOptions:
     home: HomeOption = None
     quiet: QuietFlag = False
     as_json: JsonFlag = False
+    given: Mapping[str, str] = field(default_factory=dict)
 
 
 @takes_options(RenderOptions)
@@ -202,13 +204,14 @@ def _render_pipe(options: RenderOptions) -> None:
     with without_garbage_collection():
         from impasto.cli.piping import PipeOrder
 
-    without_pipes = {
-        "--artefact": bool(options.artefact), "--json": options.as_json, "--workers": options.workers is not None,
-        "--frames": bool(options.frames), "--estimate": options.estimate, "--explain": options.explain,
-        "--sound-track": bool(options.sound_track), "--colour-out": bool(options.colour_out),
-        "--passes": bool(options.passes), "--shot": options.shot is not None,
-    }  # fmt: skip
-    _check_pipe_options(without_pipes)
+    refuse_given(
+        options.given, _NO_PIPE, "does not work with pipes.", "Leave it out, or name files as IN and OUT.",
+    )  # fmt: skip
+    if str(options.source) == "-":
+        names = (*_OF_FILES, "fields") if options.raw else _OF_FILES
+        refuse_given(options.given, names, "is for files: frames of a pipe are as they are.", "Leave it out.")
+    if options.output == "-":
+        refuse_given(options.given, _OF_FILMS, "is for files: a pipe gets plain frames.", "Leave it out.")
     pipe = PipeOrder(
         str(options.source), options.output, options.method, params_of(options.param or []),
         inputs_of(options.extra or []), options.seed, options.quality, options.overwrite, options.raw,
@@ -224,6 +227,9 @@ def _render_file(options: RenderOptions) -> None:
         from impasto.cli.rendering import run
         from workers.projects.archive import is_project
 
+    refuse_given(options.given, ["raw"], "is for pipes.", "Leave it out, or name - as IN or OUT.")
+    if options.explain:
+        refuse_given(options.given, ["estimate"], "and --explain are two questions.", "Ask one after the other.")
     home = home_of(options.home)
     with TemporaryDirectory(prefix="impasto-") as scratch:
         if is_project(options.source):
@@ -232,7 +238,7 @@ def _render_file(options: RenderOptions) -> None:
         if options.shot is not None:
             raise BadInput("IN is no project, so that it has no shots.", field="--shot", value=options.shot,
                            remedy="Leave --shot out, or name the zip of an exported project.")  # fmt: skip
-        order = _failing_if_wished(options, _order(options, Path(scratch)))
+        order = _damage_policy(options, _order(options, Path(scratch)))
         order.check()
         if options.explain:
             _print_explanation(order, home_of(options.home), options.as_json)
@@ -251,12 +257,14 @@ def _render_project(options: RenderOptions, scratch: Path) -> None:
     from impasto.delivery import passes_target, target
     from workers.contract.request import OutputSpec
 
+    refuse_given(options.given, _OF_SHOTS, "is for videos: a project has its own.",
+                 "Change the project and export it again, or leave the option out.")  # fmt: skip
     wanted = OutputSpec(passes=passes_of(options.passes), passes_format=options.passes_format)
     where = target(options.output or str(scratch / "estimate.mp4"), form=options.output_format)
     artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source)
     film = project_orders(options.source, scratch, where, artefacts, options.overwrite, frames, options.shot, wanted)
     shots = tuple(
-        replace(_failing_if_wished(options, order), passes_to=passes_target(options.passes_to, order.request.output))
+        replace(_damage_policy(options, order), passes_to=passes_target(options.passes_to, order.request.output))
         for order in film.shots
     )
     film = replace(film, shots=shots)
@@ -272,9 +280,9 @@ def _render_project(options: RenderOptions, scratch: Path) -> None:
     _print_summary(options, run_film(film, options.workers, home_of(options.home), options.quiet))
 
 
-def _failing_if_wished(options: RenderOptions, order: RenderOrder) -> RenderOrder:
-    """The order with `--on-damage fail`, if that is given; else the order keeps the setting of the exported project."""
-    if options.on_damage is not DamagePolicy.FAIL:
+def _damage_policy(options: RenderOptions, order: RenderOrder) -> RenderOrder:
+    """The order with `--on-damage`, if that is given; else the order keeps the setting of the exported project."""
+    if "on_damage" not in options.given:
         return order
     return replace(order, request=replace(order.request, on_damage=options.on_damage.value))
 
@@ -291,15 +299,20 @@ def _print_summary(options: RenderOptions, summary: Json) -> None:
 def _print_estimate(orders: Sequence[RenderOrder], home: Path, as_json: bool) -> None:
     """Print what the renders need one after the other."""
     from impasto.cli.estimating import estimate_render, summed
+    from impasto.cli.rendering import gathered
 
-    found = summed([estimate_render(order.request, order.paths["video"], home) for order in orders])
+    with TemporaryDirectory(prefix="impasto-") as scratch:
+        found = summed([
+            estimate_render(order.request, gathered(order, Path(scratch))["video"].path, home) for order in orders
+        ])  # fmt: skip
     if as_json:
         emit(found)
         return
     if found["seconds"] is None:
         print_status("Nothing is known of this video: it names neither its frames nor their size.")
         return
-    basis = f"{found['samples']} earlier renders" if found["samples"] else "the method's own figures, on one core"
+    count = found["samples"]
+    basis = f"{count} earlier render{'s' if count > 1 else ''}" if count else "the method's own figures, on one core"
     print_status(
         f"{found['frames']} frames: about {found['seconds']:.0f} s, {found['cpu_s'] or 0:.0f} s of processor time, "
         f"{found['memory_bytes'] / 1e6:.0f} MB memory for each task, {found['disk_bytes'] / 1e6:.0f} MB disk, "
@@ -325,8 +338,8 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
     from workers.contract.request import JobRequest, OutputSpec
 
     output = options.output or str(scratch / "estimate.mp4")
-    where = target(output, form=options.output_format)
-    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source)
+    where, sequence = target(output, form=options.output_format), _sequence(options)
+    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source, sequence)
     spec = OutputSpec(
         where.format, options.quality, tuple(sorted(artefacts)), profile=options.profile, alpha=options.alpha.value,
         colour=options.colour_out, passes=passes_of(options.passes), passes_format=options.passes_format,
@@ -336,7 +349,7 @@ def _order(options: RenderOptions, scratch: Path) -> RenderOrder:
         frames=frames, source=source_of(options),
     )  # fmt: skip
     paths = {"video": options.source, **inputs_of(options.extra or [])}
-    order = RenderOrder(request, paths, where, artefacts, options.overwrite, _sequence(options))
+    order = RenderOrder(request, paths, where, artefacts, options.overwrite, sequence)
     return replace(order, passes_to=passes_target(options.passes_to, order.request.output))
 
 
@@ -344,9 +357,14 @@ def _sequence(options: RenderOptions) -> SequenceOptions:
     return sequence_of(options.missing, options.fps, options.layer, options.view, options.vectors)
 
 
-def _check_pipe_options(given: Mapping[str, bool]) -> None:
-    for option, present in given.items():
-        if present:
-            raise BadInput(
-                f"{option} does not work with pipes.", field=option, remedy="Leave it out, or name files as IN and OUT."
-            )
+_NO_PIPE = (
+    "artefact", "as_json", "workers", "frames", "estimate", "explain", "sound_track", "colour_out", "passes",
+    "passes_format", "passes_to", "output_format", "shot",
+)  # fmt: skip
+_OF_FILES = ("video_stream", "missing", "fps", "layer", "view", "vectors", "premultiplied", "colour_in", "colour_view")
+_OF_FILMS = ("quality", "profile", "alpha", "overwrite")
+_OF_SHOTS = (
+    "method", "param", "extra", "seed", "quality", "profile", "alpha", "colour_out", "fields",
+    *_OF_FILES, "sound_track",
+)  # fmt: skip
+"""Options that an exported project answers itself."""

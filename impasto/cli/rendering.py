@@ -14,7 +14,16 @@ from impasto.cli.console import Show
 from impasto.cli.estimating import remember
 from impasto.cli.input_files import InputFile, gather
 from impasto.cli.private_farm import Workspace, forget, key_of, sweep, workspace
-from impasto.delivery import OutputTarget, beside, check_space, check_still, deliver, output_faults, same_file
+from impasto.delivery import (
+    OutputTarget,
+    beside,
+    check_new,
+    check_space,
+    check_still,
+    deliver,
+    output_faults,
+    same_file,
+)
 from pipeline.errors import BadInput, together
 from pipeline.formats import IN_FILM, OUTPUTS
 from pipeline.methods import method, parse_params
@@ -165,13 +174,9 @@ def check_consent(order: RenderOrder, place: Workspace) -> None:
     """Refuse to replace files, unless this command or the interrupted one that it resumes may."""
     if order.overwrite:
         place.consent()
-    elif not place.consented and (existing := order.existing()):
-        raise BadInput(
-            "The output exists already.",
-            field="--output",
-            value=existing[0],
-            remedy="Add --overwrite to replace it, or name another file.",
-        )
+    elif not place.consented:
+        for existing in order.existing():
+            check_new(existing, overwrite=False)
 
 
 def _warm_up(request: JobRequest) -> None:

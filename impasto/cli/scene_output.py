@@ -25,7 +25,7 @@ import numpy as np
 from rich.progress import track
 
 from impasto.cli.console import err
-from impasto.delivery import deliver, forget, swap, target
+from impasto.delivery import check_new, deliver, forget, swap, target
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput
 from pipeline.scenes import Scene, SceneFrame
@@ -38,12 +38,16 @@ QUALITY = 12
 """Rate factor of scene videos, low enough that paintings of them do not show compression artefacts."""
 
 
-def draw(scene: Scene, output: str, quiet: bool) -> Path:
-    """Write the scene to `output` and return its path. Raises: BadInput about `--output`, OSError."""
+def draw(scene: Scene, output: str, overwrite: bool, quiet: bool) -> Path:
+    """Write the scene to `output` and return its path; a folder with a scene is replaced.
+
+    Raises: BadInput about `--output`, OSError.
+    """
     path = Path(output).expanduser().absolute()
     if output.endswith(("/", "\\")) or path.is_dir():
         _draw_passes(scene, path, quiet)
     else:
+        check_new(path, overwrite)
         _draw_video(scene, output, quiet)
     return path
 

@@ -89,20 +89,22 @@ def _end_with(status: int) -> None:
 
 @contextlib.contextmanager
 def pulse() -> Iterator[None]:
-    """Within this block this process has a pulse, if another one watches it: of a thread, which runs unless native code
-    holds the interpreter lock."""
-    if _pulse is None:
+    """Within the first such block this process has a pulse, if another one watches it: of a thread, which runs unless
+    native code holds the interpreter lock. After it, the process is no longer watched for hangs."""
+    global _pulse
+    writer, _pulse = _pulse, None  # a block within this one has the pulse of this one
+    if writer is None:
         yield
         return
     stopped = Event()
-    thread = Thread(target=_send_pulses, args=(_pulse, stopped), name="impasto-pulse", daemon=True)
+    thread = Thread(target=_send_pulses, args=(writer, stopped), name="impasto-pulse", daemon=True)
     thread.start()
     try:
         yield
     finally:
         stopped.set()
         thread.join()
-        os.close(_pulse)
+        os.close(writer)
 
 
 def _send_pulses(fd: int, stopped: Event) -> None:

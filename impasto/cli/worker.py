@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from impasto.cli.console import print_status
-from impasto.cli.options import BlobsOption, DatabaseOption, HomeOption, S3EndpointOption, home_of, takes_options
+from impasto.cli.option_classes import takes_options
+from impasto.cli.options import BlobsOption, DatabaseOption, HomeOption, S3EndpointOption, home_of
 from workers.process.starting import keep_files_private, without_garbage_collection
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from impasto.delivery import OutputTarget, forget, swap, target
+from impasto.delivery import OutputTarget, check_new, forget, swap, target
 from impasto.live.sink import Sink
 from impasto.live.sources import Source
 from pipeline.errors import BadInput
@@ -12,9 +12,9 @@ from pipeline.video.numbering import number_by
 from pipeline.video.stills import encode_png
 
 
-def open_sink(text: str, source: Source, quality: int) -> Sink:
+def open_sink(text: str, source: Source, quality: int, overwrite: bool = True) -> Sink:
     """A sink by its name: a file, a folder (`DIR/`), rtmp://..., whip://...,
-    `window`, or `none` (frames are counted, not kept).
+    `window`, or `none` (frames are counted, not kept). `overwrite`: whether a file or folder may be replaced.
 
     Raises: BadInput.
     """
@@ -37,6 +37,7 @@ def open_sink(text: str, source: Source, quality: int) -> Sink:
     if not png_frames and OUTPUTS[where.format].sound is None:
         remedy = "Use a .mp4 or .webm file, or DIR/ for numbered frames."
         raise BadInput("The output is not a known sink.", field="--output", value=text, remedy=remedy)
+    check_new(where.path, overwrite)
     if png_frames:
         return Frames(where)
     from impasto.live.video_file import VideoFileSink

@@ -27,7 +27,9 @@ NAMES = (MATTE, IDS, MOTION, *_DATA)
 
 
 def extract(passes: PassSequence, wanted: str, path: Path) -> int:
-    """Write a pass of every frame as a zip of images named by the numbers of the frames; their number.
+    """Write a pass of every frame as a zip of images named by the numbers of the frames, whole or not at all.
+
+    Returns the number of frames.
 
     Args:
         wanted: "matte:NAME" (16-bit PNG, white where the object is; several names joined by "+"), "ids" (label maps:
@@ -42,9 +44,14 @@ def extract(passes: PassSequence, wanted: str, path: Path) -> int:
         raise BadParameter("Unknown pass.", field="--extract", value=wanted,
                            remedy=f"Use matte:OBJECT, {', '.join(NAMES[1:])}.")  # fmt: skip
     names = objects.split("+") if objects else []
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
-        for number, (suffix, data) in zip(passes.numbers(), _images(passes, kind, names), strict=True):
-            archive.writestr(zipfile.ZipInfo(f"{number:04d}{suffix}", _EPOCH), data)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with zipfile.ZipFile(part, "w", zipfile.ZIP_STORED) as archive:
+            for number, (suffix, data) in zip(passes.numbers(), _images(passes, kind, names), strict=True):
+                archive.writestr(zipfile.ZipInfo(f"{number:04d}{suffix}", _EPOCH), data)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
     return len(passes)
 
 

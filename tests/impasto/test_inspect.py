@@ -70,6 +70,7 @@ def test_a_video_or_an_unknown_pass_is_refused(
     ):  # fmt: skip
         assert run(["inspect", str(source), "--extract", f"{what}={tmp_path / 'x.zip'}"]) != 0
         assert why in capsys.readouterr().err
+        assert not list(tmp_path.glob("*x.zip*")), "nothing is left of a pass that is not there"
 
 
 def test_the_library_uses_the_vectors_as_the_command_does(folder: Path, tmp_path: Path) -> None:

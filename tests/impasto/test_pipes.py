@@ -149,8 +149,29 @@ def test_files_and_pipes_can_be_combined(tiny_clip: Path, tmp_path: Path) -> Non
     assert read[0].shape == (TINY_HEIGHT, TINY_WIDTH, 3)
 
 
-@pytest.mark.parametrize("words", [("--artefact", "svg"), ("--json",), ("--workers", "2"), ("--raw", "640")])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--artefact", "svg"), ("--json",), ("--workers", "2"), ("--raw", "640"), ("--format", "webm"), ("--fps", "12"),
+        ("--passes-to", "passes/"), ("--colour-in", "ACEScg"), ("--premultiplied",), ("--quality", "20"),
+        ("--alpha", "source"), ("--overwrite",), ("--raw", "96x64", "--fields", "top"),
+    ],
+)  # fmt: skip
 def test_options_incompatible_with_pipes_are_refused(words: tuple[str, ...]) -> None:
     done = pipe("-", "-o", "-", *words)
     assert done.returncode == 2
-    assert words[0].encode() in done.stderr
+    assert words[-2 if "--fields" in words else 0].encode() in done.stderr
+
+
+@pytest.mark.parametrize("size", ["30x20", f"{TINY_WIDTH}x{TINY_HEIGHT}@7"])
+def test_raw_frames_of_a_file_have_its_size_and_rate(size: str, tiny_clip: Path) -> None:
+    done = pipe(str(tiny_clip), "-o", "-", "--raw", size)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert f"Write --raw {TINY_WIDTH}x{TINY_HEIGHT}".encode() in done.stderr
+    assert pipe(str(tiny_clip), "-o", "-", "--raw", f"{TINY_WIDTH}x{TINY_HEIGHT}").returncode == 0
+
+
+def test_a_size_of_raw_frames_is_refused_for_files(tiny_clip: Path, tmp_path: Path) -> None:
+    done = pipe(str(tiny_clip), "-o", str(tmp_path / "out.mp4"), "--raw", "96x64")
+    assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
+    assert b"--raw is for pipes" in done.stderr

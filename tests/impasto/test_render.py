@@ -152,6 +152,24 @@ def test_an_estimate_uses_the_methods_figures_then_earlier_renders(
     assert render(tiny_clip, "-o", out, "--estimate")["samples"] == 0
 
 
+@pytest.mark.parametrize("name", ["", "####.png"])
+def test_an_estimate_of_images_is_that_of_their_frames(render: Here, tmp_path: Path, name: str) -> None:
+    folder = tmp_path / "shot"
+    folder.mkdir()
+    for number in range(3):
+        cv2.imwrite(str(folder / f"{1001 + number}.png"), tiny_frame(number))
+    assert render(folder / name, "--estimate", "--fps", "25")["frames"] == 3
+
+
+def test_a_quality_that_the_profile_does_not_have_is_told(render: Here, tiny_clip: Path, tmp_path: Path) -> None:
+    words = [tiny_clip, "--frames", "0:2", "-o"]
+    found = render(*words, tmp_path / "out.mov", "--quality", "5")["warnings"]
+    assert "output.quality has no effect: ProRes 422 HQ has one quality." in [one["message"] for one in found]
+    for more in (["other.mov"], ["out.mp4", "--quality", "5"]):
+        words_of = render(*words, tmp_path / more[0], *more[1:])["warnings"]
+        assert not [one for one in words_of if "quality" in one["message"]]
+
+
 def test_an_explanation_names_tasks_critical_path_and_times_without_rendering(
     render: Here, tiny_clip: Path, tmp_path: Path
 ) -> None:
@@ -401,3 +419,14 @@ def test_a_repeated_command_resumes_to_the_same_bytes(
     assert render(long_clip, "-o", out)["frames"] == LONG_FRAMES
     assert "Resuming at" in render.err
     assert out.read_bytes() == whole
+
+
+@pytest.mark.parametrize("frames", ["#1002-#1005", "1:5"])
+def test_a_range_of_images_counts_with_the_options_of_their_sequence(
+    render: Here, tmp_path: Path, frames: str
+) -> None:
+    (tmp_path / "shot").mkdir()
+    for number in (1001, 1002, 1004, 1005, 1006):
+        cv2.imwrite(str(tmp_path / "shot" / f"{number}.png"), tiny_frame(number - 1001))
+    render(tmp_path / "shot", "-o", f"{tmp_path}/out/", "--missing", "hold", "--frames", frames)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [f"{n}.png" for n in range(1002, 1006)]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -156,6 +158,37 @@ def test_all_shots_are_rendered_and_joined_to_the_bytes_of_the_service(
     )
     assert probe(out).has_audio
     assert not list((tmp_path / "renders").glob("*")), "nothing of a finished render stays"
+
+
+def test_the_command_of_a_shell_renders_all_shots(project_zip: tuple[Path, bytes], tmp_path: Path) -> None:
+    """Only a real command is watched by another process, and sends it a pulse during all shots."""
+    archive, film = project_zip
+    out = tmp_path / "film.mp4"
+    words = ["render", str(archive), "-o", str(out), "--home", str(tmp_path), "--quiet"]
+    done = subprocess.run([sys.executable, "-m", "impasto", *words], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert out.read_bytes() == film
+
+
+@pytest.mark.parametrize(
+    "options", [["--method", "abstraction"], ["--param", "lines=off"], ["--quality", "20"], ["--fps", "12"],
+                ["--sound-track", "0"], ["--colour-out", "PQ"], ["--raw", "9x9"]],
+)  # fmt: skip
+def test_what_the_project_decides_is_refused(
+    project_zip: tuple[Path, bytes], tmp_path: Path, options: list[str]
+) -> None:
+    words = ["render", str(project_zip[0]), "-o", str(tmp_path / "film.mp4"), "--home", str(tmp_path), *options]
+    error = CliRunner().invoke(app, words).exception
+    assert isinstance(error, BadInput) and error.field == options[0]
+
+
+def test_shots_that_differ_are_refused_before_the_work_in_a_format_that_would_lose(
+    project_zip: tuple[Path, bytes], tmp_path: Path
+) -> None:
+    words = ["render", str(project_zip[0]), "-o", str(tmp_path / "film.mov"), "--home", str(tmp_path)]
+    error = CliRunner().invoke(app, words).exception
+    assert isinstance(error, BadInput) and error.field == "output.profile"
+    assert not (tmp_path / "renders").exists(), "nothing was painted"
 
 
 def test_one_shot_of_a_project_is_rendered(project_zip: tuple[Path, bytes], tmp_path: Path) -> None:

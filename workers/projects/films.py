@@ -84,7 +84,7 @@ class FarmFilms:
         shots = tuple(ShotFilm(shot, names[shot], job) for shot, job in found)
         assets = self._projects.assets(document.asset_ids, self._projects.get(project_id).owner)
         clips = [ShotClip.of(at, shot, document, assets) for at, shot in enumerate(document.shots, start=1)]
-        film = ProjectFilm(number, document.name, output, shots, joining_notes(clips), chapters(clips))
+        film = ProjectFilm(number, document.name, output, shots, joining_notes(clips, output.encoding), chapters(clips))
         if not film.ready or len(shots) == 1 or not joins(output_format(output.format)):
             return film
         return replace(film, joined=self._joined(film.jobs, output))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pipeline.formats.base import OutputFormat
+from pipeline.formats.base import OutputFormat, Profile
 from workers.contract.record import Asset
 from workers.projects.document import Document, Shot
 
@@ -66,7 +66,12 @@ def chapters(clips: Sequence[ShotClip]) -> tuple[Chapter, ...]:
     return tuple(found)
 
 
-def joining_notes(clips: Sequence[ShotClip]) -> tuple[str, ...]:
+def loses(profile: Profile) -> bool:
+    """Whether films in this profile would lose by another encoding: they are joined as they are, or not at all."""
+    return profile.is_deep or profile.has_alpha
+
+
+def joining_notes(clips: Sequence[ShotClip], profile: Profile) -> tuple[str, ...]:
     """What is decided for clips that differ from the first one, in sentences; none if all are alike."""
     first, *others = clips
     sizes = [f"{one.name} ({one.width}x{one.height})" for one in others if one.size != first.size]
@@ -82,6 +87,8 @@ def joining_notes(clips: Sequence[ShotClip]) -> tuple[str, ...]:
             f"{_named(rates)} {'keeps its' if len(rates) == 1 else 'keep their'} own frame rate; the first shot has "
             f"{first.fps:.5g} frames/s."
         )
+    if notes and loses(profile):
+        return (*notes, f"So the shots cannot be joined in {profile.title}, which would lose by another encoding.")
     return (*notes, "All shots are encoded once more to be joined.") if notes else ()
 
 

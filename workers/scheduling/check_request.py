@@ -28,9 +28,17 @@ from workers.contract.request import (
     MAX_URL,
     WARN,
     JobRequest,
+    OutputSpec,
 )
 from workers.jobs.frame_window import check_source, window_info
-from workers.jobs.job_warnings import DAMAGE_REMEDY, PASSES, depth_warning, no_effect_warning, note_warning
+from workers.jobs.job_warnings import (
+    DAMAGE_REMEDY,
+    PASSES,
+    depth_warning,
+    no_effect_warning,
+    note_warning,
+    quality_warning,
+)
 from workers.scheduling.outputs import output_faults
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
 from workers.store import Accepted
@@ -85,6 +93,8 @@ def check_request(
     warnings = [no_effect_warning(found) for found in unused]
     if request.output.encoding.is_deep and chosen.depth_bits == 8:
         warnings.append(depth_warning(chosen.title, request.output.encoding.title))
+    if request.output.quality != OutputSpec().quality and not request.output.encoding.has_quality:
+        warnings.append(quality_warning(request.output.encoding.title))
     told = sentences(info.get("passes", {}), chosen.passes)
     warnings += [note_warning("video", Note(PASSES, message)) for message in told]
     return Accepted(request, params.model_dump(mode="json"), steps, weights, versions, tuple(warnings))

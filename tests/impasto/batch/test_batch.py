@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 import pytest
 
@@ -350,3 +351,84 @@ def test_a_folder_is_painted_with_a_look_of_the_studio(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert batch(tmp_path / "in", "--look", look, "-o", out, "--home", tmp_path / "home") == 0
     assert probe(out / "a_v001.mp4").frames == FRAMES
+
+
+@pytest.mark.parametrize(
+    ("rows", "field", "why"),
+    [
+        ("source,shot\na.mp4,s1,more", "row 1", "more cells than the heading"),
+        ("source,shot,handles\na.mp4,s1,x", "row 1", "Handles are a number of frames"),
+        ("source,shot\na.mp4,../../s1", "names", "leads out of the output folder"),
+    ],
+)
+def test_a_wrong_manifest_names_the_row(tmp_path: Path, rows: str, field: str, why: str) -> None:
+    film(tmp_path / "a.mp4")
+    (tmp_path / "cut.csv").write_text(rows)
+    config, _ = load_config(None, tmp_path)
+    with pytest.raises(BadParameter) as error:
+        list(Batch(config, tmp_path / "out", tmp_path).run(shots_of(tmp_path / "cut.csv", config), _not_painted))
+    assert (error.value.field, why in error.value.message) == (field, True)
+
+
+def _not_painted(plan: Plan) -> Json:
+    raise AssertionError("nothing is painted")
+
+
+@pytest.mark.parametrize("names", ["{shot}_v{version!x}.mp4", "{shot}_v{version:>9q}.mp4"])
+def test_tokens_have_no_format(edl: Path, tmp_path: Path, names: str) -> None:
+    assert run(["batch", str(edl), "--fps", "24", "-o", str(tmp_path / "out"), "--names", names]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["empty"], "The folder has no films"),
+        (["frames"], "The folder has no films"),
+        (["films", "--fps", "25"], "--fps is for EDLs and manifests"),
+        (["films", "--media", "films"], "--media is for cuts and manifests"),
+        (["films", "--at-service", "--workers", "2"], "--workers is for this machine"),
+        (["films", "--api-key", "k"], "--api-key is for a service"),
+    ],
+)
+def test_what_a_batch_does_not_use_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], why: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in ("empty", "frames", "films"):
+        (tmp_path / folder).mkdir()
+    film(tmp_path / "films" / "a.mp4")
+    _images(tmp_path / "frames", 2)
+    assert run(["batch", *words, "-o", "out", "--home", "home"]) == 2
+    assert why in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def _images(folder: Path, count: int) -> None:
+    for number in range(1001, 1001 + count):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((48, 64, 3), number % 250, np.uint8))
+
+
+def test_images_of_a_manifest_have_the_given_rate_and_whole_sources_no_handles(
+    tmp_path: Path, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "films" / "shot").mkdir(parents=True)
+    _images(tmp_path / "films" / "shot", 5)
+    (tmp_path / "cut.csv").write_text("source,shot,frames\nfilms/shot/####.png,s1,#1002-#1004\nfilms/shot,s2,\n")
+    words = ["batch", str(tmp_path / "cut.csv"), "-o", str(tmp_path / "out"), "--home", str(home), "--quiet", "--fps"]
+    assert run([*words, "25", "--handles", "1"]) == 0
+    assert "warning: s2: All frames of the source are painted: there are none for handles." in capsys.readouterr().err
+    for name in ("s1", "s2"):
+        info = probe(tmp_path / "out" / f"{name}_v001.mp4")
+        assert (info.frames, info.fps) == (5, 25)
+    assert run([*words, "25", "--handles", "2"]) == 0
+    assert not (tmp_path / "out" / "s2_v002.mp4").exists(), "handles do not change it"
+
+
+def test_folders_of_images_beside_films_are_named(
+    tmp_path: Path, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "films" / "shot").mkdir(parents=True)
+    _images(tmp_path / "films" / "shot", 2)
+    film(tmp_path / "films" / "a.mp4")
+    assert run(["batch", str(tmp_path / "films"), "-o", str(tmp_path / "out"), "--home", str(home), "--quiet"]) == 0
+    assert "Left out, because it is no film: shot/." in capsys.readouterr().err
