@@ -89,7 +89,7 @@ def with_blended_colours(frame: Synthesised, before: KeyPicture, after: KeyPictu
     for axis, neighbour in ((1, frame.right), (0, frame.below)):
         here = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
         there = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
-        jump = np.abs(np.diff(frame.offsets, axis=axis) - np.float32([axis, 1 - axis])).max(-1)
+        jump = np.abs(np.diff(frame.offsets, axis=axis) - np.array([axis, 1 - axis], np.float32)).max(-1)
         counts = np.where(jump > _SEAM_PX, np.minimum(alike[here], alike[there]), np.float32(0))
         seam = counts[..., None] * (neighbour[here] - picture[there])
         source[here] -= seam
