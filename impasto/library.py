@@ -20,6 +20,7 @@ from typing import Any, cast, overload
 from impasto.delivery import OutputTarget, beside, deliver, expanded, output_faults, same_file, target
 from impasto.rendering import NoEffect, Rendering, Tell
 from impasto.sources import (
+    ImageSequence,
     Source,
     SourceFile,
     SourceNotice,
@@ -31,7 +32,7 @@ from impasto.sources import (
 )
 from pipeline.arrays import AnyArray
 from pipeline.errors import BadInput, BadParameter, did_you_mean
-from pipeline.formats import IN_FILM
+from pipeline.formats import IN_FILM, OUTPUTS
 from pipeline.formats.base import Encoding
 from pipeline.frames import Frame
 from pipeline.methods import method as find_method
@@ -41,8 +42,9 @@ from pipeline.methods.local import DEFAULT_FPS
 from pipeline.passes.made import PASSES
 from pipeline.video.depth import with_opacity
 from pipeline.video.join import join
+from pipeline.video.numbering import is_pattern
 from pipeline.video.writer import SegmentSpec, segment_writer
-from workers.contract.request import Alpha, OutputSpec
+from workers.contract.request import MAX_SEED, Alpha, OutputSpec
 from workers.execution.input_damage import InputDamage
 from workers.execution.pass_files import add_to_film
 from workers.scheduling.outputs import check_output
@@ -156,11 +158,17 @@ def render(  # noqa: PLR0913 (all but three by name)
     """
     chosen = find_method(method)
     parsed = parse_params(chosen, params)
+    if not 0 <= seed <= MAX_SEED:
+        raise BadParameter("Not accepted.", field="seed", value=seed, remedy=f"Use 0 to {MAX_SEED}.")
+    if (given := file_of(source)) is not None:
+        _check_exists(given, "source")
     _check_names(chosen, inputs or {})
     file = output if isinstance(output, OutputFile) else OutputFile("" if output is None else output)
     for found in chosen.ineffective(parsed, {"video", *(inputs or {})}, False, False, passes=file.passes):
         warnings.warn(found.message, NoEffect, stacklevel=2)
     where = None if output is None else _checked_output(file.path, source, inputs or {}, overwrite)
+    for name in _unused(source, where, fps, quality, overwrite, file.profile):
+        warnings.warn(f"{name} has no effect here.", NoEffect, stacklevel=2)
     stack = ExitStack()
     if where is not None:
         spec = OutputSpec(
@@ -196,6 +204,19 @@ def render(  # noqa: PLR0913 (all but three by name)
     return where.path
 
 
+def _unused(
+    source: Source, where: OutputTarget | None, fps: float, quality: int, overwrite: bool, profile: str
+) -> Iterator[str]:
+    """Arguments of `render` that are given and not used."""
+    if fps != DEFAULT_FPS and file_of(source) is not None:
+        yield "fps"
+    if where is None and overwrite:
+        yield "overwrite"
+    has_quality = where is not None and OUTPUTS[where.format].profile(profile).has_quality
+    if quality != OutputSpec().quality and not has_quality:
+        yield "quality"
+
+
 def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
     known = [spec.name for spec in chosen.inputs if spec.name != "video"]
     for name in inputs:
@@ -205,9 +226,17 @@ def _check_names(chosen: Method, inputs: Mapping[str, object]) -> None:
                 field=f"inputs.{name}",
                 remedy=did_you_mean(name, known, "inputs"),
             )
+        if (file := file_of(inputs[name])) is not None:
+            _check_exists(file, f"inputs.{name}")
     for spec, why in missing_inputs(chosen.inputs, {"video", *inputs}):
         remedy = f"Give inputs={{{spec.name!r}: ...}}. {spec.help}"
         raise BadParameter(why, field=f"inputs.{spec.name}", remedy=remedy)
+
+
+def _check_exists(file: SourceFile | ImageSequence, field: str) -> None:
+    path = expanded(Path(file.path))
+    if not path.exists() and not is_pattern(path.name):
+        raise BadInput("File or folder not found.", field=field, value=path, remedy="Check the path.")
 
 
 def _checked_output(output: str | Path, source: Source, inputs: Mapping[str, object], overwrite: bool) -> OutputTarget:

@@ -18,7 +18,7 @@ S = TypeVar("S", bound=BaseSettings)
 class CommandSettings(BaseSettings):
     """The command's data folder, and the service that it uses."""
 
-    model_config = SettingsConfigDict(env_prefix="IMPASTO_", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="IMPASTO_", extra="ignore", frozen=True, env_ignore_empty=True)
 
     home: Path = Field(default_factory=lambda: platformdirs.user_data_path("impasto"))
     server: str = DEFAULT_SERVER

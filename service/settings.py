@@ -19,7 +19,7 @@ MIB = 1 << 20
 class Settings(BaseSettings, FarmSettings):
     """Settings of the farm (`FarmSettings`) and of the HTTP service. Sizes are in bytes, times in seconds."""
 
-    model_config = SettingsConfigDict(env_prefix="IMPASTO_", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix="IMPASTO_", extra="ignore", frozen=True, env_ignore_empty=True)
 
     home: Path = Field(default_factory=lambda: platformdirs.user_data_path("impasto"))
 

@@ -252,7 +252,7 @@ def _loops(text: str) -> int:
     """Number of times that a file is played; 0 = without end."""
     if text == "forever":
         return 0
-    if not text.isdecimal():
+    if not text.isdecimal() or not int(text):
         raise BadInput(
             "The number of repetitions is invalid.", field="--loop", value=text, remedy="Write 3, or forever."
         )

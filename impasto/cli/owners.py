@@ -134,5 +134,7 @@ def _quotas(given: list[str] | None) -> dict[str, int | None]:
         name, _, limit = text.partition("=")
         if not limit.isdecimal() and limit != "default":
             raise BadParameter("A quota is name=limit.", field="--quota", value=text, remedy="As active_jobs=50.")
+        if name in found:
+            raise BadParameter(f"{name!r} is given twice.", field="--quota", value=text, remedy="Give it once.")
         found[name] = None if limit == "default" else int(limit)
     return found

@@ -70,7 +70,8 @@ class PipeOrder:
 
     def _render(self) -> int:
         frames, form = self._source()
-        common: Json = {"inputs": self.inputs, "seed": self.seed, "fps": float(form.fps)}
+        common: Json = {"inputs": self.inputs, "seed": self.seed}
+        common |= {"fps": float(form.fps)} if self.source == PIPE else {}
         common |= self.params
         if self.output != PIPE:
             file = OutputFile(self.output, self.profile, self.alpha)

@@ -49,8 +49,11 @@ def costs(
     as_json: JsonFlag = False,
 ) -> None:
     """Sum what jobs have cost, by owner or label: CPU seconds, slot seconds, bytes of results."""
+    first, end = _day("--since", since) or 0.0, _day("--until", until)
+    if end is not None and end <= first:
+        raise BadParameter("The period has no day.", field="--until", value=until, remedy="End later.")
     with client_of(server, api_key) as client:
-        found = client.owners.costs(by, _day("--since", since) or 0.0, _day("--until", until))
+        found = client.owners.costs(by, first, end)
     if as_json:
         emit(found)
     elif as_csv:

@@ -51,7 +51,7 @@ def report(
     with VideoReader(source) as before, VideoReader(result) as after:
         _check_shapes(before, after)
         common = min(before.frames, after.frames)
-        if before.frames != after.frames and not as_json:
+        if before.frames != after.frames:
             print_status(f"SOURCE has {before.frames} frames, RESULT {after.frames}: the first {common} are compared.")
         found = report_of(_pairs(before, after, common, pairs)).as_json()
     emit({"frames": common, **found}) if as_json else _show(found)

@@ -9,7 +9,7 @@ threads (keys, files, webhooks) are additional.
 from __future__ import annotations
 
 import inspect
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -17,10 +17,13 @@ from typing import Any, TypeVar
 
 import anyio
 from anyio.to_thread import current_default_thread_limiter
+from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from starlette.requests import Request
 from starlette.responses import Response
 
+from pipeline.errors import BadParameter, did_you_mean
 from service.access.keys import EVERYONE, Principal
 from service.errors import Busy, retry_after
 from service.settings import Settings
@@ -152,14 +155,18 @@ def cost_of(endpoint: Callable[..., Any]) -> Cost | None:
 
 
 class AdmittedRoute(APIRoute):
-    """A route whose requests are admitted by their cost."""
+    """A route whose requests are admitted by their cost. Those of the API refuse unknown query parameters."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        handle, cost = super().get_route_handler(), cost_of(self.endpoint)
-        if cost is None:
-            return handle
+        handle, cost, known = super().get_route_handler(), cost_of(self.endpoint), frozenset(_queries(self.dependant))
+        is_api = self.include_in_schema and self.path.startswith("/v1/")  # pages read queries in the browser
 
         async def admitted(request: Request) -> Response:
+            for name in request.query_params.keys() - known if is_api else ():
+                raise BadParameter(f"Unknown query parameter {name!r}.", field=name, value=request.query_params[name],
+                                   remedy=did_you_mean(name, sorted(known), "parameters"))  # fmt: skip
+            if cost is None:
+                return await handle(request)
             await request.body()  # read and bounded before; a message that follows it says that the client has left
             admission: Admission = request.app.state.service.admission
             address = f"@{request.client.host}" if request.client else "@"
@@ -167,3 +174,15 @@ class AdmittedRoute(APIRoute):
                 return await handle(request)
 
         return admitted
+
+
+def _queries(dependant: Dependant) -> Iterator[str]:
+    """The names of the query parameters of a route, those of models among them."""
+    for field in dependant.query_params:
+        kind = field.field_info.annotation
+        if inspect.isclass(kind) and issubclass(kind, BaseModel):
+            yield from kind.model_fields
+        else:
+            yield field.alias
+    for inner in dependant.dependencies:
+        yield from _queries(inner)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import doctest
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import av
 import cv2
@@ -116,3 +118,36 @@ def test_frames_of_two_sizes_are_refused() -> None:
     next(painted)
     with pytest.raises(BadFrame, match="one size"):
         next(painted)
+
+
+@pytest.mark.parametrize(
+    ("file", "given", "unused"),
+    [
+        (False, {"quality": 3}, "quality"), (False, {"overwrite": True}, "overwrite"), (True, {"fps": 10}, "fps"),
+        (False, {"output": "out.mov", "quality": 3}, "quality"), (False, {"output": "out.mp4", "quality": 3}, ""),
+        (False, {"fps": 10}, ""),
+    ],
+)  # fmt: skip
+def test_arguments_without_effect_are_told(
+    file: bool, given: dict[str, Any], unused: str, tiny_clip: Path, tmp_path: Path
+) -> None:
+    frames = [np.full((48, 64, 3), 90, np.uint8)]
+    if "output" in given:
+        given = {**given, "output": tmp_path / given["output"]}
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        impasto.render("abstraction", tiny_clip if file else frames, **given)
+    told = [str(one.message) for one in found if one.category is impasto.NoEffect]
+    assert told == ([f"{unused} has no effect here."] if unused else [])
+
+
+@pytest.mark.parametrize(
+    ("given", "field"),
+    [({"source": "none.mp4"}, "source"), ({"inputs": {"reference": "none.png"}}, "inputs.reference"),
+     ({"seed": -1}, "seed")],
+)  # fmt: skip
+def test_what_is_not_there_is_refused_at_once(given: dict[str, Any], field: str) -> None:
+    source = given.pop("source", [np.full((48, 64, 3), 90, np.uint8)])
+    with pytest.raises(impasto.BadInput) as error:
+        impasto.render("abstraction", source, **given)
+    assert error.value.field == field

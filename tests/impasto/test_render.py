@@ -422,9 +422,7 @@ def test_a_repeated_command_resumes_to_the_same_bytes(
 
 
 @pytest.mark.parametrize("frames", ["#1002-#1005", "1:5"])
-def test_a_range_of_images_counts_with_the_options_of_their_sequence(
-    render: Here, tmp_path: Path, frames: str
-) -> None:
+def test_a_range_of_images_counts_with_the_options_of_their_sequence(render: Here, tmp_path: Path, frames: str) -> None:
     (tmp_path / "shot").mkdir()
     for number in (1001, 1002, 1004, 1005, 1006):
         cv2.imwrite(str(tmp_path / "shot" / f"{number}.png"), tiny_frame(number - 1001))

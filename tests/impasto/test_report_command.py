@@ -41,7 +41,10 @@ def test_the_report_samples_pairs_and_accepts_other_lengths_and_sizes(
     clips: dict[str, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert report(capsys, clips["whole"], clips["whole"], "--pairs", "3")["pairs"] == 3
-    assert report(capsys, clips["whole"], clips["short"])["frames"] == 5
+    capsys.readouterr()
+    assert run(["report", str(clips["whole"]), str(clips["short"]), "--json"]) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["frames"] == 5 and "the first 5 are compared" in printed.err
     enlarged = report(capsys, clips["whole"], clips["small"])
     assert isinstance(enlarged["detail"], float) and enlarged["detail"] < 0.95
 

@@ -341,3 +341,12 @@ def test_an_internal_error_reveals_no_details(settings: Settings, caplog: pytest
     assert (answer.status_code, answer.json()["code"]) == (500, "internal-error")
     assert "division" not in answer.text
     assert "ZeroDivisionError" in caplog.text
+
+
+@pytest.mark.parametrize("path", ["/v1/jobs?stat=failed", "/v1/methods?nope=1", "/v1/assets?mising=hold"])
+def test_a_query_parameter_that_a_route_does_not_have_is_refused(server: Server, path: str) -> None:
+    answer = server.client.get(path)
+    assert (answer.status_code, answer.json()["code"]) == (422, "bad-parameter")
+    assert answer.json()["field"] == path.partition("?")[2].partition("=")[0]
+    if "stat" in path:
+        assert "Did you mean 'state'?" in answer.json()["remedy"]

@@ -22,7 +22,7 @@ METHOD = "method"
 NO_ARTEFACT = "no-artefact"
 """Code: the job made nothing of a requested artefact; its film is complete."""
 NO_EFFECT = "no-effect"
-"""Code: a parameter, an input or a quality was given that has no effect."""
+"""Code: a parameter, an input or an option was given that has no effect."""
 PASSES = "passes"
 """Code: which render passes of the video the method uses."""
 PLANNED_AGAIN = "planned-again"
@@ -63,9 +63,9 @@ def no_effect_warning(found: Ineffective) -> JobWarning:
     return JobWarning(NO_EFFECT, found.message, name if kind == "inputs" else "", {})
 
 
-def quality_warning(profile: str) -> JobWarning:
-    """The warning about a quality for a profile that has one quality."""
-    return JobWarning(NO_EFFECT, f"output.quality has no effect: {profile} has one quality.", "", {})
+def unused_warning(field: str, why: str) -> JobWarning:
+    """The warning about a field of the output or the source that has no effect."""
+    return JobWarning(NO_EFFECT, f"{field} has no effect: {why}.", "", {})
 
 
 def note_warning(name: str, note: Note) -> JobWarning:

@@ -37,7 +37,7 @@ from workers.jobs.job_warnings import (
     depth_warning,
     no_effect_warning,
     note_warning,
-    quality_warning,
+    unused_warning,
 )
 from workers.scheduling.outputs import output_faults
 from workers.scheduling.planning import expected_weights, steps_of, versions_of
@@ -94,7 +94,9 @@ def check_request(
     if request.output.encoding.is_deep and chosen.depth_bits == 8:
         warnings.append(depth_warning(chosen.title, request.output.encoding.title))
     if request.output.quality != OutputSpec().quality and not request.output.encoding.has_quality:
-        warnings.append(quality_warning(request.output.encoding.title))
+        warnings.append(unused_warning("output.quality", f"{request.output.encoding.title} has one quality"))
+    if request.source.premultiplied and not info.get("alpha", True):
+        warnings.append(unused_warning("source.premultiplied", "the video has no opacity"))
     told = sentences(info.get("passes", {}), chosen.passes)
     warnings += [note_warning("video", Note(PASSES, message)) for message in told]
     return Accepted(request, params.model_dump(mode="json"), steps, weights, versions, tuple(warnings))
