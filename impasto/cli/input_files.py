@@ -65,6 +65,11 @@ def gather(
     if path.is_dir():
         files, others = _files(field, path, sequence.pattern)
         return _zipped(path, files, scratch, sequence, left_out(others))
+    from workers.projects.archive import is_project
+
+    if is_project(path):
+        raise BadInput("That is an exported project, and a video is expected.", field=field, value=path,
+                       remedy="Render it with `impasto render`, or open it in the studio of a service.")  # fmt: skip
     if not path.is_file():
         raise BadInput("It is neither a file nor a folder.", field=field, value=path, remedy="Save it to a file first.")
     try:

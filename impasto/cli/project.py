@@ -8,6 +8,7 @@ from pathlib import Path
 
 from impasto.cli.rendering import RenderOrder
 from impasto.delivery import OutputTarget
+from impasto.ranges import Span, facts_of
 from pipeline.errors import BadInput, BadParameter
 from pipeline.formats import output_format
 from pipeline.formats.base import Profile
@@ -48,12 +49,12 @@ class FilmOrder:
 
 def project_orders(
     path: Path, scratch: Path, where: OutputTarget, artefacts: Mapping[str, Path | None], overwrite: bool,
-    frames: tuple[int, int] | None = None, shot: int | None = None, wanted: OutputSpec = OutputSpec(),
+    span: Span | None = None, shot: int | None = None, wanted: OutputSpec = OutputSpec(),
 ) -> FilmOrder:  # fmt: skip
     """The project's shots as orders whose inputs are written to `scratch`. The quality is the document's.
 
     Args:
-        frames: [first, end) of the shot's video, instead of the shot's range.
+        span: frames of the shot's video, instead of the shot's range.
         shot: number of the only shot to render, from 1; None: all.
         wanted: its passes, if it has any, replace those of the document.
 
@@ -72,6 +73,8 @@ def project_orders(
         assets = {
             key: _asset(key, file, archive.manifest.assets[key].filename, settings) for key, file in files.items()
         }
+    video = files.get(document.assets[chosen[0].video].id)  # a missing one is a problem of the document
+    frames = None if span is None or video is None else span.resolve(facts_of(video), "--frames")
     passes = {"passes": wanted.passes, "passes_format": wanted.passes_format} if wanted.passes else {}
     output = document.output.model_copy(update=passes)
     selection = Selection(shots=[one.id for one in chosen], frames=frames, output=output)

@@ -255,14 +255,15 @@ def _render_project(options: RenderOptions, scratch: Path) -> None:
     from impasto.cli.project import project_orders
     from impasto.cli.project_film import run_film
     from impasto.delivery import passes_target, target
+    from impasto.ranges import span_of
     from workers.contract.request import OutputSpec
 
     refuse_given(options.given, _OF_SHOTS, "is for videos: a project has its own.",
                  "Change the project and export it again, or leave the option out.")  # fmt: skip
     wanted = OutputSpec(passes=passes_of(options.passes), passes_format=options.passes_format)
     where = target(options.output or str(scratch / "estimate.mp4"), form=options.output_format)
-    artefacts, frames = artefacts_of(options.artefact or []), frames_of(options.frames, options.source)
-    film = project_orders(options.source, scratch, where, artefacts, options.overwrite, frames, options.shot, wanted)
+    artefacts, span = artefacts_of(options.artefact or []), span_of(options.frames)
+    film = project_orders(options.source, scratch, where, artefacts, options.overwrite, span, options.shot, wanted)
     shots = tuple(
         replace(_damage_policy(options, order), passes_to=passes_target(options.passes_to, order.request.output))
         for order in film.shots

@@ -6,10 +6,12 @@ import hashlib
 import json
 import subprocess
 import sys
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -216,6 +218,27 @@ def test_what_is_for_one_shot_is_refused_for_a_film(
     assert isinstance(error, BadInput)
     assert error.field == field
     assert remedy in error.remedy
+
+
+def test_frames_of_a_shot_are_numbers_of_its_images(farm: Farm, tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "shot.zip", "w") as images:
+        for number in range(1001, 1006):
+            picture = cv2.imencode(".png", np.full((48, 64, 3), number % 200, np.uint8))[1]
+            images.writestr(f"{number}.png", picture.tobytes())
+    asset = farm.assets.add(tmp_path / "shot.zip", "shot.zip")
+    project = farm.projects.create(_document(asset.id, {"layers": [{"id": "l1", "method": "abstraction"}]}), "")
+    archive = tmp_path / "project.zip"
+    farm.projects.export(project.id, archive)
+    words = ["render", str(archive), "-o", f"{tmp_path}/out/", "--home", str(tmp_path / "home"), "--frames"]
+    assert CliRunner().invoke(app, [*words, "#1002-#1003"]).exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["1002.png", "1003.png"]
+    error = CliRunner().invoke(app, [*words, "01:00:00:00-01:00:00:02"]).exception
+    assert isinstance(error, BadInput) and "no timecode" in error.message
+
+
+def test_a_project_is_no_video(project_zip: tuple[Path, bytes], tmp_path: Path) -> None:
+    error = CliRunner().invoke(app, ["inspect", str(project_zip[0])]).exception
+    assert isinstance(error, BadInput) and "exported project" in error.message
 
 
 def test_an_interrupted_film_continues_with_the_shots_that_are_missing(
