@@ -142,9 +142,10 @@ class PipelinedRunner:
     """Runs the analyzer on a thread of its own, ahead of the other stages on the caller's thread. A context manager.
 
     In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
-    processor waiting. From `MANY_PROCESSORS` on, importance, lines and the outlines of regions have threads of their own, another
-    one takes a half of the compositor's rows, and others compute the features, edges and line responses of several
-    frames at the same time; on fewer, the analyzer's thread takes some of the compositor's work when it is ahead.
+    processor waiting. From `MANY_PROCESSORS` on, importance, lines and the outlines of regions have threads of their
+    own, another one takes a half of the compositor's rows, and others compute the features, edges and line responses of
+    several frames at the same time; on fewer, the analyzer's thread takes some of the compositor's work when it is
+    ahead.
     In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take a tenth longer);
     there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages.
     """

@@ -93,13 +93,14 @@ def confidence(evidence: Evidence, alpha: float, buffers: Buffers, background: F
     difference = buffers.get("difference", evidence.source.shape)
     mean = buffers.get("mean difference", evidence.source.shape)
     rate, height = np.float32(alpha / 255**2), len(exponent)
-    pictures = evidence.source, evidence.warped, evidence.expected
+    source, warped, expected = evidence.source, evidence.warped, evidence.expected
     weights = np.float32(ROUND_TRIP), np.float32(BOUNDARY)
 
     def differ(first: int, last: int) -> None:
         rows = slice(first, last)
         _compare(evidence.back, evidence.round_trip, *weights, exponent, first, last)
-        _differ(*(each[rows] for each in pictures), rate * np.float32(SINGLE), exponent[rows], difference[rows])
+        single = rate * np.float32(SINGLE)
+        _differ(source[rows], warped[rows], expected[rows], single, exponent[rows], difference[rows])
 
     background.rows(differ, height)
     cv2.blur(difference, (WINDOW_PX, WINDOW_PX), dst=mean)
@@ -116,8 +117,8 @@ def onward_motion(
     Args:
         before, now: the two frames of the source.
         flows: accurate flows from `now` to `before` and from `before` to `now`.
-        alpha, buffers, background: see `confidence`. There is no average of later frames: `before` is compared with the next frame
-            itself.
+        alpha, buffers, background: see `confidence`. There is no average of later frames: `before` is compared with the
+            next frame itself.
     """
     back, forth = flows
     there = positions(forth)

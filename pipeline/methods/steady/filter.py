@@ -133,9 +133,7 @@ class SteadyFilter:
         def move(rows: slice) -> None:
             places = there[0][rows], there[1][rows]
             for picture, moved in moves:
-                cv2.remap(
-                    picture, *places, cv2.INTER_LINEAR, dst=moved[rows], borderMode=cv2.BORDER_REPLICATE
-                )
+                cv2.remap(picture, *places, cv2.INTER_LINEAR, dst=moved[rows], borderMode=cv2.BORDER_REPLICATE)
 
         self._rows(move, len(source))
         evidence = Evidence(back, round_trip, source, warped, expected)
@@ -166,9 +164,7 @@ class SteadyFilter:
         mask = self._everywhere if mask is None else mask
         self._solve(analysis, target, mask, self.params.at(number), before)
         if largest(self.params.detail) > 0:
-            self._amounts = self._background.submit_parallel(
-                partial(amounts_of, self._result, target, before, buffers)
-            )
+            self._amounts = self._background.submit_parallel(partial(amounts_of, self._result, target, before, buffers))
         if self._deep:
             return (target + mask[..., None] * (self._result - target)) / np.float32(255)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
