@@ -21,7 +21,6 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.colour.scheme import ColourStats, from_histogram, learn
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.kernels.executors import FrameExecutor, LazyExecutor, Ready, ThreadExecutor
-from pipeline.kernels.processors import usable_processors
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer, FrameFeatures, SmoothedFrame
 from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor, OutlinedRegions
 from pipeline.methods.abstraction.params import AbstractionParams
@@ -36,12 +35,10 @@ from pipeline.methods.tasks import Clock, no_clock
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""
 THIRD_THREAD_FROM_PX = 480
-"""Shorter side of the frames from which a third thread pays, px."""
+"""Shorter side of the frames from which further threads pay, px."""
 
 FEATURE_THREADS = 3
 """Threads that compute features and edges of different frames; each has little more to do than half a processor."""
-MANY_PROCESSORS = 4
-"""Number of processors from which two further threads pay."""
 
 
 def scheme_of(references: References) -> ColourStats | None:
@@ -133,7 +130,6 @@ class _Waiting(NamedTuple):
     """A frame that is being worked on."""
 
     analysis: Future[FrameAnalysis]
-    regions: Future[ColouredRegions] | None
     outlined: Future[OutlinedRegions] | None
     """None = made on the caller's thread."""
 
@@ -141,13 +137,12 @@ class _Waiting(NamedTuple):
 class PipelinedRunner:
     """Runs the analyzer on a thread of its own, ahead of the other stages on the caller's thread. A context manager.
 
-    In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
-    processor waiting. From `MANY_PROCESSORS` on, importance, lines and the outlines of regions have threads of their
-    own, another one takes a half of the compositor's rows, and others compute the features, edges and line responses of
-    several frames at the same time; on fewer, the analyzer's thread takes some of the compositor's work when it is
-    ahead.
+    In frames of `THIRD_THREAD_FROM_PX`, importance, lines, regions and their outlines have threads of their own,
+    another one takes a half of the compositor's rows, and others compute the features, edges and line responses of
+    several frames at the same time. On two processors, too, no stage keeps one of them waiting.
     In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take a tenth longer);
-    there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages.
+    there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages, and takes some of the
+    compositor's work when it is.
     """
 
     def __init__(self, session: AbstractionSession) -> None:
@@ -156,12 +151,11 @@ class PipelinedRunner:
         large = min(session.sizes.output) >= THIRD_THREAD_FROM_PX
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
         self._deferring = None if large else LazyExecutor()
-        many = large and usable_processors() >= MANY_PROCESSORS
-        self._importance = ThreadPoolExecutor(1, thread_name_prefix="importance") if many else None
-        self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if many else None
-        self._outlines = ThreadPoolExecutor(1, thread_name_prefix="outlines") if many else None
-        self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if many else None
-        self._features = ThreadPoolExecutor(FEATURE_THREADS, thread_name_prefix="features") if many else None
+        self._importance = ThreadPoolExecutor(1, thread_name_prefix="importance") if large else None
+        self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if large else None
+        self._outlines = ThreadPoolExecutor(1, thread_name_prefix="outlines") if large else None
+        self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if large else None
+        self._features = ThreadPoolExecutor(FEATURE_THREADS, thread_name_prefix="features") if large else None
         self._before: Future[SmoothedFrame] | None = None
         self._analysed = self._composited = 0  # frames; each counted by one thread only
 
@@ -206,7 +200,7 @@ class PipelinedRunner:
         analysis = self._analyzer.submit(self._analyze, number, frame, mask, given, features)
         regions = self._regions.submit(self._segment, analysis) if self._regions else None
         outlined = self._outlines.submit(self._outline, regions) if self._outlines and regions else None
-        return _Waiting(analysis, regions, outlined)
+        return _Waiting(analysis, outlined)
 
     def _prepare(self, threads: Executor, frame: Frame, given: Flow | None) -> FrameFeatures:
         """Begin what does not depend on earlier results."""
@@ -237,10 +231,8 @@ class PipelinedRunner:
         """Finish the next frame."""
         ahead = len(waiting) > AHEAD // 2 and waiting[AHEAD // 2].analysis.done()
         self.session.compositor.background.helper = self._helper or (self._analyzer if ahead else None)
-        analysis, regions, outlined = waiting.popleft()
+        analysis, outlined = waiting.popleft()
         self._composited += 1
         compositor = self.session.compositor
         compositor.prepare(analysis.result())
-        if outlined:
-            return compositor.step(outlined.result())
-        return compositor.step(compositor.outline(regions.result() if regions else self._segment(analysis)))
+        return compositor.step(outlined.result() if outlined else compositor.outline(self._segment(analysis)))
