@@ -200,13 +200,15 @@ class _ThreadTimer(StageTimer):
 
 
 def _use_many_threads() -> None:
-    """Let every module see the processors of a large machine."""
+    """Let every module see the processors of a large machine, and helper threads begin at once, as they do there."""
     import pipeline.methods  # noqa: F401 (loads the modules)
-    from pipeline.kernels import processors
+    from pipeline.kernels import executors, processors
 
+    given = processors.usable_processors
     for module in [*sys.modules.values()]:
-        if getattr(module, "usable_processors", None) is processors.usable_processors:
+        if getattr(module, "usable_processors", None) is given:
             module.usable_processors = lambda: MACHINE  # type: ignore[attr-defined]
+    vars(executors)["Submitted"].result = lambda self: self.future.result()
 
 
 def _clip(folder: Path, frames: int, width: int) -> Path:

@@ -296,7 +296,7 @@ def pipeline(media: Path) -> Frame:
     session.compositor.prepare(analysis)
     session.compositor.prepare(analysis)
     sketch = session.regions.step(analysis)
-    painting = session.compositor.step(sketch)
+    painting = session.compositor.step(session.compositor.outline(sketch))
     tiles = {
         "1 the frame": frame,
         "2 optical flow": show_flow(analysis.flow),

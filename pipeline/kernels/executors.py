@@ -130,17 +130,20 @@ class LazyExecutor(FrameExecutor):
 
 
 class ThreadExecutor(FrameExecutor):
-    """Runs a function that is handed to `submit` on a helper thread, in order, stateless ones on other threads, and
-    everything else in the caller.
+    """Runs a function that is called on one thread, one that is handed to `submit` on another, each in order, and
+    stateless ones on further threads.
 
     Args:
-        thread: executor of one thread.
+        calls, thread: executors of one thread.
         others: executor of any number of threads.
     """
 
-    def __init__(self, thread: Executor, others: Executor) -> None:
+    def __init__(self, calls: Executor, thread: Executor, others: Executor) -> None:
         super().__init__()
-        self._thread, self._others = thread, others
+        self._calls, self._thread, self._others = calls, thread, others
+
+    def __call__(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
+        return self._calls.submit(function, *args, **kwargs)
 
     def submit(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> Pending[T]:
         return self._thread.submit(function, *args, **kwargs)
@@ -150,7 +153,8 @@ class ThreadExecutor(FrameExecutor):
 
 
 class RowExecutor(FrameExecutor):
-    """Divides the rows of an image among the caller and further threads; runs everything else in the caller.
+    """Divides the rows of an image among the caller and further threads, and hands parallel functions to these; runs
+    everything else in the caller.
 
     Args:
         threads: executor of so many `helpers`.
@@ -159,6 +163,9 @@ class RowExecutor(FrameExecutor):
     def __init__(self, threads: Executor, helpers: int) -> None:
         super().__init__()
         self._threads, self._helpers = threads, helpers
+
+    def submit_parallel(self, make: Callable[[], T]) -> Pending[T]:
+        return Submitted(self._threads.submit(make), make)
 
     def rows(self, work: Callable[[int, int], None], height: int) -> None:
         count = self._helpers + 1

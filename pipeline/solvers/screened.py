@@ -83,7 +83,7 @@ def _relaxed(
     start = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_LINEAR)
     now[inner] = start.reshape(height, width * channels)
     factor = buffers.get(f"{name} diagonal", (height, width * channels))
-    _inverse_diagonal(absorb, channels, factor)
+    background.rows(lambda *span: _inverse_diagonal(absorb, channels, factor, *span), height)
     right = source.reshape(height, width * channels)
 
     def relax(first: int, last: int) -> None:
@@ -97,10 +97,11 @@ def _relaxed(
 
 
 @kernel
-def _inverse_diagonal(absorb: Any, channels: int, factor: Any) -> None:
-    """Fill `factor` with 1 / (a + number of neighbours), repeated for each channel: float32 (h, w * channels)."""
+def _inverse_diagonal(absorb: Any, channels: int, factor: Any, first_row: int, end_row: int) -> None:
+    """Fill rows of `factor` with 1 / (a + number of neighbours), repeated for each channel: float32
+    (h, w * channels)."""
     height, width = absorb.shape
-    for y in range(height):
+    for y in range(first_row, end_row):
         neighbours = 4 - (y == 0) - (y == height - 1)
         for x in range(width):
             edges = neighbours - (x == 0) - (x == width - 1)

@@ -36,6 +36,7 @@ from workers.execution.warm_up import finish_warm_up, warm_up_process
 from workers.faults import fault_from
 from workers.jobs.job_warnings import method_warning, no_artefact_warning, note_warning
 from workers.jobs.state_machine import ASSEMBLE
+from workers.process.free_memory import return_free_memory
 from workers.process.heartbeat import heartbeats
 from workers.process.logs import AttemptLog, captured, set_up_logs
 from workers.process.starting import HUNG_STATUS
@@ -206,6 +207,7 @@ class Renderer:
         return replace(outcome, trace=context.reads.outcome(outcome)) if order.records_reads else outcome
 
     def _assemble(self, order: TaskOrder, context: AttemptContext, folder: Path) -> TaskOutcome:
+        return_free_memory()  # that of the painting tasks, of which this one needs a small part
         chosen = self._find(order.method)
         assembly = Assembly(order, chosen, self._blobs, self._decoders, folder, self._overview)
         with context.stages.waiting("join"):

@@ -33,15 +33,19 @@ def keep_free_memory() -> None:
     keep_freed_memory(_MOST_KEPT_BYTES)
 
 
+def return_free_memory() -> None:
+    """Return the free pages of all arenas. Does nothing if the C library is not glibc."""
+    if (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is not None:
+        trim(ctypes.c_size_t(0))
+
+
 @cache
 def _return_free_memory_regularly(every_s: float) -> None:
     """Start a thread that returns free memory until the process ends; a second call starts none."""
-    if (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is None:
-        return
 
     def run() -> None:
         pause = threading.Event()
         while not pause.wait(every_s):
-            trim(ctypes.c_size_t(0))
+            return_free_memory()
 
     threading.Thread(target=run, name="impasto-free-memory", daemon=True).start()

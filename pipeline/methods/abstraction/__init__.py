@@ -81,7 +81,7 @@ class Abstraction(Method):
         ),
     )  # fmt: skip
     task_cpus = 2.0  # the analysis of a frame overlaps the painting of the previous one
-    task_threads: ClassVar[Mapping[str, float]] = {"abstract/run": 5.0}
+    task_threads: ClassVar[Mapping[str, float]] = {"abstract/run": 8.0}
     steps: ClassVar[tuple[Step[AbstractionParams], ...]] = (
         Step("scan", "Find the shots", plan_scan, run_scan, weight=0.05, version=2),
         Step("reference", "Learn the colours", plan_reference, run_reference, weight=0.0),

@@ -16,7 +16,7 @@ from pipeline.colour.scheme import Tone, ToneTracker
 from pipeline.colour.scheme import measure as measure_tone
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.executors import FrameExecutor, Pending, Ready
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Lines, PreviousFrame
+from pipeline.methods.abstraction.line_extractor import LineExtractor, LineResponse, Lines, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px, resize_flow, shrink_frame
 from pipeline.methods.tasks import Clock
@@ -109,6 +109,8 @@ class FrameAnalyzer:
         self.light_steadiness = 1.0
         self.contrast: float | None = None
         self._deferred: Pending[None] = Ready(None)
+        self._response: Pending[LineResponse] | None = None
+        """The line response of the last frame; None = that of the line extractor's state."""
         self._search_due = False
         self.smooth_side, self.smooth_px = _short_gaussian(analysis_blur_px(sizes))
 
@@ -141,8 +143,12 @@ class FrameAnalyzer:
         threshold = params.edge_threshold * contrast
         edge_map = self.background.submit_stateless(self._edges, planes, importance, faces, threshold)
         past = None if flow is None or residual is None else PreviousFrame(flow, residual)
-        submit = self.background.submit
-        lines = submit(self._lines, params, planes, importance, past, line_faces) if self.lines else None
+        lines = None
+        if self.lines:
+            self._response = self.background.submit_stateless(
+                self._respond, planes, past, line_faces, params.paint_memory, self._response
+            )
+            lines = self.background.submit(self._lines, params, planes, importance, self._response)
         if self.background.helper is None:
             self.finish_frame()
         with self.clock("colour"):
@@ -240,14 +246,23 @@ class FrameAnalyzer:
         with self.clock("edges"):
             return edges(planes, importance.result(), threshold, faces)
 
-    def _lines(
-        self, params: AbstractionParams, planes: LabPlanes, importance: Pending[Plane], past: PreviousFrame | None,
-        faces: Sequence[FaceCrop],
-    ) -> Lines:  # fmt: skip
+    def _respond(
+        self, planes: LabPlanes, past: PreviousFrame | None, faces: Sequence[FaceCrop], memory: float,
+        before: Pending[LineResponse] | None,
+    ) -> LineResponse:  # fmt: skip
         assert self.lines is not None
+        earlier = self.lines.response if before is None else before.result().plane
+        with self.clock("lines"):
+            return self.lines.respond(planes, past, faces, memory, earlier)
+
+    def _lines(
+        self, params: AbstractionParams, planes: LabPlanes, importance: Pending[Plane], response: Pending[LineResponse]
+    ) -> Lines:
+        assert self.lines is not None
+        weight, found = importance.result(), response.result()
         with self.clock("lines"):
             self.lines.params = params
-            return self.lines.step(planes, importance.result(), past, faces)
+            return self.lines.draw(found, planes, weight)
 
     def _begins_shot(self, frame: Frame) -> bool:
         """True for the first frame, after a hard cut, and for every frame with `temporal=off`."""

@@ -28,6 +28,16 @@ from pipeline.vector.fill import fill_regions
 
 
 @dataclass(frozen=True)
+class OutlinedRegions:
+    """The regions of a frame as they are drawn; see `CompositedFrame`."""
+
+    coloured: ColouredRegions
+    labels: NDArray[np.int32]
+    lines: Lines | None
+    borders: Borders | None
+
+
+@dataclass(frozen=True)
 class CompositedFrame:
     """A finished frame with its intermediate results."""
 
@@ -85,35 +95,42 @@ class Compositor:
         with self.clock("paint"):
             return warp_back_enlarged(picture, flow)
 
-    def step(self, coloured: ColouredRegions) -> CompositedFrame:
-        """Composite a frame, after `prepare` with the analysis of the same frame."""
+    def outline(self, coloured: ColouredRegions) -> OutlinedRegions:
+        """Smooth the boundaries of a frame. Uses no state: it may run for the next frame while `step` fills this
+        one."""
+        analysis, regions = coloured.analysis, coloured.regions
         with self.clock("paint"):
-            return self._filtered(coloured) if self.curves is None else self._curved(coloured, self.curves)
-
-    def _filtered(self, coloured: ColouredRegions) -> CompositedFrame:
-        """The frame with a low-pass filtered label map."""
-        analysis, labels = coloured.analysis, coloured.regions.labels
-        if self.round_px >= 1:
-            labels = round_boundaries(labels, self.round_px, self.background)
-        picture = flat(labels, coloured.colours, background=self.background)
+            labels = self._filtered(regions) if self.curves is None else self.curves.labels(regions)
         lines = analysis.lines.result() if analysis.lines else None
-        if lines is not None:
-            overlay(picture, lines.coverage, self.ink, analysis.params.line_opacity, self.background)
-        self.picture = self._fade(picture, analysis)
-        return CompositedFrame(self.picture, coloured.regions, labels, coloured.colours, lines, None, analysis)
+        if self.curves is None:
+            return OutlinedRegions(coloured, labels, lines, None)
+        with self.clock("paint"):
+            drawn = None if lines is None else shrink_mask(lines.coverage, self.sizes)
+            return OutlinedRegions(coloured, labels, lines, self.curves.borders(labels, analysis.lab, drawn))
 
-    def _curved(self, coloured: ColouredRegions, curves: BorderCurves) -> CompositedFrame:
-        """The frame with curves as borders."""
-        analysis, regions, colours = coloured.analysis, coloured.regions, coloured.colours
-        labels = curves.labels(regions)
-        lines = analysis.lines.result() if analysis.lines else None
-        drawn = None if lines is None else shrink_mask(lines.coverage, self.sizes)
-        borders = curves.borders(labels, analysis.lab, drawn)
-        self.picture = self._fade(fill_regions(borders, colours, self.sizes.output, self.background), analysis)
-        frame = self.picture.copy()
+    def _filtered(self, regions: Segmentation) -> NDArray[np.int32]:
+        """The label map, low-pass filtered."""
+        rounds = self.round_px >= 1
+        return round_boundaries(regions.labels, self.round_px, self.background) if rounds else regions.labels
+
+    def step(self, outlined: OutlinedRegions) -> CompositedFrame:
+        """Composite a frame, after `prepare` with the analysis of the same frame."""
+        coloured, lines, borders = outlined.coloured, outlined.lines, outlined.borders
+        analysis, colours = coloured.analysis, coloured.colours
+        with self.clock("paint"):
+            if borders is None:
+                frame = flat(outlined.labels, colours, background=self.background)
+                self._overlay(frame, lines, analysis)
+                frame = self.picture = self._fade(frame, analysis)
+            else:
+                self.picture = self._fade(fill_regions(borders, colours, self.sizes.output, self.background), analysis)
+                frame = self.picture.copy()
+                self._overlay(frame, lines, analysis)
+        return CompositedFrame(frame, coloured.regions, outlined.labels, colours, lines, borders, analysis)
+
+    def _overlay(self, frame: Frame, lines: Lines | None, analysis: FrameAnalysis) -> None:
         if lines is not None:
             overlay(frame, lines.coverage, self.ink, analysis.params.line_opacity, self.background)
-        return CompositedFrame(frame, regions, labels, colours, lines, borders, analysis)
 
     def _fade(self, picture: Frame, analysis: FrameAnalysis) -> Frame:
         """The picture, blended with the previous one along borders."""

@@ -86,6 +86,21 @@ class Lines(NamedTuple):
     coverage: Ink
 
 
+class LineResponse(NamedTuple):
+    """The line response of a frame, and what the lines need of how it was made; planes at the size of the line planes.
+
+    Attributes:
+        plane: float32 (h, w), gray levels, averaged with that of the previous frame.
+        sigma_px: standard deviation of the narrower Gaussian at each pixel.
+        past, motion: relation to the previous frame, and how far lines follow it; None = they do not.
+    """
+
+    plane: Plane
+    sigma_px: Plane
+    past: PreviousFrame | None
+    motion: PastMotion | None
+
+
 class LineExtractor:
     """Draws lines for frame after frame. `params` are those of the next frame.
 
@@ -121,19 +136,36 @@ class LineExtractor:
             past: None = a shot begins.
             faces: small faces, at the size of the line planes (`small`).
         """
+        response = self.respond(planes, past, faces, self.params.paint_memory, self.response)
+        return self.draw(response, planes, importance)
+
+    def respond(
+        self, planes: LabPlanes, past: PreviousFrame | None, faces: Sequence[FaceCrop], memory: float,
+        before: Plane | None,
+    ) -> LineResponse:  # fmt: skip
+        """First half of `step`. Uses no state: it may run for the next frame while `draw` works on this one.
+
+        Args:
+            memory: the parameter `paint_memory` of the frame.
+            before: the response of the previous frame; None = there is none.
+        """
         small = cv2.resize(planes[0], self.small, interpolation=cv2.INTER_AREA).astype(np.float32)
-        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
         past = self._shrunk(past)
-        sigma_px = np.full(weight.shape, self.sigma_px, np.float32)
+        sigma_px = np.full(small.shape, self.sigma_px, np.float32)
         response = self._finer(dog_response(small, self.sigma_px, LINES.tau), small, sigma_px, faces)
-        motion = self._motion(past)
-        if motion is not None and self.response is not None:
-            response = blend_response(response, self.response, motion)
-        self.response = response
-        strokes = self._strokes(response, weight, sigma_px, past, planes)
+        motion = _motion(past, memory)
+        if motion is not None and before is not None:
+            response = blend_response(response, before, motion)
+        return LineResponse(response, sigma_px, past, motion)
+
+    def draw(self, response: LineResponse, planes: LabPlanes, importance: Plane) -> Lines:
+        """Second half of `step`, frame after frame."""
+        weight = np.asarray(cv2.resize(importance, self.small, interpolation=cv2.INTER_LINEAR), np.float32)
+        self.response, motion = response.plane, response.motion
+        strokes = self._strokes(response.plane, weight, response.sigma_px, response.past, planes)
         if motion is not None and self.marks is not None and self.strokes is not None:
             strokes = follow_marks(strokes, self.marks, motion)
-            fading = fading_strokes(self.strokes, leave_marks(strokes, response.shape), motion)
+            fading = fading_strokes(self.strokes, leave_marks(strokes, weight.shape), motion)
             strokes = join_strokes(fading, strokes)
         self._remember(strokes)
         scale = np.divide(self.output_size, self.small).astype(np.float32)
@@ -159,13 +191,6 @@ class LineExtractor:
         )
         removed = stripe_shares(points, curves, planes, self.size[0] / self.small[0], self.sigma_px)
         return ink_curves(points, curves, response, sigma_px, sharpness, LINES.widest * self.sigma_px, removed)
-
-    def _motion(self, past: PreviousFrame | None) -> PastMotion | None:
-        """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
-        if past is None or not self.params.paint_memory:
-            return None
-        weights = past_weights(self.params.paint_memory).astype(np.float32) / np.float32(256)
-        return PastMotion(past.flow, past.residual, weights)
 
     def _shrunk(self, past: PreviousFrame | None) -> PreviousFrame | None:
         """The relation to the previous frame at the size of the line planes, px of these."""
@@ -214,6 +239,14 @@ class LineExtractor:
         self.response = state.get("response")
         if "places" in state:
             self._remember(Strokes(*(state[name] for name in Strokes._fields)))
+
+
+def _motion(past: PreviousFrame | None, memory: float) -> PastMotion | None:
+    """The motion since the previous frame. A line of the past has no weight where the frame differs from it."""
+    if past is None or not memory:
+        return None
+    weights = past_weights(memory).astype(np.float32) / np.float32(256)
+    return PastMotion(past.flow, past.residual, weights)
 
 
 def _feature_gain(response: Plane, weight: Plane) -> np.float32:

@@ -16,7 +16,7 @@ from pipeline.kernels.executors import FrameExecutor, Pending
 from pipeline.lines.dog import dog_response
 from pipeline.lines.pen import Strokes
 from pipeline.methods.abstraction.analysis import FrameAnalyzer
-from pipeline.methods.abstraction.line_extractor import LineExtractor, Lines, PreviousFrame
+from pipeline.methods.abstraction.line_extractor import LineExtractor, LineResponse, Lines, PreviousFrame
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.sizes import Sizes, analysis_blur_px
 from pipeline.methods.tasks import Clock
@@ -32,17 +32,24 @@ NO_STROKES = Strokes(
     np.empty((0, 2), np.float32), np.empty(0, np.float32), np.empty(0, np.float32), np.zeros(1, np.int32)
 )
 
+_NO_PLANE = np.empty((0, 0), np.float32)
+
 
 class PrintedLines(LineExtractor):
     """Thresholds the difference of Gaussians of each frame for itself (winnemoeller2006realtime, section 3.3)."""
 
-    def step(
-        self, planes: LabPlanes, importance: Plane, past: PreviousFrame | None, faces: Sequence[FaceCrop] = ()
-    ) -> Lines:  # fmt: skip
+    def respond(
+        self, planes: LabPlanes, past: PreviousFrame | None, faces: Sequence[FaceCrop], memory: float,
+        before: Plane | None,
+    ) -> LineResponse:  # fmt: skip
+        """No response: `draw` makes its own."""
+        return LineResponse(_NO_PLANE, _NO_PLANE, None, None)
+
+    def draw(self, response: LineResponse, planes: LabPlanes, importance: Plane) -> Lines:
         """The line layer of the next frame; it has no strokes. Of the arguments, only `planes` has an effect."""
         sigma_px = self.params.line_width / 1000 * min(self.size)
-        response = dog_response(planes[0].astype(np.float32), sigma_px, TAU) - np.float32(self.params.line_threshold)
-        ink = np.tanh(np.float32(self.params.line_sharpness) * np.maximum(response, 0)) * np.float32(255)
+        above = dog_response(planes[0].astype(np.float32), sigma_px, TAU) - np.float32(self.params.line_threshold)
+        ink = np.tanh(np.float32(self.params.line_sharpness) * np.maximum(above, 0)) * np.float32(255)
         coverage = np.rint(ink).astype(np.uint8)
         return Lines(NO_STROKES, np.asarray(cv2.resize(coverage, self.output_size), np.uint8))
 

@@ -21,9 +21,8 @@ from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.colour.scheme import ColourStats, from_histogram, learn
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.kernels.executors import FrameExecutor, LazyExecutor, Ready, ThreadExecutor
-from pipeline.kernels.processors import usable_processors
 from pipeline.methods.abstraction.analysis import FrameAnalysis, FrameAnalyzer, FrameFeatures, SmoothedFrame
-from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor
+from pipeline.methods.abstraction.compositor import CompositedFrame, Compositor, OutlinedRegions
 from pipeline.methods.abstraction.params import AbstractionParams
 from pipeline.methods.abstraction.printed import PrintedAnalyzer
 from pipeline.methods.abstraction.region_stage import ColouredRegions, RegionStage
@@ -36,12 +35,10 @@ from pipeline.methods.tasks import Clock, no_clock
 AHEAD = 6
 """Frames the analyzer may be ahead of the compositor: evens out their run times at little memory."""
 THIRD_THREAD_FROM_PX = 480
-"""Shorter side of the frames from which a third thread pays, px."""
+"""Shorter side of the frames from which further threads pay, px."""
 
 FEATURE_THREADS = 3
 """Threads that compute features and edges of different frames; each has little more to do than half a processor."""
-MANY_PROCESSORS = 4
-"""Number of processors from which two further threads pay."""
 
 
 def scheme_of(references: References) -> ColourStats | None:
@@ -98,7 +95,7 @@ class AbstractionSession:
 
     def complete(self, analysis: FrameAnalysis) -> CompositedFrame:
         """Second part of `finish`, after `Compositor.prepare`."""
-        return self.compositor.step(self.regions.step(analysis))
+        return self.compositor.step(self.compositor.outline(self.regions.step(analysis)))
 
     def use_helper(self, helper: Executor) -> None:
         """Run background work on `helper`, an executor of one thread: see `pipeline.methods.base.Session`."""
@@ -133,19 +130,19 @@ class _Waiting(NamedTuple):
     """A frame that is being worked on."""
 
     analysis: Future[FrameAnalysis]
-    regions: Future[ColouredRegions] | None
-    """None = found on the caller's thread."""
+    outlined: Future[OutlinedRegions] | None
+    """None = made on the caller's thread."""
 
 
 class PipelinedRunner:
     """Runs the analyzer on a thread of its own, ahead of the other stages on the caller's thread. A context manager.
 
-    In frames of `THIRD_THREAD_FROM_PX`, regions are found on a third thread: one stage alone would otherwise keep a
-    processor waiting. From `MANY_PROCESSORS` on, lines have a thread of their own, another one takes a half of the
-    compositor's rows, and others compute the features and edges of several frames at the same time; on fewer, the
-    analyzer's thread takes some of the compositor's work when it is ahead.
+    In frames of `THIRD_THREAD_FROM_PX`, importance, lines, regions and their outlines have threads of their own,
+    another one takes a half of the compositor's rows, and others compute the features, edges and line responses of
+    several frames at the same time. On two processors, too, no stage keeps one of them waiting.
     In smaller frames threads would compete for the interpreter lock (at 352x288, three threads take a tenth longer);
-    there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages.
+    there the analyzer's thread, when it is not ahead, leaves edges and lines to the other stages, and takes some of the
+    compositor's work when it is.
     """
 
     def __init__(self, session: AbstractionSession) -> None:
@@ -154,25 +151,28 @@ class PipelinedRunner:
         large = min(session.sizes.output) >= THIRD_THREAD_FROM_PX
         self._regions = ThreadPoolExecutor(1, thread_name_prefix="regions") if large else None
         self._deferring = None if large else LazyExecutor()
-        many = large and usable_processors() >= MANY_PROCESSORS
-        self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if many else None
-        self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if many else None
-        self._features = ThreadPoolExecutor(FEATURE_THREADS, thread_name_prefix="features") if many else None
+        self._importance = ThreadPoolExecutor(1, thread_name_prefix="importance") if large else None
+        self._lines = ThreadPoolExecutor(1, thread_name_prefix="lines") if large else None
+        self._outlines = ThreadPoolExecutor(1, thread_name_prefix="outlines") if large else None
+        self._helper = ThreadPoolExecutor(1, thread_name_prefix="compositor") if large else None
+        self._features = ThreadPoolExecutor(FEATURE_THREADS, thread_name_prefix="features") if large else None
         self._before: Future[SmoothedFrame] | None = None
         self._analysed = self._composited = 0  # frames; each counted by one thread only
 
     def __enter__(self) -> PipelinedRunner:
         self.session.compositor.background = FrameExecutor()
-        threaded = ThreadExecutor(self._lines, self._features) if self._lines and self._features else None
-        later = threaded or self._deferring
-        self.session.analyzer.background = later or self.session.background
+        threaded = None
+        if self._importance and self._lines and self._features:
+            threaded = ThreadExecutor(self._importance, self._lines, self._features)
+        self.session.analyzer.background = threaded or self._deferring or self.session.background
         return self
 
     def __exit__(self, *failure: object) -> None:
         self.session.compositor.background = self.session.analyzer.background = self.session.background
-        for thread in (self._analyzer, self._regions, self._lines, self._helper, self._features):
-            if thread is not None:
-                thread.shutdown(cancel_futures=True)
+        threads = (self._analyzer, self._regions, self._importance, self._lines, self._outlines, self._helper)
+        for thread in (*threads, self._features):
+            if thread is not None:  # a part of the face search may still wait, on which the state depends
+                thread.shutdown(cancel_futures=failure[0] is not None)
 
     def run(
         self, frames: Iterable[Frame], masks: Mapping[int, Plane] | None = None, first: int = 0,
@@ -198,7 +198,9 @@ class PipelinedRunner:
     def _begin(self, number: int, frame: Frame, mask: Plane | None, given: Flow | None) -> _Waiting:
         features = None if self._features is None else self._prepare(self._features, frame, given)
         analysis = self._analyzer.submit(self._analyze, number, frame, mask, given, features)
-        return _Waiting(analysis, self._regions.submit(self._segment, analysis) if self._regions else None)
+        regions = self._regions.submit(self._segment, analysis) if self._regions else None
+        outlined = self._outlines.submit(self._outline, regions) if self._outlines and regions else None
+        return _Waiting(analysis, outlined)
 
     def _prepare(self, threads: Executor, frame: Frame, given: Flow | None) -> FrameFeatures:
         """Begin what does not depend on earlier results."""
@@ -222,11 +224,15 @@ class PipelinedRunner:
     def _segment(self, analysis: Future[FrameAnalysis]) -> ColouredRegions:
         return self.session.regions.step(analysis.result())
 
+    def _outline(self, regions: Future[ColouredRegions]) -> OutlinedRegions:
+        return self.session.compositor.outline(regions.result())
+
     def _composite(self, waiting: deque[_Waiting]) -> CompositedFrame:
         """Finish the next frame."""
         ahead = len(waiting) > AHEAD // 2 and waiting[AHEAD // 2].analysis.done()
         self.session.compositor.background.helper = self._helper or (self._analyzer if ahead else None)
-        analysis, regions = waiting.popleft()
+        analysis, outlined = waiting.popleft()
         self._composited += 1
-        self.session.compositor.prepare(analysis.result())
-        return self.session.compositor.step(regions.result() if regions else self._segment(analysis))
+        compositor = self.session.compositor
+        compositor.prepare(analysis.result())
+        return compositor.step(outlined.result() if outlined else compositor.outline(self._segment(analysis)))

@@ -93,7 +93,7 @@ class Multistyle(Method):
     artefacts: ClassVar[tuple[str, ...]] = (REGIONS, DIRECTIONS)
     makes_passes: ClassVar[tuple[MadePass, ...]] = MADE
     studio: ClassVar[Studio] = STUDIO
-    task_threads: ClassVar[Mapping[str, float]] = {"paint/analyze": 1.5}
+    task_threads: ClassVar[Mapping[str, float]] = {"paint/analyze": 4.0}
     task_params: ClassVar[Mapping[str, tuple[str, ...]]] = {"paint/flow": ("flow", "stillness")}
     regions_artefact: ClassVar[str] = REGIONS
     depth_bits: ClassVar[int] = 16

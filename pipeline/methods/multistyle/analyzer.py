@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Arrays, State, flatten, part
 from pipeline.frames import Flow, Frame, Mask, Plane, same_size
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.float16 import to_half
 from pipeline.methods.multistyle.analysis import Half, StrokeAnalysis, StrokeLayer
 from pipeline.methods.multistyle.backward_flow import backward_flow, downscaled, gray_of, working_size
@@ -79,6 +81,36 @@ ANALYZER = AnalyzerParams()
 
 
 @dataclass(frozen=True)
+class SensedFrame:
+    """Motion, detail and faces of a frame; see `Observation`.
+
+    Attributes:
+        forward, back: flow from the previous frame to this one and back; None = a shot begins.
+        attention: see `StrokeAnalyzer._attention`.
+        placed, number: arguments of `StrokeAnalyzer.sense`.
+    """
+
+    frame: Frame
+    forward: Flow | None
+    back: Flow | None
+    detail: Plane | None
+    attention: Plane | None
+    features: Plane | None
+    faces: Faces
+    placed: RegionPlacement | None
+    number: int
+
+
+@dataclass(frozen=True)
+class DenoisedFrame:
+    """A frame with its denoised picture; see `Observation`."""
+
+    sensed: SensedFrame
+    picture: Frame
+    changed: Mask | None
+
+
+@dataclass(frozen=True)
 class Observation:
     """Analysis of a frame without its strokes.
 
@@ -114,6 +146,9 @@ class StrokeAnalyzer:
         seed: random seed.
         clock: timer of stages, called with a stage's name.
         design: None = one style for the whole picture.
+
+    Attributes:
+        background: may take layers of strokes of a frame.
     """
 
     def __init__(
@@ -134,6 +169,7 @@ class StrokeAnalyzer:
         self.denoiser = TemporalDenoiser(params.noise_floor * named.denoise_factor)
         self.importance = ImportanceTracker(_importance(params), size)
         self.strokes = StrokeLayers(params, size, self.work, seed)
+        self.background: FrameExecutor = INLINE
         self.face_layer = FaceLayer(size, self.strokes.lifecycle, seed)
         self.rims = EdgeDarkening()
         self.number = 0
@@ -155,10 +191,20 @@ class StrokeAnalyzer:
     def observe(
         self, frame: Frame, placed: RegionPlacement | None = None, given: Flow | None = None, number: int = 0
     ) -> Observation:  # fmt: skip
-        """The first half of `step`, with `given` flow to the previous frame at the working size, or an estimated one.
-        It uses no state of `place_strokes`, which may work on the previous frames in
-        another thread at the same time. `number`: of the frame in the film, for parameters that vary over it."""
-        params = self.params.at(number)
+        """The first half of `step`: `sense`, `denoise` and `orient`. None of these three and `place_strokes` uses state
+        of another one, so that each may work on another frame, in a thread of its own, at the same time."""
+        return self.orient(self.denoise(self.sense(frame, placed, given, number)))
+
+    def sense(
+        self, frame: Frame, placed: RegionPlacement | None = None, given: Flow | None = None, number: int = 0
+    ) -> SensedFrame:  # fmt: skip
+        """Motion, detail and faces of the next frame.
+
+        Args:
+            placed: see `step`.
+            given: flow to the previous frame at the working size; None = estimated here.
+            number: of the frame in the film, for parameters that vary over it.
+        """
         frame = same_size(frame, self.size)
         fresh = self._begins_shot(frame)
         gray = gray_of(frame)
@@ -167,23 +213,37 @@ class StrokeAnalyzer:
         detail = self._detail(frame, gray, forward, fresh)
         attention, features = self._attention(detail is not None)
         faces = self.importance.faces.copy()
+        return SensedFrame(frame, forward, back, detail, attention, features, faces, placed, number)
+
+    def denoise(self, sensed: SensedFrame) -> DenoisedFrame:
+        """The picture of the next frame, denoised over time."""
         with self.clock("denoise"):
-            picture = self.denoiser.step(downscaled(frame, self.work).astype(np.float32), back, attention)
-            raise_contrast(picture, faces, self.size)
-        changed = self.denoiser.changed
+            small = downscaled(sensed.frame, self.work).astype(np.float32)
+            picture = self.denoiser.step(small, sensed.back, sensed.attention)
+            raise_contrast(picture, sensed.faces, self.size)
+        return DenoisedFrame(sensed, picture, self.denoiser.changed)
+
+    def orient(self, denoised: DenoisedFrame) -> Observation:
+        """The orientation field and the style of the next frame."""
+        sensed, picture, changed = denoised.sensed, denoised.picture, denoised.changed
+        forward, back, placed, detail = sensed.forward, sensed.back, sensed.placed, sensed.detail
+        params = self.params.at(sensed.number)
         field = self._directions(picture, back, placed, params.default_angle)
         with self.clock("style"):
             values = self._values(placed, chosen_style(params))
             style = layer_style(values, detail, min(self.size))
         motion = None if forward is None or back is None else FrameMotion(forward, back, changed)
-        return Observation(frame, picture, field, motion, changed, detail, features, faces, values, style)
+        return Observation(
+            sensed.frame, picture, field, motion, changed, detail, sensed.features, sensed.faces, values, style
+        )
 
     def place_strokes(self, seen: Observation) -> StrokeAnalysis:
         """The second half of `step`. Observations come in the order of their frames."""
         back = None if seen.motion is None else seen.motion.back
         with self.clock("strokes"):
-            layers = self.strokes.step(seen.picture, seen.style, seen.motion, seen.detail, self.number)
-            layers += self._on_faces(seen)
+            on_faces = self.background.submit_parallel(partial(self._on_faces, seen))
+            layers = self.strokes.step(seen.picture, seen.style, seen.motion, seen.detail, self.number, self.background)
+            layers += on_faces.result()
         self.number += 1
         field16 = to_half(seen.field.transpose(1, 2, 0))
         technique = {name: self._stored(seen.values, name) for name in PIXEL_FIELDS}

@@ -9,8 +9,9 @@
               paints from the analyses, and paints the few previous frames that temporal accumulation needs, unless
               the run before does so in the same process (`shared_paintings`)
 
-Flow costs a fifth of a frame, the chain of analyses, which uses two threads, a fifth of it on the busier one: a single
-long shot keeps four workers busy. Shots are independent. A fast flow is computed by the analysis itself. The
+Flow costs a fifth of a frame. The chain of analyses costs a fifth of it on the busier of its two threads, and from
+`MANY_PROCESSORS` on a tenth on the busiest of seven: a single long shot keeps six processors busy. Shots are
+independent. A fast flow is computed by the analysis itself. The
 result is the same, byte for byte, as that of one session over the whole video.
 """
 
@@ -18,12 +19,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from itertools import chain, repeat
+from typing import TypeVar
 
 from pipeline.arrays import AnyArray, Arrays, State, part
 from pipeline.frames import Flow, Frame
+from pipeline.kernels.executors import INLINE, RowExecutor
+from pipeline.kernels.processors import usable_processors
 from pipeline.methods.base import PlanContext, Task, TaskContext, TaskResult
 from pipeline.methods.given_motion import given_motion
 from pipeline.methods.multistyle import region_maps
@@ -41,6 +46,9 @@ from pipeline.methods.multistyle.regions import MASKS
 from pipeline.methods.prepared import prepared_key, with_prepared
 from pipeline.methods.scan import scan_video, shots_of
 
+G = TypeVar("G")
+T = TypeVar("T")
+
 RUN_FRAMES = 12
 """Frames a task: about 4 s of work at 720p, which is repeated after a failure."""
 LONG_SHOT_RUNS = 20
@@ -50,6 +58,10 @@ BEHIND = 4
 few, and at the end enough is left to paint for several workers."""
 OBSERVED_AHEAD = 1
 """Frames that are observed before their strokes are placed."""
+MANY_PROCESSORS = 4
+STAGES_AHEAD, LAYER_THREADS = 3, 3
+"""On so many processors, each of the three parts of an observation has a thread of its own, so many frames ahead, and
+so many further threads place strokes of other layers."""
 FLOW_SHARE, ANALYSIS_SHARE = 0.22, 0.36
 """Costs of the flow and of the rest of the analysis of a frame, as fractions of its whole cost."""
 FLOW = "flow"
@@ -182,16 +194,17 @@ def _analyze(task: Task, context: TaskContext[MultistyleParams]) -> TaskResult:
         for number in range(start, stop)
     )  # fmt: skip
     wanted = [name for name in ("flow", "orientation") if context.wants_pass(name)]
-    for seen in _observed(
-        analyzer, context.frames("video", start, stop), map(placed, range(start, stop)), given, start
-    ):
-        analysis = analyzer.place_strokes(seen)
-        if wanted:
-            made = observed_passes(seen)
-            context.emit_passes(start + count, {name: made[name] for name in wanted})
-        kept |= {f"{count}.{name}": array for name, array in analysis.pack().items()}
-        count += 1
-        context.progress(count / (stop - start))
+    frames, many = context.frames("video", start, stop), usable_processors() >= MANY_PROCESSORS
+    with ThreadPoolExecutor(LAYER_THREADS, "impasto-layers") as threads:
+        analyzer.background = RowExecutor(threads, LAYER_THREADS) if many else INLINE
+        for seen in _observed(analyzer, frames, map(placed, range(start, stop)), given, start):
+            analysis = analyzer.place_strokes(seen)
+            if wanted:
+                made = observed_passes(seen)
+                context.emit_passes(start + count, {name: made[name] for name in wanted})
+            kept |= {f"{count}.{name}": array for name, array in analysis.pack().items()}
+            count += 1
+            context.progress(count / (stop - start))
     recalled = 0 if task.args["last"] else accumulated_frames(context.params)
     context.save(task.key, _frames_of(kept, 0, count - recalled))
     if recalled:
@@ -210,15 +223,24 @@ def _observed(
     given: Iterator[Flow | None],
     first: int,
 ) -> Iterator[Observation]:
-    """Observations of the frames from number `first` on, made by a thread that is `OBSERVED_AHEAD` frames ahead."""
-    with ThreadPoolExecutor(1, "impasto-observe") as thread:
+    """Observations of the frames from number `first` on, made by threads that are some frames ahead."""
+    many = usable_processors() >= MANY_PROCESSORS
+    with ExitStack() as stack:
+        threads = [stack.enter_context(ThreadPoolExecutor(1, "impasto-observe")) for _ in range(3 if many else 1)]
+        sensing, denoising, orienting = threads if many else 3 * threads
         ahead = deque[Future[Observation]]()
         for number, (frame, regions, flow) in enumerate(zip(frames, placed, given, strict=False), first):
-            ahead.append(thread.submit(analyzer.observe, frame, regions, flow, number))
-            if len(ahead) > OBSERVED_AHEAD:
+            sensed = sensing.submit(analyzer.sense, frame, regions, flow, number)
+            denoised = denoising.submit(_applied, analyzer.denoise, sensed)
+            ahead.append(orienting.submit(_applied, analyzer.orient, denoised))
+            if len(ahead) > (STAGES_AHEAD if many else OBSERVED_AHEAD):
                 yield ahead.popleft().result()
         while ahead:
             yield ahead.popleft().result()
+
+
+def _applied(function: Callable[[G], T], given: Future[G]) -> T:
+    return function(given.result())
 
 
 def _frames_of(kept: State, first: int, stop: int) -> State:

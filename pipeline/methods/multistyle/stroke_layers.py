@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Arrays, State, flatten, part
 from pipeline.frames import Flow, Frame, Mask, Plane
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.float16 import to_half
 from pipeline.kernels.jit import kernel
 from pipeline.methods.multistyle.analysis import STROKE, StrokeLayer
@@ -101,8 +103,9 @@ class StrokeLayers:
         self.errors: list[Plane] = []
 
     def step(
-        self, picture: Frame, style: LayerStyle, motion: FrameMotion | None, detail: Plane | None, number: int
-    ) -> tuple[StrokeLayer, ...]:
+        self, picture: Frame, style: LayerStyle, motion: FrameMotion | None, detail: Plane | None, number: int,
+        background: FrameExecutor = INLINE,
+    ) -> tuple[StrokeLayer, ...]:  # fmt: skip
         """Strokes of the next frame, coarse to fine.
 
         Args:
@@ -110,25 +113,32 @@ class StrokeLayers:
             motion: None = a shot begins.
             detail: float32 in 0..1, a grid over the frame; None = 0.
             number: of the frame; a part of the ids of new strokes.
+            background: may take layers, which do not depend on each other.
         """
         if motion is None:
             self.tracks, self.errors = [], []
         scheme = scheme_of(style)
         scale = self.work[1] / self.size[1]
         revealed = None if motion is None else self.revealed(motion)
-        tracks, layers, width = [], [], 0.0
-        for index in range(layer_count(style)):
-            brush = layer_brush(style.brush, style.technique["layer_ratio"], index)
-            error = self._error(index, picture, width, motion) if index else None
-            width = median(brush.size_px) * scale
-            sigma = scheme.blur * width / 2
+        count = layer_count(style)
+        brushes = [layer_brush(style.brush, style.technique["layer_ratio"], index) for index in range(count)]
+        widths = [median(brush.size_px) * scale for brush in brushes]
+
+        def layer(index: int) -> tuple[StrokeTracks, Plane | None, StrokeLayer]:
+            error = self._error(index, picture, widths[index - 1], motion) if index else None
+            sigma = scheme.blur * widths[index] / 2
             reference = np.asarray(blurred(picture, sigma), np.uint8) if sigma > LAYERS.least_blur_px else picture
-            job = _LayerJob(index, brush, reference, error)
+            job = _LayerJob(index, brushes[index], reference, error)
             updated = self._update(job, style, scheme, motion, revealed, number)
-            tracks.append(updated)
-            layers.append(self._layer(updated, job, style, sigma if sigma > LAYERS.least_blur_px else 0.0, detail))
-        self.tracks = tracks
-        return tuple(layers)
+            strokes = self._layer(updated, job, style, sigma if sigma > LAYERS.least_blur_px else 0.0, detail)
+            return updated, error, strokes
+
+        coarse = [background.submit_parallel(partial(layer, index)) for index in range(count - 1)]
+        finest = layer(count - 1)
+        tracks, errors, layers = zip(*(each.result() for each in coarse), finest, strict=True)
+        self.tracks = list(tracks)
+        self.errors = [*(error for error in errors if error is not None), *self.errors[count - 1 :]]
+        return layers
 
     def _update(
         self, job: _LayerJob, style: LayerStyle, scheme: LayerScheme, motion: FrameMotion | None,
@@ -189,7 +199,6 @@ class StrokeLayers:
             )
         else:
             _distance(picture, below, now, np.float32(0), np.ones(now.shape, np.bool_), now)
-        self.errors = [*self.errors[: index - 1], now, *self.errors[index:]]
         return now
 
     def _layer(

@@ -63,7 +63,7 @@ class Steady(Method):
     )
     depth_bits: ClassVar[int] = 32
     cpu_s_per_megapixel: ClassVar[float] = 0.21
-    task_threads: ClassVar[Mapping[str, float]] = {"steady/run": 3.7}
+    task_threads: ClassVar[Mapping[str, float]] = {"steady/run": 7.0}
     task_cpus = 2.0  # the motion of a frame is estimated while the frame before it is steadied
     studio: ClassVar[Studio] = Studio(cuts="cut_sensitivity")
     examples: ClassVar[tuple[Example, ...]] = (

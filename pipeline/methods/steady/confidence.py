@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.frames import Flow, Frame, Plane
 from pipeline.kernels.buffers import Buffers
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.perception.flow.dis import dis
 from pipeline.perception.flow.gray import to_gray
@@ -68,7 +69,7 @@ class Evidence:
     """The average of all past frames along the motion."""
 
 
-def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
+def confidence(evidence: Evidence, alpha: float, buffers: Buffers, background: FrameExecutor = INLINE) -> Plane:
     """Confidence that a pixel shows the same point of the scene as the pixel that `back` leads to.
 
         exp(-alpha |mean of (source - expected) over 5 x 5 px|^2  -  SINGLE alpha |source - warped|^2
@@ -80,6 +81,7 @@ def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
     Args:
         alpha: rate of the decay, per squared RGB distance, RGB in 0..1.
         buffers: working memory.
+        background: may take rows.
 
     Returns:
         float32 (h, w), 0..1.
@@ -90,36 +92,49 @@ def confidence(evidence: Evidence, alpha: float, buffers: Buffers) -> Plane:
     exponent = buffers.get("exponent", evidence.back.shape[:2])
     difference = buffers.get("difference", evidence.source.shape)
     mean = buffers.get("mean difference", evidence.source.shape)
-    rate = np.float32(alpha / 255**2)
-    _compare(evidence.back, evidence.round_trip, np.float32(ROUND_TRIP), np.float32(BOUNDARY), exponent)
-    _differ(evidence.source, evidence.warped, evidence.expected, rate * np.float32(SINGLE), exponent, difference)
+    rate, height = np.float32(alpha / 255**2), len(exponent)
+    source, warped, expected = evidence.source, evidence.warped, evidence.expected
+    weights = np.float32(ROUND_TRIP), np.float32(BOUNDARY)
+
+    def differ(first: int, last: int) -> None:
+        rows = slice(first, last)
+        _compare(evidence.back, evidence.round_trip, *weights, exponent, first, last)
+        single = rate * np.float32(SINGLE)
+        _differ(source[rows], warped[rows], expected[rows], single, exponent[rows], difference[rows])
+
+    background.rows(differ, height)
     cv2.blur(difference, (WINDOW_PX, WINDOW_PX), dst=mean)
-    _decay(mean, rate, exponent)
+    background.rows(lambda first, last: _decay(mean[first:last], rate, exponent[first:last]), height)
     return np.asarray(cv2.exp(exponent), np.float32)
 
 
-def onward_motion(before: Frame, now: Frame, flows: tuple[Flow, Flow], alpha: float, buffers: Buffers) -> TrustedMotion:
+def onward_motion(
+    before: Frame, now: Frame, flows: tuple[Flow, Flow], alpha: float, buffers: Buffers,
+    background: FrameExecutor = INLINE,
+) -> TrustedMotion:  # fmt: skip
     """Motion from a frame to the next one.
 
     Args:
         before, now: the two frames of the source.
         flows: accurate flows from `now` to `before` and from `before` to `now`.
-        alpha, buffers: see `confidence`. There is no average of later frames: `before` is compared with the next frame
-            itself.
+        alpha, buffers, background: see `confidence`. There is no average of later frames: `before` is compared with the
+            next frame itself.
     """
     back, forth = flows
     there = positions(forth)
     round_trip = cv2.remap(back, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     warped = np.asarray(cv2.remap(now, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
     evidence = Evidence(forth, np.asarray(round_trip, np.float32), before, warped, warped.astype(np.float32))
-    return TrustedMotion(there, confidence(evidence, alpha, buffers))
+    return TrustedMotion(there, confidence(evidence, alpha, buffers, background))
 
 
 @kernel
-def _compare(back: Any, forth: Any, round_trip: Any, boundary: Any, exponent: Any) -> None:
-    """Fill `exponent` with the parts of the round trip and of the motion boundaries."""
+def _compare(
+    back: Any, forth: Any, round_trip: Any, boundary: Any, exponent: Any, first_row: int, end_row: int
+) -> None:
+    """Fill rows of `exponent` with the parts of the round trip and of the motion boundaries."""
     height, width = exponent.shape
-    for y in range(height):
+    for y in range(first_row, end_row):
         for x in range(width):
             bx, by, fx, fy = back[y, x, 0], back[y, x, 1], forth[y, x, 0], forth[y, x, 1]
             tolerance = np.float32(0.01) * (bx * bx + by * by + fx * fx + fy * fy) + np.float32(0.5)

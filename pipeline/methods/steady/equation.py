@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frames import Plane
+from pipeline.kernels.executors import INLINE, FrameExecutor
 from pipeline.kernels.jit import kernel
 from pipeline.methods.steady.confidence import Picture
 
@@ -20,8 +21,9 @@ LARGEST_AGE = np.float32(40)
 
 
 def equation_terms(
-    moved: Picture, styled: Picture, trust: Plane, weight: Plane, back_rate: float, terms: tuple[Plane, Picture]
-) -> None:
+    moved: Picture, styled: Picture, trust: Plane, weight: Plane, back_rate: float, terms: tuple[Plane, Picture],
+    background: FrameExecutor = INLINE,
+) -> None:  # fmt: skip
     """Fill `terms` with a and b of the equation for x - S, whose solution minimises, over the picture,
 
         |grad x - grad S|^2  +  w |x - P|^2  +  r w |x - S|^2  +  (1 - c)^2 |x - S - m|^2
@@ -34,18 +36,30 @@ def equation_terms(
         weight: w >= 0, float32 (h, w).
         back_rate: r, the rate at which colours return to those of the styled frames.
         terms: a float32 (h, w), b float32 (h, w, 3).
+        background: may take rows of them.
     """
     absorb, source = terms
-    keep = np.float32(1 + back_rate)
-    sums: NDArray[np.float64] = np.zeros(4)
-    _pull(moved, styled, weight, source, sums)
+    keep, height = np.float32(1 + back_rate), len(weight)
+    by_row: NDArray[np.float64] = np.zeros((height + 1, 4))
+
+    def pull(first: int, last: int) -> None:
+        rows = slice(first, last)
+        _pull(moved[rows], styled[rows], weight[rows], source[rows], by_row[first + 1 : last + 1])
+
+    background.rows(pull, height)
+    sums = by_row.cumsum(axis=0)[-1]  # in the order of the rows, on any number of threads
     mean = (sums[:3] / max(float(keep) * sums[3], 1e-6)).astype(np.float32)
-    _distrust(trust, weight, keep, mean, absorb, source)
+
+    def distrust(first: int, last: int) -> None:
+        rows = slice(first, last)
+        _distrust(trust[rows], weight[rows], keep, mean, absorb[rows], source[rows])
+
+    background.rows(distrust, height)
 
 
 @kernel
 def _pull(moved: Any, styled: Any, weight: Any, source: Any, sums: Any) -> None:
-    """Fill `source` with w (P - S); add its sums over the picture, and the sum of w, to `sums`."""
+    """Fill `source` with w (P - S); fill `sums`, (h, 4), with its sums in each row, and the sum of w."""
     height, width = weight.shape
     for y in range(height):
         r, g, b, total = np.float32(0), np.float32(0), np.float32(0), np.float32(0)
@@ -55,10 +69,7 @@ def _pull(moved: Any, styled: Any, weight: Any, source: Any, sums: Any) -> None:
             blue = w * (moved[y, x, 2] - styled[y, x, 2])
             source[y, x, 0], source[y, x, 1], source[y, x, 2] = red, green, blue
             r, g, b, total = r + red, g + green, b + blue, total + w
-        sums[0] += r
-        sums[1] += g
-        sums[2] += b
-        sums[3] += total
+        sums[y, 0], sums[y, 1], sums[y, 2], sums[y, 3] = r, g, b, total
 
 
 @kernel

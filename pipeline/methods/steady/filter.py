@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Arrays, State
 from pipeline.frames import Flow, Frame, Plane, same_size
 from pipeline.kernels.buffers import Buffers
-from pipeline.kernels.executors import INLINE, FrameExecutor
+from pipeline.kernels.executors import INLINE, FrameExecutor, Pending, Ready
 from pipeline.methods.over_time import largest
 from pipeline.methods.steady.confidence import Evidence, Picture, TrustedMotion, confidence, motion, onward_motion
-from pipeline.methods.steady.detail import NO_AMOUNTS, amounts_of, resized_amounts, sharpen
+from pipeline.methods.steady.detail import NO_AMOUNTS, Amounts, amounts_of, resized_amounts, sharpen
 from pipeline.methods.steady.equation import LARGEST_AGE, add_clipped, age_weights, equation_terms, remember, show
 from pipeline.methods.steady.params import SteadyParams
 from pipeline.perception.cuts import is_cut, thumbnail
@@ -76,7 +77,7 @@ class SteadyFilter:
         Args:
             size: (width, height) of the frames, px.
             deep: whether results are float32 with white at 1, not rounded, instead of uint8.
-            background: may take rows of the results.
+            background: may take rows of the analyses and of the results.
         """
         self._background = background
         self.params, self.size, self._deep = params, size, deep
@@ -85,7 +86,7 @@ class SteadyFilter:
         self._age = np.empty((0, 0), np.float32)
         self._analyzing, self._applying = Buffers(), Buffers()
         self._everywhere = np.ones((size[1], size[0]), np.float32)
-        self._amounts = NO_AMOUNTS
+        self._amounts: Pending[Amounts] = Ready(NO_AMOUNTS)
 
     def step(self, source: Frame, styled: Frame, mask: Plane | None = None) -> Frame:
         """The next frame of the result.
@@ -126,18 +127,25 @@ class SteadyFilter:
         back, forth = motion(before, source, two_sided) if flows is None else flows
         there, buffers = positions(back), self._analyzing
         round_trip, expected = buffers.get("round trip", forth.shape), buffers.get("expected", source.shape)
-        for picture, moved in ((forth, round_trip), (self._memory, expected)):
-            cv2.remap(picture, *there, cv2.INTER_LINEAR, dst=moved, borderMode=cv2.BORDER_REPLICATE)
-        warped = cv2.remap(before, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        evidence = Evidence(back, round_trip, source, np.asarray(warped, np.uint8), expected)
-        trust = confidence(evidence, alpha, buffers)
-        self._age = np.asarray(
-            cv2.remap(self._age, *there, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32
-        )
-        weight = np.empty_like(trust)
-        age_weights(self._age, trust, np.float32(params.strength), weight)
-        remember(source, expected, weight, self._memory)
-        onward = onward_motion(before, source, (back, forth), alpha, buffers) if two_sided else None
+        age, warped = np.empty_like(self._age), np.empty_like(before)
+        moves = (forth, round_trip), (self._memory, expected), (before, warped), (self._age, age)
+
+        def move(rows: slice) -> None:
+            places = there[0][rows], there[1][rows]
+            for picture, moved in moves:
+                cv2.remap(picture, *places, cv2.INTER_LINEAR, dst=moved[rows], borderMode=cv2.BORDER_REPLICATE)
+
+        self._rows(move, len(source))
+        evidence = Evidence(back, round_trip, source, warped, expected)
+        trust = confidence(evidence, alpha, buffers, self._background)
+        self._age, weight, strength = age, np.empty_like(trust), np.float32(params.strength)
+
+        def take(rows: slice) -> None:
+            age_weights(age[rows], trust[rows], strength, weight[rows])
+            remember(source[rows], expected[rows], weight[rows], self._memory[rows])
+
+        self._rows(take, len(source))
+        onward = onward_motion(before, source, (back, forth), alpha, buffers, self._background) if two_sided else None
         return SourceAnalysis(TrustedMotion(there, trust), weight, onward)
 
     def apply(
@@ -146,16 +154,17 @@ class SteadyFilter:
         """Second half of `step`. `styled`: uint8, or uint16 or float32 if the filter is deep. Raises: BadFrame."""
         same_size(styled, self.size, "styled")
         levels = styled if styled.dtype == np.uint8 else styled.astype(np.float32) * np.float32(_LEVELS[styled.dtype])
+        before = self._amounts.result()  # they read the last target, whose memory the next one takes
         if analysis is None:
-            self._result, self._amounts = levels.astype(np.float32), NO_AMOUNTS
+            self._result, self._amounts = levels.astype(np.float32), Ready(NO_AMOUNTS)
             return self._result / np.float32(255) if self._deep else styled.copy()
         buffers, shape = self._applying, styled.shape
         target = buffers.get("target", shape)
         np.copyto(target, levels)
         mask = self._everywhere if mask is None else mask
-        self._solve(analysis, target, mask, self.params.at(number))
+        self._solve(analysis, target, mask, self.params.at(number), before)
         if largest(self.params.detail) > 0:
-            self._amounts = amounts_of(self._result, target, self._amounts, buffers, self._background)
+            self._amounts = self._background.submit_parallel(partial(amounts_of, self._result, target, before, buffers))
         if self._deep:
             return (target + mask[..., None] * (self._result - target)) / np.float32(255)
         shown: NDArray[np.uint8] = np.empty(shape, np.uint8)
@@ -170,7 +179,9 @@ class SteadyFilter:
 
         self._background.rows(span, height)
 
-    def _solve(self, analysis: SourceAnalysis, target: Picture, mask: Plane, params: SteadyParams) -> None:
+    def _solve(
+        self, analysis: SourceAnalysis, target: Picture, mask: Plane, params: SteadyParams, amounts: Amounts
+    ) -> None:
         """Replace the previous result by the solution of the equation for the styled frame `target`."""
         buffers, back = self._applying, analysis.back
         moved, absorb = buffers.get("moved", target.shape), buffers.get("absorb", target.shape[:2])
@@ -183,12 +194,12 @@ class SteadyFilter:
             )
 
         self._rows(move, height)
-        sharpen(blurred, back, self._amounts, params.detail, moved, self._background)
+        sharpen(blurred, back, amounts, params.detail, moved, self._background)
         weight, source = buffers.get("weight", target.shape[:2]), buffers.get("source", target.shape)
         np.multiply(analysis.weight, mask, out=weight)
         half_life = params.colour_half_life
         returning = 2 ** (1 / half_life) - 1 if half_life > 0 else 0.0
-        equation_terms(moved, target, back.trust, weight, returning, (absorb, source))
+        equation_terms(moved, target, back.trust, weight, returning, (absorb, source), self._background)
         found = solve_screened(absorb, source, buffers, self._background)
         self._rows(lambda rows: add_clipped(target[rows], found[rows], self._result[rows]), height)
 
@@ -197,7 +208,7 @@ class SteadyFilter:
         after = SteadyFilter(params, size, self._deep, self._background)
         if self._source is not None:
             resized = {name: _resized(plane, size) for name, plane in self.state().items() if name != "amounts"}
-            after.restore({**resized, "amounts": resized_amounts(self._amounts, size)})
+            after.restore({**resized, "amounts": resized_amounts(self._amounts.result(), size)})
         return after
 
     def state(self) -> State:
@@ -205,10 +216,10 @@ class SteadyFilter:
         assert self._source is not None
         memory, result = self._memory.copy(), self._result.copy()
         state: State = {"source": self._source, "memory": memory, "age": self._age, "result": result}
-        return state | {"amounts": self._amounts}
+        return state | {"amounts": self._amounts.result()}
 
     def restore(self, state: Arrays) -> None:
-        self._source, self._age, self._amounts = state["source"], state["age"], state["amounts"]
+        self._source, self._age, self._amounts = state["source"], state["age"], Ready(state["amounts"])
         self._memory, self._result = state["memory"].copy(), state["result"].copy()
 
 

@@ -36,9 +36,9 @@ RUN_FRAMES = 96
 AHEAD = 2
 """Frames by which the analysis of the source is ahead of the rest."""
 MANY_PROCESSORS = 4
-FLOW_THREADS, ROW_THREADS = 2, 2
+FLOW_THREADS, ROW_THREADS = 4, 4
 """On so many processors, threads that estimate flow, each between other frames, twice as far ahead; and threads that
-take rows of a result besides the task's own."""
+take rows of an analysis or a result besides the thread that makes it."""
 
 
 @dataclass(frozen=True)

@@ -157,6 +157,20 @@ def test_runs_equal_one_session_with_design_and_masks(monkeypatch: pytest.Monkey
     assert (painted(plain) != pictures[0]).mean() > 0.3
 
 
+@pytest.mark.parametrize("inputs", [{}, {"design": DESIGN, "masks": {1: labels(), 4: labels(30)}}], ids=["", "design"])
+def test_the_bytes_are_the_same_on_any_number_of_processors(
+    inputs: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pictures = []
+    monkeypatch.setattr(plan, "RUN_FRAMES", 4)
+    for processors in (1, 16):
+        monkeypatch.setattr(plan, "usable_processors", lambda count=processors: count)
+        context = LocalContext(MultistyleParams(), shots(), inputs, seed=3)
+        run_plan(MULTISTYLE, context)
+        pictures.append(painted(context))
+    np.testing.assert_array_equal(*pictures)
+
+
 def pages(context: LocalContext) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
     for name, data in sorted(context.files.items()):
