@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
-import sys
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
@@ -87,9 +85,9 @@ def pipe(case: Case, folder: Path, client: TestClient) -> Frames:
     files, (width, height) = _files(case, folder), case.size
     words = ["render", "-", "-o", "-", "--raw", f"{width}x{height}", *_options(case, files)]
     raw = b"".join(frame.tobytes() for frame in case.film())
-    done = subprocess.run([sys.executable, "-m", "impasto", *words], input=raw, capture_output=True, check=False)
-    assert done.returncode == 0, done.stderr.decode()
-    frames = np.frombuffer(done.stdout, np.uint8).reshape(-1, height, width, 3)
+    done = CliRunner().invoke(app, words, input=raw)  # tests/impasto/test_pipes.py has pipes of a process
+    assert done.exit_code == 0, done.stderr
+    frames = np.frombuffer(done.stdout_bytes, np.uint8).reshape(-1, height, width, 3)
     return dict(enumerate(np.array(frames)))
 
 

@@ -55,7 +55,7 @@ def offsets_with_lines_of_the_target_only(ops: Operations[Any]) -> np.ndarray:
     style = ops.load(replace(random_style(energy, False, False), distance=None), energy)
     target: Target = random_target(energy, False)
     state = ops.prepare(style, target)
-    offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 2)), (3, 4), Rounds(2, 24.0))
+    offsets = refine(ops, style, state, ops.random_offsets(style, state.size, (1, 2)), (3, 4), Rounds(1, 4.0))
     return np.asarray(ops.fetch(offsets))
 
 
