@@ -45,6 +45,10 @@ class ObjectParams(NamedTuple):
     """Largest share of the frame that an object has."""
     least: float = 0.25
     """Smallest share of a box that its object has. If no proposal does, the graph cuts divide the whole box."""
+    alike: float = 0.1
+    """Share of such a box up to which nothing was found: colours in the box and around it are alike."""
+    middle: float = 0.25
+    """Sides of the ellipse in the middle of a box with such colours that is the object, as shares of the box."""
     within: float = 0.9
     """Share of a segment that lies in the box if it is of the object."""
     band: float = 0.012
@@ -75,7 +79,11 @@ def object_mask(frame: Frame, box: Box, other: Mask | None = None, before: Mask 
         least = OBJECT.least * inside.sum()
         proposals = (_within(labels, inside) & ~outside for labels in _segmentations(frame))
         found = _best(frame, (one for one in proposals if one.sum() >= least))
-        return _cut(frame, inside & ~outside, outside, sure=False) if found is None else _cut(frame, found, outside)
+        if found is not None:
+            return _cut(frame, found, outside)
+        found = _cut(frame, inside & ~outside, outside, np.zeros_like(inside))
+        alike = found.sum() < OBJECT.alike * inside.sum()
+        return _cut(frame, inside & ~outside, outside, _middle(frame, box) & ~outside) if alike else found
     known = np.zeros_like(inside) if before is None else before
     proposals = (_clicked(labels, inside, outside) for labels in _segmentations(frame))
     found = _best(frame, proposals, lambda proposal: proposal | known)
@@ -175,18 +183,31 @@ def _contrast(colours: NDArray[np.float32], mask: Mask) -> float:
     return float(difference * mask.sum() ** OBJECT.size * (1 - share))
 
 
-def _cut(frame: Frame, found: Mask, outside: Mask, *, sure: bool = True) -> Mask:
-    """The object with its outline decided again, by colours of the object and of its surroundings: near where it is, or
-    everywhere in it if it is not `sure`."""
+def _middle(frame: Frame, box: Box) -> Mask:
+    """The ellipse in the middle of a box."""
+    height, width = frame.shape[:2]
+    at = round((box[0] + box[2]) / 2 * width), round((box[1] + box[3]) / 2 * height)
+    sides = abs(box[2] - box[0]) * width, abs(box[3] - box[1]) * height
+    axes = [max(1, round(OBJECT.middle / 2 * side)) for side in sides]
+    return cv2.ellipse(np.zeros((height, width), np.uint8), at, axes, 0, 0, 360, 1, -1) > 0
+
+
+def _cut(frame: Frame, found: Mask, outside: Mask, sure: Mask | None = None) -> Mask:
+    """The object with its outline decided again, by colours of the object and of its surroundings.
+
+    Args:
+        found: where it may be.
+        outside: where it is not.
+        sure: where it is; None: in all of `found` but a band along its outline.
+    """
     band, around = (max(2, round(share * max(frame.shape))) for share in (OBJECT.band, OBJECT.around))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * band + 1, 2 * band + 1))
     own = found.astype(np.uint8)
     labels = np.where(found, np.uint8(cv2.GC_PR_FGD), np.uint8(cv2.GC_PR_BGD))
     labels[(cv2.dilate(own, disc) == 0) | outside] = cv2.GC_BGD
-    if not sure:  # there is a background always
+    if sure is not None:  # there is a background always
         labels[[0, -1]] = labels[:, [0, -1]] = cv2.GC_BGD
-    else:
-        labels[cv2.erode(own, disc, borderType=cv2.BORDER_REPLICATE) > 0] = cv2.GC_FGD
+    labels[cv2.erode(own, disc, borderType=cv2.BORDER_REPLICATE) > 0 if sure is None else sure] = cv2.GC_FGD
     left, top, width, height = cv2.boundingRect(own)
     part = (
         slice(max(top - around, 0), top + height + around),
