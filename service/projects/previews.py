@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import AsyncGenerator, Generator
 from contextlib import aclosing
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal, Self, cast
 
 import anyio
 from anyio import CapacityLimiter
-from pydantic import Base64Bytes, BaseModel, ConfigDict, Field
+from pydantic import Base64Bytes, BaseModel, ConfigDict, Field, model_validator
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
@@ -151,18 +151,35 @@ class ObjectIn(QueryIn):
     box: Box
 
 
+Width = Annotated[float, Field(gt=0, le=1)]
+
+
 class ObjectMarkIn(BaseModel):
-    """A click on an object, or a box around it."""
+    """A click on an object, or a box around it; or a stroke, which is painted."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     frame: FrameNumber
-    box: Box
-    erase: bool = Field(default=False, description="Take the object away from the matte instead of adding it.")
+    box: Box | None = Field(default=None, description="None: a stroke is given.")
+    stroke: tuple[tuple[Ratio, Ratio, Width], ...] = Field(
+        default=(), max_length=10_000, description="Points of a painted line, as shares of the frame's sides, each "
+        "with the width there as a share of the frame's width.",
+    )  # fmt: skip
+    erase: bool = Field(default=False, description="Take it away from the matte instead of adding it.")
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if (self.box is None) == (not self.stroke):
+            raise ValueError("Give either a box or a stroke.")
+        return self
 
 
 class MatteIn(QueryIn):
     frames: FrameRange | None = Field(default=None, description="None: the whole video.")
+    frame: FrameNumber | None = Field(
+        default=None, description="The frame whose mask is wanted first: it comes at once if the objects need not be "
+        "followed to it, or have been.",
+    )  # fmt: skip
     marks: tuple[ObjectMarkIn, ...] = Field(min_length=1, max_length=500)
 
 
@@ -177,7 +194,9 @@ async def preview_object(
 @router.post("/matte", response_class=StreamingResponse, responses=STREAM)
 async def preview_matte(project_id: ProjectId, body: MatteIn, context: Context, caller: Submitter) -> StreamingResponse:
     """The matte of clicked objects in every frame of the video: masks at its size, as a layer's `matte` takes them."""
-    return await _answer(context, caller, project_id, "matte", body, body.model_dump(include={"frames", "marks"}))
+    return await _answer(
+        context, caller, project_id, "matte", body, body.model_dump(include={"frames", "frame", "marks"})
+    )
 
 
 @router.post("/clusters", response_class=StreamingResponse, responses=STREAM)

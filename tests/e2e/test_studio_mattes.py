@@ -145,6 +145,46 @@ def test_more_clicks_add_to_a_matte_and_take_away_from_their_frame_on(
     assert overlap(mattes[5], bar) > 0.85
 
 
+def test_brush_and_eraser_correct_a_matte_and_each_stroke_is_one_step(
+    watched: Watched, service: str, tmp_path: Path
+) -> None:
+    page = watched.page
+    clip = make_three_things(tmp_path / "three.mp4")
+    things = str(HTTP.post(f"{service}/v1/assets", files={"file": ("three.mp4", clip.read_bytes())}).json()["id"])
+    project = open_project(page, service, things, "abstraction", frame=2)
+    page.get_by_role("button", name="Original").click()
+    start_marking(page)
+    page.keyboard.press("Home")
+    page.keyboard.press("Shift+Y")
+    expect(page.get_by_role("button", name="Erase the matte")).to_have_attribute("aria-pressed", "true")
+    click(page, 0.25, 0.5)
+    expect(page.get_by_text("There is no matte to take away from")).to_be_visible()
+    page.keyboard.press("u")
+    click(page, 0.25, 0.5)
+    first, clicked = matte_of(page, service, project)
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("y")
+    expect(page.get_by_role("slider", name="Brush size")).to_be_visible()
+    page.get_by_role("slider", name="Brush size").fill("10")
+    draw(page, (0.45, 0.2), (0.45, 0.8))
+    second, painted = matte_of(page, service, project, first)
+    column, middle = round(0.45 * WIDTH), slice(HEIGHT * 2 // 5, HEIGHT * 3 // 5)
+    assert [int(matte[middle, column].min()) > 200 for matte in painted] == [False] + [True] * 5
+    assert painted[1][HEIGHT // 2, column + 9] < 50, "what the brush covers, and no more"
+    assert np.array_equal(painted[0], clicked[0])
+    until(page, lambda: shown(page, (0.45, 0.5))[0] > 1.2 * shown(page, (0.55, 0.5))[0])
+    page.keyboard.down("Alt")
+    draw(page, (0.2, 0.4), (0.3, 0.6))
+    page.keyboard.up("Alt")
+    third, erased = matte_of(page, service, project, second)
+    assert erased[1][HEIGHT // 2, WIDTH // 4] < 50 and erased[1][HEIGHT // 2, column] > 200
+    assert erased[0][HEIGHT // 2, WIDTH // 4] > 200
+    page.keyboard.press("Control+z")
+    until(page, lambda: matte_of(page, service, project, third)[0] == second)
+    page.keyboard.press("Control+z")
+    until(page, lambda: matte_of(page, service, project, second)[0] == first)
+
+
 def test_a_matte_of_a_trimmed_shot_is_followed_again_when_the_shot_grows(
     watched: Watched, service: str, video: str
 ) -> None:

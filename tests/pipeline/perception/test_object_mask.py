@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Mask
-from pipeline.perception.object_mask import Box, object_mask
+from pipeline.perception.object_mask import Box, clicked_pixels, object_mask, without_object
 
 SIZE = (240, 160)
 
@@ -54,3 +54,25 @@ def test_a_box_around_an_object_that_is_coloured_like_its_surroundings_finds_som
     cv2.circle(frame, (120, 80), 40, (120, 128, 132), -1)
     found = object_mask(frame, (0.3, 0.2, 0.7, 0.8))
     assert found[70:90, 110:130].all() and not found[:, :60].any()
+
+
+def test_a_click_does_not_take_surroundings_along_whose_colours_are_near() -> None:
+    frame = np.full((180, 320, 3), (236, 232, 228), np.uint8)
+    frame[:90] = (244, 244, 246)
+    cup = np.zeros(frame.shape[:2], np.uint8)
+    cv2.rectangle(cup, (200, 80), (240, 150), 1, -1)
+    frame[cup > 0] = (30, 120, 210)
+    cv2.ellipse(frame, (220, 80), (20, 6), 0, 0, 360, (15, 60, 130), -1)
+    frame = np.clip(frame + np.random.default_rng(4).normal(0, 3, frame.shape), 0, 255).astype(np.uint8)
+    assert overlap(object_mask(frame, (0.68, 0.66, 0.68, 0.66)), cup > 0) > 0.85
+
+
+def test_a_second_click_adds_and_one_that_takes_away_leaves_the_rest() -> None:
+    frame, disc = two_discs()
+    left, right = (70 / 240, 0.5, 70 / 240, 0.5), (180 / 240, 0.5, 180 / 240, 0.5)
+    both = object_mask(frame, right, None, object_mask(frame, left))
+    other = cv2.circle(np.zeros(disc.shape, np.uint8), (180, 80), 24, 1, -1) > 0
+    assert overlap(both, disc | other) > 0.95
+    assert overlap(without_object(frame, both, right, clicked_pixels(frame, left)), disc) > 0.9
+    box = (130 / 240, 0.2, 235 / 240, 0.8)
+    assert overlap(without_object(frame, both, box, clicked_pixels(frame, left)), disc) > 0.9

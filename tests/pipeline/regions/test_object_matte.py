@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import cv2
 import numpy as np
@@ -10,7 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 from pipeline.frames import Frame, Plane
-from pipeline.regions.object_matte import BACK_FRAMES, ObjectMark, follow_marks
+from pipeline.regions.object_matte import (
+    BACK_FRAMES,
+    Memory,
+    NoMemory,
+    ObjectMark,
+    ObjectMatte,
+    follow_marks,
+)
 
 WIDTH, HEIGHT, FRAMES = 160, 112, 14
 
@@ -44,7 +52,7 @@ def _follow(frames: list[Frame], *marks: ObjectMark) -> dict[int, Plane]:
         assert stop - start <= BACK_FRAMES or (start, stop) == (0, len(frames)), "frames are read in pieces"
         return iter(frames[start:stop])
 
-    found = list(follow_marks(marks, (0, len(frames)), read))
+    found = [(one.frame, one.alpha()) for one in follow_marks(marks, (0, len(frames)), read)]
     assert sorted(number for number, _ in found) == list(range(len(frames))), "every frame once"
     assert all(plane.shape == (HEIGHT, WIDTH) and plane.min() >= 0 and plane.max() <= 1 for _, plane in found)
     return dict(found)
@@ -86,3 +94,49 @@ def test_a_cut_ends_the_object_and_frames_without_a_mark_have_none(shot: list[Fr
     assert min(_overlap(mattes[4 + number], _discs(number)[0]) for number in range(FRAMES)) > 0.8
     ended = _follow([*shot[:5], *other], ObjectMark(2, _at(46, 40)))
     assert ended[4].max() > 0.9 and all(ended[number].max() == 0 for number in range(5, 9))
+
+
+def test_a_painted_stroke_is_exactly_what_is_added_or_erased_and_is_followed(shot: list[Frame]) -> None:
+    clicked = _follow(shot, ObjectMark(2, _at(46, 40)))
+    wide = ((20 / WIDTH, 90 / HEIGHT, 12 / WIDTH), (60 / WIDTH, 90 / HEIGHT, 12 / WIDTH))
+    painted = _follow(shot, ObjectMark(2, _at(46, 40)), ObjectMark(5, stroke=wide))
+    assert all((painted[number] == clicked[number]).all() for number in range(5))
+    assert painted[5][86:95, 30:50].min() > 0.9 and painted[5][70:80].max() < 0.1
+    assert painted[13][86:94, 32:48].mean() > 0.9, "it rests with what it was painted on"
+    tall = ((64 / WIDTH, 15 / HEIGHT, 20 / WIDTH), (64 / WIDTH, 65 / HEIGHT, 20 / WIDTH))
+    erased = _follow(shot, ObjectMark(2, _at(46, 40)), ObjectMark(8, stroke=tall, erase=True))
+    assert erased[8][35:45, 58:70].max() < 0.1 and erased[8][35:45, 46:52].min() > 0.9
+    assert erased[11][35:45, 68:78].mean() < 0.3, "the hole moves with the disc"
+
+
+class _Kept(dict[object, object]):
+    """Keeps everything, and counts how often something was found."""
+
+    made = 0
+
+    def peek(self, key: object) -> Any:
+        return super().get(key)
+
+    def get(self, key: object, make: Callable[[], Any]) -> Any:  # type: ignore[override]
+        if key not in self:
+            self.made += 1
+            self[key] = make()
+        return self[key]
+
+
+def test_the_clicked_frame_comes_first_and_nothing_is_found_twice(shot: list[Frame]) -> None:
+    def read(start: int, stop: int) -> Iterator[Frame]:
+        return iter(shot[start:stop])
+
+    def follow(memory: Memory, *marks: ObjectMark) -> list[ObjectMatte]:
+        return list(follow_marks(marks, (0, FRAMES), read, marks[-1].frame, memory))
+
+    first, second = ObjectMark(2, _at(46, 40)), ObjectMark(9, _at(40, 90))
+    memory = _Kept()
+    assert [one.frame for one in follow(memory, first)][:4] == [2, 1, 0, 3]
+    made = memory.made
+    found = follow(memory, first, second)
+    assert [one.frame for one in found][:3] == [9, 2, 1]
+    assert memory.made - made == FRAMES - 9, "the masks from the new click on"
+    alone = {one.frame: one.alpha() for one in follow(NoMemory(), first, second)}
+    assert all(np.array_equal(one.alpha(), alone[one.frame]) for one in found), "memory changes nothing"

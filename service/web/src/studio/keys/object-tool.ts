@@ -40,6 +40,7 @@ export function createObjectTool(store: Store, keys: PaintedKeys, paint: PaintTo
       const label = erase ? "Take an object away" : "Mark an object";
       if (runs.length) keys.edit(label, frame, addStroke(begun(picture, layer, erase), layer.id, stroke));
     };
+    store.filling.value += 1;
     try {
       await preview({
         project: store.projectId,
@@ -53,6 +54,8 @@ export function createObjectTool(store: Store, keys: PaintedKeys, paint: PaintTo
       });
     } catch (error) {
       if (!isAbort(error) && !signal.aborted) store.problem.value = asProblem(error).message;
+    } finally {
+      store.filling.value -= 1;
     }
   }
 

@@ -36,7 +36,7 @@ import { createLoupeTool } from "../stage/loupe-tool";
 import { createOnionSkin, type OnionSkin } from "../stage/onion-skin";
 import type { Stage, StageParts } from "../stage/stage";
 import type { Session } from "../state/session";
-import { PAINT_TOOLS, Store, type Tool } from "../state/store";
+import { MATTE_TOOLS, PAINT_TOOLS, Store, type Tool } from "../state/store";
 import { installShortcuts } from "../tools/shortcuts";
 import { toolsOf } from "../tools/toolbar";
 import type { Saving } from "./saving";
@@ -105,7 +105,7 @@ export class Designer {
       ...{ rectangle: select, outline: select, transform: select },
       loupe: createLoupeTool(store, redraw),
       object: createObjectTool(store, this.keys, this.paint, redraw),
-      matte: this.matte.tool,
+      ...this.matte.tools,
       label: createLabelTool(store, this.clusters, redraw),
       region: this.regions,
       lasso: createLassoTool(store, redraw),
@@ -139,7 +139,7 @@ export class Designer {
       select,
       paint: () => void films.submit(() => this.saveAll()).catch(notify),
       tools: () => [
-        ...(store.previews.value ? (["loupe", "matte"] as const) : []),
+        ...(store.previews.value ? ["loupe" as const, ...MATTE_TOOLS] : []),
         ...toolsOf(store, store.previews.value, this.clusters.available.value),
       ],
     };

@@ -4,7 +4,7 @@ import type { FileInput, Inputs } from "../../api/schemas";
 import { Inputs as FileInputs } from "../../forms/inputs";
 import { addAsset, changeShot, type Layer, type ProjectDocument } from "../document/document";
 import { type LayerMatte, madeMatte } from "../keys/matte";
-import type { Store } from "../state/store";
+import { MATTE_TOOLS, type Store } from "../state/store";
 
 const FILES: FileInput[] = [
   {
@@ -62,7 +62,7 @@ export function LayerFiles({ store, layer }: { store: Store; layer: Layer }) {
 /** The tool that makes the matte of clicks on the stage. */
 export function MarkMatte({ store, matte, layer }: { store: Store; matte: LayerMatte; layer: Layer }) {
   const selected = store.layer.value.id === layer.id;
-  const active = selected && store.tool.value === "matte";
+  const active = selected && MATTE_TOOLS.includes(store.tool.value);
   const made = madeMatte(layer);
   const [first, end] = store.reach.value;
   const short = made && (first < made.frames[0] || end > made.frames[1]);
@@ -78,7 +78,8 @@ export function MarkMatte({ store, matte, layer }: { store: Store; matte: LayerM
       {active && (
         <p class="hint">
           Click an object, or draw a box around it: the layer is seen there, through the shot. Click again to add, and
-          with Alt to take away, from that frame on.
+          with Alt to take away, from that frame on. Where that is not enough, paint: the brush adds, the eraser takes
+          away.
         </p>
       )}
       {short && selected && (

@@ -45,6 +45,8 @@ export const COMMANDS: readonly Command[] = [
     ["picker", "i", "Pick a colour"],
     ["object", "n", "Mark an object"],
     ["matte", "u", "Mark the layer's matte"],
+    ["matteBrush", "y", "Add to the matte with a brush"],
+    ["matteEraser", "Shift+y", "Erase the matte"],
     ["rectangle", "a", "Select a rectangle"],
     ["outline", "q", "Select with an outline"],
     ["transform", "w", "Move, scale, turn"],

@@ -37,6 +37,8 @@ export type Tool =
   | "label"
   | "object"
   | "matte"
+  | "matteBrush"
+  | "matteEraser"
   | "loupe";
 /** Whether the brush paints on the part of a section. */
 export const isPainted = ({ editor }: Section): boolean => editor === "keys" || editor === "marks";
@@ -46,7 +48,11 @@ export const SELECT_TOOLS: readonly Tool[] = ["rectangle", "outline", "transform
 export const PAINT_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "fill", "picker", "object", ...SELECT_TOOLS];
 
 /** Tools whose strokes have a size. */
-export const DRAWN_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "correct"];
+export const DRAWN_TOOLS: readonly Tool[] = ["brush", "eraser", "smudge", "correct", "matteBrush", "matteEraser"];
+/** Tools that make the matte of a layer. */
+export const MATTE_TOOLS: readonly Tool[] = ["matte", "matteBrush", "matteEraser"];
+/** Tools whose strokes are plain lines. */
+const PLAIN_TOOLS: readonly Tool[] = ["correct", ...MATTE_TOOLS];
 /** Largest width of a brush, px. */
 export const MAX_BRUSH_PX = 400;
 
@@ -126,7 +132,7 @@ export class Store {
   readonly saving: Session["saving"];
   /** Painted keys that are not uploaded yet. */
   readonly uploading = signal(0);
-  /** Changes whose pixels are being found: fills and mattes. */
+  /** Changes whose pixels are being found: fills, objects and mattes. */
   readonly filling = signal(0);
   /** Corrected label maps that are not uploaded yet. */
   readonly storing = signal(0);
@@ -201,7 +207,7 @@ export class Store {
 
   /** The tip of the chosen tool; undefined: a plain line. Marks are plain, for they are data. */
   get tip(): Tip | undefined {
-    if (this.painted()?.editor === "marks" || this.tool.value === "correct") return undefined;
+    if (this.painted()?.editor === "marks" || PLAIN_TOOLS.includes(this.tool.value)) return undefined;
     const { eraser, smudge } = this.drawing;
     if (this.tool.value === "eraser") return eraser.value.tip;
     return this.tool.value === "smudge" ? smudge.value.tip : this.brush.value.tip;

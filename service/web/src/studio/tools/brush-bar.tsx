@@ -4,7 +4,7 @@ import type { Section } from "../../api/schemas";
 import { IconButton } from "../../ui/icons";
 import { Slider } from "../../ui/slider";
 import type { PanelTab } from "../drawing/settings";
-import { DRAWN_TOOLS, type Store } from "../state/store";
+import { DRAWN_TOOLS, MATTE_TOOLS, type Store } from "../state/store";
 
 /** The tip of the chosen tool, by its name. */
 export const brushName = (store: Store): string => {
@@ -20,15 +20,15 @@ export function BrushBar({ store }: { store: Store }) {
   const { editor, marks = [] } = store.painted() ?? {};
   const marking = editor === "marks";
   const coloured = ["brush", "fill", "picker", "object"].includes(tool);
+  const matte = MATTE_TOOLS.includes(tool);
+  const drawn = DRAWN_TOOLS.includes(tool) && !matte;
   const strength = tool === "smudge" ? "Strength" : "Opacity";
   const set = (change: Partial<typeof brush>) => {
     store.brush.value = { ...brush, ...change };
   };
   return (
     <div class={`brush-settings ${DRAWN_TOOLS.includes(tool) ? "drawn" : ""}`}>
-      {DRAWN_TOOLS.includes(tool) && !marking && (
-        <PanelButton store={store} tab="brush" label={`Brush: ${brushName(store)}`} />
-      )}
+      {drawn && !marking && <PanelButton store={store} tab="brush" label={`Brush: ${brushName(store)}`} />}
       {coloured && (marking ? <MarkSwitch store={store} marks={marks} /> : <Colours store={store} />)}
       {(DRAWN_TOOLS.includes(tool) || tool === "label") && (
         <Slider
@@ -41,7 +41,7 @@ export function BrushBar({ store }: { store: Store }) {
           onChange={(size) => store.resizeBrush(size)}
         />
       )}
-      {(DRAWN_TOOLS.includes(tool) || tool === "fill") && (
+      {(drawn || tool === "fill") && (
         <Slider
           label={strength}
           name={`Brush ${strength.toLowerCase()}`}
@@ -55,6 +55,7 @@ export function BrushBar({ store }: { store: Store }) {
       {tool === "object" && (
         <span class="hint">Click an object, or drag a box around it; with Alt, it is taken away.</span>
       )}
+      {matte && <span class="hint">Paint on the layer's matte; with Alt, brush and eraser change places.</span>}
       {tool === "fill" && <FillFields store={store} />}
       {tool === "smudge" && <span class="hint">Moves the paint of the layer that is chosen in the panel.</span>}
     </div>

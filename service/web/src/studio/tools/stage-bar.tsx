@@ -32,11 +32,12 @@ const ONION: [OnionSkin["show"], string][] = [
 export function StageBar({ store, films, onfull }: { store: Store; films: Films; onfull(): void }) {
   const painting = PAINT_TOOLS.includes(store.tool.value);
   const brush = painting && !SELECT_TOOLS.includes(store.tool.value);
+  const matte = store.tool.value === "matteBrush" || store.tool.value === "matteEraser";
   return (
     <div class="stage-bar">
       {painting ? <PaintViewSwitch store={store} /> : <ViewSwitch store={store} films={films} />}
       <StageState store={store} films={films} onfull={onfull} />
-      {(brush || store.tool.value === "label") && <BrushBar store={store} />}
+      {(brush || matte || store.tool.value === "label") && <BrushBar store={store} />}
     </div>
   );
 }

@@ -6,7 +6,7 @@ import type { Clusters } from "../clusters/clusters";
 import { regionsState } from "../regions/region-tool";
 import type { Stage } from "../stage/stage";
 import { keyText } from "../state/key-bindings";
-import { PAINT_TOOLS, SELECT_TOOLS, type Store, type Tool } from "../state/store";
+import { MATTE_TOOLS, PAINT_TOOLS, SELECT_TOOLS, type Store, type Tool } from "../state/store";
 
 const TOOLS: Record<Tool, { icon: IconName; label: string }> = {
   pan: { icon: "pan", label: "Move the view" },
@@ -20,6 +20,8 @@ const TOOLS: Record<Tool, { icon: IconName; label: string }> = {
   transform: { icon: "transform", label: "Move, scale, turn" },
   object: { icon: "object", label: "Mark an object" },
   matte: { icon: "matte", label: "Mark the layer's matte" },
+  matteBrush: { icon: "brush", label: "Add to the matte with a brush" },
+  matteEraser: { icon: "eraser", label: "Erase the matte" },
   region: { icon: "select", label: "Pick regions" },
   lasso: { icon: "lasso", label: "Draw a region" },
   correct: { icon: "brush", label: "Correct the region" },
@@ -63,7 +65,7 @@ interface ToolbarProps {
 export function Toolbar({ store, clusters, stage }: ToolbarProps) {
   const regions = store.previews.value && regionsState.value !== "missing";
   const chosen = toolsOf(store, regions, clusters.available.value);
-  const matte: Tool[] = store.tool.value === "matte" ? ["matte"] : [];
+  const matte = MATTE_TOOLS.includes(store.tool.value) ? MATTE_TOOLS : [];
   const tools: Tool[] = store.previews.value ? [...chosen, ...matte, "loupe"] : chosen;
   return (
     <div class="toolbar" role="toolbar" aria-label="Tools" aria-orientation="vertical">
