@@ -223,7 +223,7 @@ def stage(http: httpx.Client, at: str, frame: int, side_px: int) -> Picture:
     return picture(shown[-1][1])
 
 
-def differences(http: httpx.Client, case: Case, size: tuple[int, int], count: int = 8) -> dict[int, float]:
+def differences(http: httpx.Client, case: Case, size: tuple[int, int], count: int = 20) -> dict[int, float]:
     """Mean difference in levels of `count` random frames of the stage, at `size`, and the film of that size."""
     at = project(http, case, SIZE)
     painted = film(http, at if size == SIZE else project(http, case, size))
@@ -242,7 +242,7 @@ def test_the_stage_shows_the_frames_of_the_film(http: httpx.Client, name: str) -
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.scales])
 def test_a_smaller_stage_shows_the_frames_of_the_smaller_film(http: httpx.Client, name: str) -> None:
-    found = differences(http, CASES[name], SMALL, 4)
+    found = differences(http, CASES[name], SMALL, 6)
     assert max(found.values()) <= max(2.0, CASES[name].most), json.dumps(found)
 
 
