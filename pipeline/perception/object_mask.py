@@ -8,7 +8,7 @@ strongest contrast is chosen, and its outline is decided again by iterated graph
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from math import ceil
 from typing import NamedTuple
@@ -44,13 +44,13 @@ class ObjectParams(NamedTuple):
     most: float = 0.8
     """Largest share of the frame that an object has."""
     least: float = 0.25
-    """Smallest share of a box that its object has. If no proposal does, the graph cuts divide the whole box."""
-    alike: float = 0.1
-    """Share of such a box up to which nothing was found: colours in the box and around it are alike."""
+    """Smallest share of a box that its object has. If no proposal does, the graph cuts divide the box."""
     middle: float = 0.25
-    """Sides of the ellipse in the middle of a box with such colours that is the object, as shares of the box."""
+    """Sides of the ellipse in the middle of a box that is the object if nothing else was found, as shares of the box."""
     within: float = 0.9
     """Share of a segment that lies in the box if it is of the object."""
+    partly: float = 0.4
+    """The same, if the box cuts the object."""
     band: float = 0.012
     """Distance from the outline up to which the graph cuts decide."""
     around: float = 0.05
@@ -76,14 +76,16 @@ def object_mask(frame: Frame, box: Box, other: Mask | None = None, before: Mask 
     outside = np.zeros_like(inside) if other is None else other & ~inside
     if not _is_click(frame, box):
         outside |= ~inside
-        least = OBJECT.least * inside.sum()
-        proposals = (_within(labels, inside) & ~outside for labels in _segmentations(frame))
-        found = _best(frame, (one for one in proposals if one.sum() >= least))
-        if found is not None:
-            return _cut(frame, found, outside)
-        found = _cut(frame, inside & ~outside, outside, np.zeros_like(inside))
-        alike = found.sum() < OBJECT.alike * inside.sum()
-        return _cut(frame, inside & ~outside, outside, _middle(frame, box) & ~outside) if alike else found
+        segmentations = list(_segmentations(frame))
+        found = _in_box(frame, segmentations, inside, outside, OBJECT.within)
+        if found is None:
+            anywhere = _cut(frame, inside & ~outside, outside, np.zeros_like(inside))
+            if anywhere.sum() >= OBJECT.least * inside.sum():
+                return anywhere
+            found = _in_box(frame, segmentations, inside, outside, OBJECT.partly)
+        if found is None:
+            return _cut(frame, inside & ~outside, outside, _middle(frame, box) & ~outside)
+        return _cut(frame, found, outside)
     known = np.zeros_like(inside) if before is None else before
     proposals = (_clicked(labels, inside, outside) for labels in _segmentations(frame))
     found = _best(frame, proposals, lambda proposal: proposal | known)
@@ -143,11 +145,15 @@ def _clicked(labels: Labels, inside: Mask, outside: Mask) -> Mask:
     return np.asarray(found & ~(found & outside).any())
 
 
-def _within(labels: Labels, inside: Mask) -> Mask:
-    """The segments that lie in the box."""
-    sizes = np.bincount(labels.ravel())
-    own = np.bincount(labels[inside], minlength=len(sizes))
-    return np.asarray((own >= OBJECT.within * sizes)[labels])
+def _in_box(frame: Frame, segmentations: Sequence[Labels], inside: Mask, outside: Mask, within: float) -> Mask | None:
+    """The best proposal of segments that lie in the box with at least this share of their size; None: there is none."""
+    proposals = []
+    for labels in segmentations:
+        sizes = np.bincount(labels.ravel())
+        own = np.bincount(labels[inside], minlength=len(sizes))
+        proposals.append((own >= within * sizes)[labels] & ~outside)
+    least = OBJECT.least * inside.sum()
+    return _best(frame, (one for one in proposals if one.sum() >= least))
 
 
 def _best(frame: Frame, proposals: Iterable[Mask], result: Callable[[Mask], Mask] = np.asarray) -> Mask | None:
