@@ -16,6 +16,8 @@ from pipeline.video.depth import DTYPES, as_float, as_uint8, as_uint16, with_opa
 from pipeline.video.media import Opacity, SourceOptions
 from pipeline.video.opacity import as_frame
 
+_BRIGHT = 16
+"""A frame of floats is refused if half of it is brighter, times white: then white is not 1, but probably 255."""
 _AS: dict[str, Callable[[AnyArray], AnyArray]] = {"uint8": as_uint8, "uint16": as_uint16, "float32": as_float}
 
 
@@ -46,6 +48,11 @@ def picture_of(array: object, field: str) -> AnyArray:
         raise BadFrame(
             f"A frame is at least {MIN_SIDE_PX} px on each side.", field=field, value=size, remedy="Use a larger video."
         )
+    if picture.dtype == np.float32 and (median := float(np.median(picture[::8, ::8, :3]))) > _BRIGHT:
+        raise BadFrame(
+            "Floats have white at 1; half of this frame is far above it.", field=field,
+            value=f"median {median:g}", remedy="Divide by the value of white, for example 255, or give uint8.",
+        )  # fmt: skip
     return np.ascontiguousarray(picture)
 
 

@@ -79,6 +79,12 @@ def test_opacity_is_in_formats_that_have_it(name: str, kept: bool, tmp_path: Pat
     assert (left.mean() > 225) != kept, "a format without opacity shows the picture over white"
 
 
+def test_floats_with_white_at_255_are_refused() -> None:
+    with pytest.raises(impasto.BadFrame, match="white at 1") as caught:
+        list(impasto.render("abstraction", [frame.astype(np.float32) for frame in FRAMES]))
+    assert caught.value.field == "source[0]"
+
+
 def test_arrays_of_two_types_are_refused() -> None:
     with pytest.raises(impasto.BadFrame, match="one type") as caught:
         list(impasto.render("abstraction", [given("uint8")[0], given("uint16")[1]]))

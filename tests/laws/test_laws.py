@@ -19,7 +19,7 @@ from tests.laws.ways import Films
 from tests.laws.wrong import FAULTS, everything_wrong_is_said, places
 from workers.previews import film
 
-PAINTED, SAID = 24, 300
+PAINTED, SAID = 40, 300
 LIKE_FILM = 2.0
 """Largest difference between a preview of half the size and the film, gray levels, see `half_of_film`."""
 
