@@ -46,7 +46,7 @@ class ObjectParams(NamedTuple):
     least: float = 0.25
     """Smallest share of a box that its object has. If no proposal does, the graph cuts divide the box."""
     middle: float = 0.25
-    """Sides of the ellipse in the middle of a box that is the object if nothing else was found, as shares of the box."""
+    """Sides, as shares of the box, of the ellipse in its middle that is the object if nothing else was found."""
     within: float = 0.9
     """Share of a segment that lies in the box if it is of the object."""
     partly: float = 0.4
@@ -97,13 +97,16 @@ def object_mask(frame: Frame, box: Box, other: Mask | None = None, before: Mask 
 def without_object(frame: Frame, mask: Mask, box: Box, kept: Mask) -> Mask:
     """The mask without the object under a click, or in a box: bool (h, w).
 
+    What is clicked is found by the contrast of what is left, if something is `kept`; else by its own.
+
     Args:
         kept: bool (h, w), pixels that stay in the mask.
     """
     inside = clicked_pixels(frame, box)
-    if not _is_click(frame, box):
-        return np.asarray(mask & (kept | ~object_mask(frame, box, kept)))
-    proposals = (_clicked(labels, inside, kept & ~inside) for labels in _segmentations(frame))
+    others = kept & ~inside
+    if not (_is_click(frame, box) and others.any()):
+        return np.asarray(mask & (others | ~object_mask(frame, box, others)))
+    proposals = (_clicked(labels, inside, others) for labels in _segmentations(frame))
     found = _best(frame, proposals, lambda proposal: mask & ~proposal)
     return np.asarray(mask & ~(inside if found is None else found))
 

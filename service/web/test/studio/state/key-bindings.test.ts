@@ -39,6 +39,6 @@ test("a key that another command has is named, and taken from it", () => {
 });
 
 test("the usual key again leaves nothing to keep", () => {
-  expect(withKey("marker", "m", withKey("marker", "y", {}))).toEqual({});
+  expect(withKey("marker", "m", withKey("marker", "5", {}))).toEqual({});
   expect(withKey("marker", "", {})).toEqual({ marker: "" });
 });
