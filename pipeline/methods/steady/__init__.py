@@ -77,9 +77,9 @@ class Steady(Method):
         return SteadyFilter(params, size)
 
     def resources(self, step: str, context: PlanContext[SteadyParams]) -> Resources:
-        """Peaks measured at 3840x2160 (`python -m benchmarks.task_memory`), decoders included, plus 20 %: 390 bytes a
-        pixel, and 510 of frames in floating point. A frame of the second pass takes 18 bytes a pixel (27), and 24 in
-        it."""
-        each, kept = (610, 27) if context.deep else (470, 18)
+        """Peaks (`python -m benchmarks.task_memory`), decoders included, plus 20 %: 590 bytes a pixel with the threads
+        of four processors and more, at 1920x1080 (390 on two, at 3840x2160), and 120 more of frames in floating point.
+        A frame of the second pass takes 18 bytes a pixel (27), and 24 in it."""
+        each, kept = (855, 27) if context.deep else (710, 18)
         ahead = 3 * kept * context.params.look_ahead + 24 * bool(context.params.look_ahead)
         return resources_per_pixel(context.video, 60 if step == "scan" else each + ahead)
