@@ -51,6 +51,8 @@ class ObjectParams(NamedTuple):
     """Share of a segment that lies in the box if it is of the object."""
     partly: float = 0.4
     """The same, if the box cuts the object."""
+    along: float = 0.3
+    """Largest share of the edge of a box that lies in one segment of the object."""
     band: float = 0.012
     """Distance from the outline up to which the graph cuts decide."""
     around: float = 0.05
@@ -149,12 +151,16 @@ def _clicked(labels: Labels, inside: Mask, outside: Mask) -> Mask:
 
 
 def _in_box(frame: Frame, segmentations: Sequence[Labels], inside: Mask, outside: Mask, within: float) -> Mask | None:
-    """The best proposal of segments that lie in the box with at least this share of their size; None: there is none."""
+    """The best proposal of segments that lie in the box with at least this share of their size; None: there is none.
+    What runs along the edge of the box is the background."""
+    edge = inside & (cv2.erode(inside.astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) == 0)
     proposals = []
     for labels in segmentations:
         sizes = np.bincount(labels.ravel())
         own = np.bincount(labels[inside], minlength=len(sizes))
-        proposals.append((own >= within * sizes)[labels] & ~outside)
+        along = np.bincount(labels[edge], minlength=len(sizes))
+        chosen = (own >= within * sizes) & (along <= OBJECT.along * edge.sum())
+        proposals.append(chosen[labels] & ~outside)
     least = OBJECT.least * inside.sum()
     return _best(frame, (one for one in proposals if one.sum() >= least))
 
