@@ -152,8 +152,9 @@ def _clicked(labels: Labels, inside: Mask, outside: Mask) -> Mask:
 
 def _in_box(frame: Frame, segmentations: Sequence[Labels], inside: Mask, outside: Mask, within: float) -> Mask | None:
     """The best proposal of segments that lie in the box with at least this share of their size; None: there is none.
-    What runs along the edge of the box is the background."""
-    edge = inside & (cv2.erode(inside.astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) == 0)
+    What runs along the edge of the box is the background; that of the whole frame tells nothing."""
+    inner = cv2.erode(inside.astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    edge = inside & ~inner if outside.any() else np.zeros_like(inside)
     proposals = []
     for labels in segmentations:
         sizes = np.bincount(labels.ravel())
