@@ -148,11 +148,11 @@ class Batch:
 
     def _inside(self, name: str) -> Path:
         """A path in the output folder. Raises BadParameter: the name leads out of it."""
-        path = Path(os.path.normpath(self._output / name))
-        if not path.is_relative_to(self._output):
+        path = Path(os.path.normpath(name))
+        if path.is_absolute() or ".." in path.parts:
             raise BadParameter("The name leads out of the output folder.", field="names", value=name,
                                remedy="Give the shot a name without '..'.")  # fmt: skip
-        return path
+        return self._output / path
 
     def _check_names(self, shots: Sequence[Shot]) -> None:
         named: dict[str, str] = {}

@@ -98,7 +98,8 @@ def test_an_edl_of_ten_shots_is_painted_once(edl: Path, home: Path, tmp_path: Pa
         expected[f"reel1_{clip}_{event:03d}_v001.mov"] = (length(event) + 2, start)
     assert found == expected
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*.mov")}
-    assert batch(*words) == 0
+    again = tmp_path / "out" / ".." / "out"
+    assert batch(*(again if word == tmp_path / "out" else word for word in words)) == 0
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "out").glob("*.mov")} == before, "nothing is painted"
 
 
