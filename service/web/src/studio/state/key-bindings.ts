@@ -121,7 +121,12 @@ function choose(next: Chosen): void {
 
 export const keyOf = ({ id, key }: Command, of: Chosen = chosen.value): string => of[id] ?? key;
 
-const commands = computed(() => new Map(COMMANDS.map((command) => [keyOf(command), command.id])));
+/** A chosen key is that of its command, also if a later version has another command with that key. */
+const commands = computed(() => {
+  const isChosen = ({ id }: Command) => Number(id in chosen.value);
+  const rows = [...COMMANDS].sort((one, other) => isChosen(one) - isChosen(other));
+  return new Map(rows.map((command) => [keyOf(command), command.id]));
+});
 
 /** The command of a key; undefined: none. */
 export const commandOf = (chord: string): string | undefined => (chord ? commands.value.get(chord) : undefined);

@@ -1,7 +1,7 @@
 import { expect, test, vi } from "vitest";
 
 vi.stubGlobal("localStorage", { getItem: () => null, setItem: () => {} });
-const { COMMANDS, chordOf, chordText, conflict, keyOf, withKey } = await import(
+const { chosen, COMMANDS, chordOf, chordText, commandOf, conflict, keyOf, withKey } = await import(
   "../../../src/studio/state/key-bindings"
 );
 
@@ -41,4 +41,11 @@ test("a key that another command has is named, and taken from it", () => {
 test("the usual key again leaves nothing to keep", () => {
   expect(withKey("marker", "m", withKey("marker", "5", {}))).toEqual({});
   expect(withKey("marker", "", {})).toEqual({ marker: "" });
+});
+
+test("a chosen key stays that of its command when another command has it by default", () => {
+  chosen.value = { next: "y" };
+  expect(commandOf("y")).toBe("next");
+  chosen.value = {};
+  expect(commandOf("y")).toBe("matteBrush");
 });
