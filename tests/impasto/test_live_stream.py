@@ -670,6 +670,7 @@ def test_a_full_service_is_reported_and_keeps_existing_files(
     out.write_bytes(b"earlier")
     with LiveClient(url, size=SIZE, method="echo"):
         words = ["live", "--input", str(tiny_clip), "--output", str(out), "--method", "echo", "--server", url, "--json"]
+        words.append("--overwrite")
         assert command(words) == 1
     error = json.loads(capsys.readouterr().out.splitlines()[-1])["error"]
     assert (error["code"], "Try again in 5 s" in error["remedy"]) == ("busy", True)
