@@ -73,9 +73,11 @@ class RayNode:
         assert self._process is not None
         if self._process.poll() is not None:
             self._output.seek(0)
-            last = self._output.read()[-2000:].decode("utf-8", "replace").strip()
+            said = self._output.read()[-2000:].decode("utf-8", "replace").strip()
+            if "Traceback (most recent call last)" in said:
+                said = said.splitlines()[-1]  # the error itself
             raise StorageError(
-                f"The Ray node has ended: {last or 'it said nothing'}.",
+                f"The Ray node has ended: {said or 'it said nothing'}.",
                 field="ray_address",
                 remedy="Check that the cluster's head is up and can be reached, then start again.",
             )
