@@ -244,6 +244,10 @@ def watch(
         print_status(f"succeeded; fetch it with: impasto get {latest['id']} -o cartoon.mp4")
 
 
+_JPEG = ("poster", "sheet", "preview")
+"""Files of jobs that are images."""
+
+
 def get(
     job: JobArgument,
     output: Annotated[str, typer.Option("--output", "-o", metavar="OUT", help="A file, or a folder: DIR/.")],
@@ -262,6 +266,8 @@ def get(
             where = target(output, form=client.job(job_id)["request"]["output"]["format"])
         else:
             where = OutputTarget(Path(output).expanduser().absolute(), "", "file")
+            if file in _JPEG and where.path.suffix.lower() not in (".jpg", ".jpeg"):
+                raise BadInput(f"{file!r} is a JPEG image.", field="--output", value=output, remedy="Name it NAME.jpg.")
         check_new(where.path, overwrite)
         with tempfile.TemporaryDirectory(prefix="impasto-") as scratch:
             deliver(client.download(job_id, Path(scratch) / "file", file), where)

@@ -130,6 +130,7 @@ def test_the_commands_use_the_service(
     assert run(["get", job, "-o", f"{tmp_path}/frames/", *at]) == 0
     assert len(list((tmp_path / "frames").iterdir())) == TINY_FRAMES
     assert run(["get", job, "-o", f"{tmp_path}/poster.jpg", "--file", "poster", *at]) == 0
+    assert run(["get", job, "-o", f"{tmp_path}/poster.png", "--file", "poster", *at]) == 2, "a JPEG image"
     assert run(["get", job, "-o", f"{tmp_path}/frames/", *at]) == 2
     assert "exists already" in capsys.readouterr().err
     assert run(["get", job, "-o", f"{tmp_path}/frames/", "--overwrite", *at]) == 0

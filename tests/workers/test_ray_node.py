@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from pipeline.errors import StorageError
 from tests.waiting import until
 from workers.pools.ray_node import RayNode
+
+pytestmark = pytest.mark.real("ray")
 
 
 def test_an_address_that_is_none_is_said_in_one_line() -> None:
