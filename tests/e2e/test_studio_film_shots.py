@@ -208,7 +208,9 @@ NOTE_STAGE = """() => {
       const { data } = point.getImageData(0, 0, 1, 1);
       window.stages.push([waiting === "true", data[3] > 0]);
     }
-    requestAnimationFrame(look);
   };
-  look();
+  const always = () => { look(); requestAnimationFrame(always); };
+  always();
+  // A busy machine may draw no frame while the stage waits.
+  new MutationObserver(look).observe(document.body, { subtree: true, attributeFilter: ["data-waiting"] });
 }"""

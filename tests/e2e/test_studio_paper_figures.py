@@ -213,6 +213,7 @@ def test_figure_5_a_region_is_picked_dims_the_others_gets_a_style_and_is_unselec
     canvas = page.locator(".stage-canvas")
     until(page, lambda: canvas.get_attribute("data-frame") == str(FRAME))
     expect(page.get_by_role("heading", name="Style of region")).to_be_visible()
+    until(page, lambda: brightness(page, FIELD)[0] < 0.7 * plain[0])  # the regions of this frame have arrived
     page.mouse.click(*on_stage(page, DISC, 0.5))
     expect(page.get_by_role("heading", name="Style of everything else")).to_be_visible()
     page.mouse.move(5, 5)
