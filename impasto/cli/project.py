@@ -93,7 +93,7 @@ def project_orders(
 
 
 def _notes(clips: Sequence[ShotClip], profile: Profile) -> tuple[str, ...]:
-    """What is decided for clips that differ. Raises BadParameter: they cannot be joined in this profile."""
+    """Sentences on how clips that differ are joined. Raises BadParameter: this profile cannot join them."""
     notes = joining_notes(clips, profile)
     if notes and loses(profile):
         raise BadParameter(

@@ -58,7 +58,7 @@ class ObjectParams(NamedTuple):
     around: float = 0.05
     """Distance from the object up to which its surroundings give the colours of the background."""
     rounds: int = 2
-    """Of the graph cuts."""
+    """Number of iterations of the graph cuts."""
 
 
 OBJECT = ObjectParams()

@@ -78,10 +78,10 @@ class Memory(Protocol):
     """Keeps what was found of a video, for the next call."""
 
     def peek(self, key: Hashable) -> Any:
-        """What is kept; None: nothing."""
+        """The value that is kept for the key; None: there is none."""
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What is kept, or what `make` returns, which is kept then."""
+        """The value that is kept for the key. If there is none, call `make` and keep its value."""
 
 
 class NoMemory:
@@ -133,7 +133,7 @@ class _Motion(NamedTuple):
 
     flow: Flow
     sure: Mask
-    """Where the neighbour has the same."""
+    """Pixels whose surface is also visible in the neighbour: bool (h, w)."""
 
 
 class _Follower:

@@ -57,6 +57,13 @@ def start_marking(page: Page) -> None:
     expect(page.get_by_role("button", name="Mark the layer's matte")).to_have_attribute("aria-pressed", "true")
 
 
+def open_three_things(page: Page, service: str, folder: Path) -> str:
+    """Open a project with a clip of a disc, a bar and a field at rest; the project's id."""
+    clip = make_three_things(folder / "three.mp4")
+    things = str(HTTP.post(f"{service}/v1/assets", files={"file": ("three.mp4", clip.read_bytes())}).json()["id"])
+    return open_project(page, service, things, "abstraction", frame=2)
+
+
 def click(page: Page, x: float, y: float) -> None:
     page.mouse.click(*on_stage(page, x, y))
 
@@ -120,9 +127,7 @@ def test_more_clicks_add_to_a_matte_and_take_away_from_their_frame_on(
     watched: Watched, service: str, tmp_path: Path
 ) -> None:
     page = watched.page
-    clip = make_three_things(tmp_path / "three.mp4")
-    things = str(HTTP.post(f"{service}/v1/assets", files={"file": ("three.mp4", clip.read_bytes())}).json()["id"])
-    project = open_project(page, service, things, "abstraction", frame=2)
+    project = open_three_things(page, service, tmp_path)
     disc, bar = np.zeros((2, HEIGHT, WIDTH), np.uint8)
     cv2.circle(disc, (WIDTH // 4, HEIGHT // 2), 16, 1, -1)
     cv2.rectangle(bar, (WIDTH * 5 // 8, 8), (WIDTH * 7 // 8, HEIGHT - 9), 1, -1)
@@ -149,9 +154,7 @@ def test_brush_and_eraser_correct_a_matte_and_each_stroke_is_one_step(
     watched: Watched, service: str, tmp_path: Path
 ) -> None:
     page = watched.page
-    clip = make_three_things(tmp_path / "three.mp4")
-    things = str(HTTP.post(f"{service}/v1/assets", files={"file": ("three.mp4", clip.read_bytes())}).json()["id"])
-    project = open_project(page, service, things, "abstraction", frame=2)
+    project = open_three_things(page, service, tmp_path)
     page.get_by_role("button", name="Original").click()
     start_marking(page)
     page.keyboard.press("Home")

@@ -1,4 +1,4 @@
-"""What is given twice, or as nothing, is refused, or is as if it were not given."""
+"""Options that are given twice are refused; empty environment variables count as not set."""
 
 from __future__ import annotations
 

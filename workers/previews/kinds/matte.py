@@ -54,7 +54,7 @@ def matte(context: PreviewContext) -> Iterator[Record]:
 
 
 class _Memory:
-    """What was found of a video, in the cache of previews: its next matte needs most of it again."""
+    """Keeps reduced frames, motion and masks of a video in the cache of previews, for its next matte."""
 
     def __init__(self, cache: ByteCache, video: str) -> None:
         self._cache, self._video = cache, video
